@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
+    from mbsvib.api.plant import Plant
     from mbsvib.api.sparse_system import SparseSystem
 
 
@@ -113,6 +114,39 @@ class Model(
         kwargs: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method}
         result: System | Batch | SparseSystem = linearize(self, **kwargs)
         return result
+
+    def compile(
+        self, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
+        independent: Sequence[str] | None = None,
+    ) -> Plant:  # fmt: skip
+        """Return the equations as a function of some parameters, for sweeps, fits and optimisers that ask often.
+
+        M(x) q'' + C(x) q' + K(x) q = B(x) u
+
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names or patterns (``"leg*.k.stiffness"``): a value for each name that a pattern matches, in the order of
+            ``parameters``, then of the model. Default: all parameters of the model.
+        cut, independent : sequence of str, optional
+            As of ``linearize``.
+
+        Returns
+        -------
+        Plant
+            ``plant(values)`` returns the matrices for values (p,) or of n variants (n, p), always in the minimal
+            coordinates of the model.
+
+        Raises
+        ------
+        ModelError
+            If a name is unknown, or none is left.
+        SingularPoseError, EquilibriumError
+            As of ``linearize``.
+        """
+        from mbsvib.api.plant import compiled
+
+        return compiled(self, parameters, cut, independent)
 
     def replace(self, element: str, /, **changes: Any) -> Self:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.

@@ -53,11 +53,10 @@ class TwistsAt:
         """
         angular = self.angular[..., None, :]
         sign = np.asarray(self.path[second] - self.path[first], dtype=float)
-        turned = cross(angular, point[..., None] - self.point[..., None, :])
-        result = np.empty((*turned.shape[:-3], 6, *turned.shape[-2:]), turned.dtype)
+        moved = cross(angular, point[..., None] - self.point[..., None, :]) + self.linear[..., None, :]
+        result = np.empty((*moved.shape[:-3], 6, *moved.shape[-2:]), moved.dtype)
         np.multiply(angular, sign, out=result[..., :3, :, :])
-        np.add(turned, self.linear[..., None, :], out=result[..., 3:, :, :])
-        result[..., 3:, :, :] *= sign
+        np.multiply(moved, sign, out=result[..., 3:, :, :])
         return result
 
     @cached_property
@@ -71,7 +70,7 @@ class TwistsAt:
     @cached_property
     def sizes(self) -> tuple[Array, Array, float]:
         """Sizes of rotations and translations (..., n), and the largest coordinate of a point [m]."""
-        turns, shifts = (np.sqrt(np.square(array).sum(axis=-2)) for array in (self.angular, self.linear))
+        turns, shifts = (np.sqrt(np.square(np.abs(array)).sum(axis=-2)) for array in (self.angular, self.linear))
         return turns, shifts, float(np.abs(self.point).max(initial=0.0))
 
 
@@ -137,7 +136,7 @@ def geometric_stiffness(
     for number, (_, at) in enumerate(order.rods):
         assert rod_curvature is not None
         bent = np.einsum("...i,...ifg->...fg", transmitted[..., at[0]], rod_curvature[..., number, :, :, :])
-        of_rod = np.zeros((*bent.shape[:-2], *result.shape[-2:]))
+        of_rod = np.zeros((*bent.shape[:-2], *result.shape[-2:]), bent.dtype)
         of_rod[..., at[:, None], at] = bent
         result = result + of_rod
     antisymmetric = None

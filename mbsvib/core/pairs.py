@@ -35,7 +35,7 @@ def of_places(first: Index, body: Index, point: Array, force: Array, torque: Arr
     hessian = np.tensordot(-np.moveaxis(force, -2, -1), expansions.of_place(), 1)
     torsion = None
     if np.count_nonzero(torque) or follower.any():
-        torsion = np.zeros((*torque.shape[:-2], len(body), 6, 6))
+        torsion = np.zeros((*torque.shape[:-2], len(body), 6, 6), np.result_type(force, torque))
         turns = follower[:, None, None]
         torsion[..., :3, :3] = np.where(turns, 0.5, -0.5) * skew(np.moveaxis(torque, -2, -1))
         torsion[..., 3:, :3] = np.where(turns, skew(np.moveaxis(force, -2, -1)), 0.0)

@@ -105,7 +105,7 @@ class Maxwell(Connection):
         count = len(next(iter(fields.values())))
         k, c, static = (np.broadcast_to(fields.get(field, getattr(self, field)), (count,))
                         for field in ("stiffness", "damping", "static_stiffness"))  # fmt: skip
-        stiffness, damping = np.zeros((2, len(unit), count))
+        stiffness, damping = np.zeros((2, len(unit), count), np.result_type(k, c, static))
         damper = unit[:, 2] == 0.0
         stiffness[0], damping[damper] = k, c
         stiffness[1:][~damper[1:]] = static

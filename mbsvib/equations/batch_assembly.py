@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -17,16 +18,18 @@ from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
 from mbsvib.equations.batch_one_by_one import one_by_one, stacked
 from mbsvib.equations.batch_spin import spin_of_variants, spins_otherwise
-from mbsvib.equations.batch_values import Values, checked
+from mbsvib.equations.batch_tangents import closure_along
+from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.joint_forces import with_forces_in_joints
+from mbsvib.equations.massless_tangents import condensed_along
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
-from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL
+from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
@@ -35,9 +38,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools, Index
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -60,30 +65,137 @@ def linearize_batch(
 
     ``values`` (n,) or (): values of parameters, by name or by a pattern that picks several.
     """
-    keep_freed_memory(MANY)
     variants = checked(model.parameters, values)
+    return batch_plan(model, independent, cut, form).equations(variants, batch)
+
+
+@dataclass(frozen=True)
+class BatchPlan:
+    """What all variants of a model share: the arrays of the ``nominal`` mechanism and the pivots of its loops.
+
+    ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
+    ``scene``; ``cut`` names the joints at which its loops are to be cut. ``decided`` lists, for each call, how many
+    variants got rank decisions of their own.
+    """
+
+    user_model: Mechanism
+    model: Mechanism
+    scene: Scene
+    nominal: Equations
+    cut: tuple[str, ...] | None
+    decided: list[int] = field(default_factory=list, compare=False, repr=False)
+
+    @cached_property
+    def pivots(self) -> LoopPivots:
+        """The pivots of the nominal pose."""
+        return loop_pivots(self.scene, self.nominal.provenance.reduction)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the minimal coordinates before motions without mass are separated."""
+        names = self.scene.coordinates.names
+        return tuple([names[k] for k in self.nominal.provenance.reduction.independent.tolist()])
+
+    @cached_property
+    def adds_by_variant(self) -> bool:
+        """Whether the mechanism has elements whose forces are computed for one variant after the other."""
+        scene = self.scene
+        curved = any(coupler.curvatures for coupler in scene.couplers)
+        shared = scene.shared is not None and bool(scene.shared.base)
+        redundant = any(group.surplus for group in self.nominal.provenance.reduction.groups)
+        forces = redundant and any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs)
+        return bool(shared or forces or curved)
+
+    def at_once(self, variants: Values) -> bool:
+        """Return whether the equations of these variants can be computed at once."""
+        spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
+        varies = any(not fields.keys() <= variants.parameters.parts[name].batched_fields
+                     for name, fields in variants.fields.items())  # fmt: skip
+        return not (self.adds_by_variant or spins or varies)
+
+    def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
+        """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
+
+        ``directions`` (k,): rates of the parameters that vary, by name. Not a number along a direction that takes
+        degrees of freedom away; None is an array that no variant has.
+        """
+        values, size = variants.values, variants.values.count
+        steps = values.stepping(directions)
+        count, width, closure = steps.count // size, _chunk_size(self.scene, steps), variants.closure
+        bases = self._separations(values.in_equations)
+        chunks = []
+        for start in range(0, steps.count, width):
+            which = np.arange(start, min(start + width, steps.count)) // count
+            chunk = _assembled(self, steps.slice(start, start + width), start,
+                               None if closure is None else closure[which])  # fmt: skip
+            chunks.append(_along(chunk, which, bases))
+        lost = np.concatenate([chunk["lost"] for chunk in chunks]).reshape(size, count)
+        result: dict[str, Array | None] = {}
+        for key in (*MATRICES, "gyroscopic", "circulatory"):
+            array = _joined([chunk.get(key) for chunk in chunks], key, steps.count, width)
+            if array is not None:
+                array = (array.imag / STEP).reshape(size, count, *array.shape[1:])
+                array[lost] = np.nan
+            result[key] = array
+        return result
+
+    def _separations(self, values: Values) -> list[Draft]:
+        """Each variant with the separation of its motions without mass; none where these are the same in all."""
+        if self.nominal.provenance.separation is None:
+            return []
+        return [_assembled(self, values.slice(i, i + 1), i).separating.separation_of(0) for i in range(values.count)]
+
+    def equations(self, variants: Values, batch: type[B]) -> B:
+        """Return the equations of some variants as a batch."""
+        keep_freed_memory(MANY)
+        nominal = self.nominal
+        if not self.at_once(variants):
+            self.decided.append(variants.count)
+            return one_by_one(self.user_model, nominal, variants, self.cut, batch)
+        size = _chunk_size(self.scene, variants)
+        parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
+                 for start in range(0, variants.count, size)]  # fmt: skip
+        chunks = [part.separated() for part in parts]
+        self.decided.append(sum(part.decided for part in parts))
+        own_decisions = bool(self.scene.loads is not None or loaded_in_variants(self.model, variants)
+                             or nominal.provenance.separation is not None)  # fmt: skip
+        common: dict[str, Any] = {"nominal": nominal, "values": variants, "massless": nominal.massless,
+                                  "own_decisions": own_decisions}  # fmt: skip
+        if "separated" in chunks[0]:
+            arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
+            return batch(closure=None, **common, **arrays)
+        arrays = {key: _joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
+            *MATRICES, *FACTORS, *OPTIONAL, "closure")}  # fmt: skip
+        return batch(row_owner=chunks[0]["row_owner"], **common, **arrays)
+
+
+def batch_plan(
+    model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    form: type[Equations] = Equations,
+) -> BatchPlan:  # fmt: skip
+    """Return what all variants of a model share, in the minimal coordinates of its pose."""
     user_model, model = model, expanded(model)
     with_nodes = with_maxwell_nodes(model)
     scene = scene_of(with_nodes, cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    if _adds_by_variant(with_nodes, scene, variants, nominal) or _varies_otherwise(variants):
-        return one_by_one(user_model, nominal, variants, cut, batch)
-    pivots = loop_pivots(scene, nominal.provenance.reduction)
-    size = _chunk_size(scene, variants)
-    chunks = [
-        _matrices(with_nodes, scene, variants.in_equations.slice(start, start + size), pivots, start, nominal)
-        for start in range(0, variants.count, size)
-    ]
-    own_decisions = bool(scene.loads is not None or loaded_in_variants(model, variants)
-                         or nominal.provenance.separation is not None)  # fmt: skip
-    if "separated" in chunks[0]:
-        arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
-        return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless,
-                     own_decisions=own_decisions, **arrays)  # fmt: skip
-    arrays = {key: _joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
-        *MATRICES, *FACTORS, *OPTIONAL, "closure")}  # fmt: skip
-    return batch(nominal=nominal, values=variants, row_owner=chunks[0]["row_owner"], massless=nominal.massless,
-                 own_decisions=own_decisions, **arrays)  # fmt: skip
+    return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut))
+
+
+def _along(chunk: _Assembled, which: Index, bases: Sequence[Draft]) -> dict[str, Any]:
+    """The matrices of steps from the variants ``which``, whose separations of motions without mass are ``bases``."""
+    if not bases:
+        return chunk.terms.named() | {"lost": chunk.lost}
+    parts = []
+    for row in np.unique(which).tolist():
+        at = which == row
+        own = Terms(**{key: array[at] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
+                       for key, array in chunk.terms.named().items()})  # fmt: skip
+        arrays, lost = condensed_along(own, chunk.plan.names, bases[row])
+        parts.append((int(np.count_nonzero(at)), arrays, lost))
+    result = {key: np.concatenate([np.broadcast_to(arrays[key], (count, *arrays[key].shape[-2:]))
+                                   for count, arrays, _ in parts]) for key in parts[0][1]}  # fmt: skip
+    lost = np.concatenate([np.broadcast_to(one, count) for count, _, one in parts])
+    return result | {"lost": chunk.lost | lost}
 
 
 def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
@@ -99,22 +211,6 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
-def _adds_by_variant(model: Mechanism, scene: Scene, values: Values, nominal: Equations) -> bool:
-    """Return whether a mechanism has elements whose forces are computed for one variant after the other."""
-    curved = any(coupler.curvatures for coupler in scene.couplers)
-    shared = scene.shared is not None and bool(scene.shared.base)
-    spin = model.derived(has_antisymmetric_forces) and spins_otherwise(model, values)
-    redundant = any(group.surplus for group in nominal.provenance.reduction.groups)
-    forces = redundant and any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs)
-    return bool(shared or forces or spin or curved)
-
-
-def _varies_otherwise(values: Values) -> bool:
-    """Return whether fields vary that many variants cannot have at once."""
-    return any(not fields.keys() <= values.parameters.parts[name].batched_fields
-               for name, fields in values.fields.items())  # fmt: skip
-
-
 def _chunk_size(scene: Scene, values: Values) -> int:
     """Number of variants to compute at once."""
     if scene.loads is None and all(fields.keys() <= {"stiffness", "damping"} for fields in values.fields.values()):
@@ -125,22 +221,58 @@ def _chunk_size(scene: Scene, values: Values) -> int:
     return int(max(16, CHUNK // max(1, rows * n * 6)))
 
 
-def _matrices(
-    model: Mechanism, scene: Scene, values: Values, pivots: LoopPivots, first: int, nominal: Equations
-) -> dict[str, Any]:
-    """The matrices of some variants; constant ones have no axis of variants."""
-    scene = scene_of_variants(model, scene, values)
+@dataclass(frozen=True)
+class _Assembled:
+    """Some variants of a ``plan`` with all their motions; ``first`` is the index of the first of them.
+
+    ``terms``: constant arrays have no axis of variants. ``lost`` (variants,): steps without derivative. ``decided``:
+    how many variants got a rank decision of their own.
+    """
+
+    plan: BatchPlan
+    scene: Scene
+    reduction: Reduction
+    terms: Terms
+    first: int
+    lost: Bools
+    decided: int
+
+    @property
+    def separating(self) -> Separating:
+        """The variants as their motions without mass are separated."""
+        return Separating(self.plan.model, self.scene, self.reduction, self.terms, self.first, self.plan.nominal)
+
+    def separated(self) -> dict[str, Any]:
+        """Return the arrays of all variants, from which motions without mass are separated."""
+        terms, reduction = self.terms, self.reduction
+        if self.plan.nominal.provenance.separation is not None:
+            variants, count = self.separating, len(self.lost)
+            if not variants.constant:
+                return {"separated": [variants.separated(i) for i in range(count)]}
+            terms = variants.with_constant_motions(count)
+        return terms.named() | {"closure": None if reduction is self.plan.pivots.reduction else reduction.matrix}
+
+
+def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> _Assembled:
+    """The terms of some variants, with all their motions.
+
+    Complex values are steps from variants whose decisions are known; ``closure`` (variants, n, m) is B'' of these, None
+    if it is the nominal one.
+    """
+    model, pivots, nominal = plan.model, plan.pivots, plan.nominal
+    scene = scene_of_variants(model, plan.scene, values)
     if scene.loads is not None or loaded_in_variants(model, values):
         applied = applied_of_variants(model, values, moved_bodies(scene, values))
         scene = replace(scene, loads=(applied, {}))
     relative = scene.relative()
-    reduction = pivots.reduction
-    phi = scene.closure(relative)
-    if phi.ndim == 3:
-        reduction = reduce_batch(scene, values, phi, pivots, first)
+    reduction, stepped = pivots.reduction, values.stepped
+    phi, lost, decided = scene.closure(relative), np.zeros(values.count, dtype=bool), 0
+    if phi.ndim == 3 and stepped:
+        reduction, lost = closure_along(scene, values, phi, pivots, closure)
+    elif phi.ndim == 3:
+        reduction, decided = reduce_batch(scene, values, phi, pivots, first)
     terms = matrices(scene, relative, reduction)
-    massless = nominal.provenance.separation is not None
-    if not massless:
+    if nominal.provenance.separation is None and not stepped:
         _check_masses(terms.M, nominal.coordinates, first)
     loaded: tuple[LoadedPairs, Array] | None = None
     if scene.loads is not None:
@@ -153,12 +285,7 @@ def _matrices(
         terms = with_forces_in_joints(model, scene, (relative, phi, reduction, pivots.kept), terms, loaded, spin, axes)
     if any(spin):
         terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
-    if massless:
-        variants = Separating(model, scene, reduction, terms, first, nominal)
-        if not variants.constant:
-            return {"separated": [variants.separated(i) for i in range(values.count)]}
-        terms = variants.with_constant_motions(values.count)
-    return terms.named() | {"closure": None if reduction is pivots.reduction else reduction.matrix}
+    return _Assembled(plan, scene, reduction, terms, first, lost, decided)
 
 
 def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:

@@ -16,7 +16,7 @@ from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
-from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.products import signed_rows
 from mbsvib.linalg.rotations import exponential, frames_along
 from mbsvib.mechanism.topology import FLOATS
 
@@ -45,7 +45,7 @@ def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     number, positions = scene.topology.body_numbers, moved_bodies(scene, values)
     position = scene.position
     if positions:
-        position = np.repeat(position[None], values.count, axis=0)
+        position = values.repeated(position)
         for body, array in positions.items():
             position[:, body] = array.T
     return replace(
@@ -92,6 +92,7 @@ def rod_ends(joint: Joint, values: Values) -> tuple[Array, Array]:
 def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
     """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
     result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
+    result = result.astype(np.result_type(result, value), copy=False)
     result[:, :, at] = value if value.ndim == 3 else value[:, :, None]
     return result
 
@@ -190,7 +191,7 @@ def _couplings(scene: Scene, values: Values) -> Couplings | None:
     value = couplings.value
     for i, part in enumerate(scene.couplers):
         if part.name in values.fields:
-            value = np.repeat(value[None], values.count, axis=0) if value.ndim == 1 else value
+            value = values.repeated(value) if value.ndim == 1 else value
             value[:, couplings.row == i] = part.coefficients_of(values.fields[part.name]).T
     joints, rows = [joint for joint, _ in scene.measured], couplings.measured
     owners = [(joint, slice(k, k + 1)) for k, joint in enumerate(joints)]
@@ -228,7 +229,7 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
     for part, columns in owners:
         for field, new in part.row_values(values.fields[part.name], springs.unit[columns]).items():
             if weights[field].ndim == 1:
-                weights[field] = np.repeat(weights[field][None], values.count, axis=0)
+                weights[field] = values.repeated(weights[field])
             weights[field][:, columns] = new.T
     springs = replace(springs, rows=Rows(rows.first, rows.second, point, force, moment), **weights)
     if not matrices:
@@ -260,15 +261,17 @@ def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values)
         matrix = np.moveaxis(fields[field], -1, 0) if field in fields else np.array(getattr(part, field))
         if matrix.shape[-2:] != (6, 6):
             matrix = matrix[..., None] * np.eye(6)
-        value, unit = eigenrows(symmetric_part(np.broadcast_to(matrix, (count, 6, 6))))
+        value, unit = signed_rows(symmetric_part(np.broadcast_to(matrix, (count, 6, 6))))
         values_of.append(value)
         units.append(unit)
-    unit, none = np.concatenate(units, axis=1), np.zeros((count, 6))
+    unit = np.concatenate(units, axis=1)
     force, moment = (np.einsum("vij,vrj->ivr", axes, unit[..., half]) for half in (slice(3), slice(3, 6)))
-    first, second = (np.full(12, number[body], dtype=np.intp) for body in (part.first, part.second))
-    rows = Rows(first, second, np.repeat(point[:, :, None], 12, axis=2), force, moment)
-    return ElementRows(rows, np.concatenate((values_of[0], none), axis=1), np.concatenate((none, values_of[1]), axis=1),
-                       np.full(12, owner, dtype=np.intp), unit)  # fmt: skip
+    length = unit.shape[1]
+    first, second = (np.full(length, number[body], dtype=np.intp) for body in (part.first, part.second))
+    rows = Rows(first, second, np.repeat(point[:, :, None], length, axis=2), force, moment)
+    stiffness, damping = (np.concatenate([value if i == k else np.zeros_like(value)
+                                          for i, value in enumerate(values_of)], axis=1) for k in (0, 1))  # fmt: skip
+    return ElementRows(rows, stiffness, damping, np.full(length, owner, dtype=np.intp), unit)
 
 
 def _ports(model: Mechanism, port: Ports, positions: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
@@ -297,16 +300,23 @@ def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> Spatial
         i = number[name]
         body = scene.bodies[i]
         if "mass" in fields:
-            linear = np.repeat(linear[None], values.count, axis=0) if linear.ndim == 1 else linear
+            linear = values.repeated(linear) if linear.ndim == 1 else linear
             linear[:, i] = np.sqrt(fields["mass"])
         if "inertia" in fields or "orientation" in fields:
-            angular = np.repeat(angular[None], values.count, axis=0) if angular.ndim == 3 else angular
+            angular = values.repeated(angular) if angular.ndim == 3 else angular
             axes = np.array(body.orientation)
             if "orientation" in fields:
                 axes = exponential(fields["orientation"].T) @ axes
             root = tensor_factors(fields["inertia"].T if "inertia" in fields else np.array([body.inertia]))
-            angular[:, i] = root @ np.swapaxes(axes, -1, -2)
+            angular = _with_rows(angular, root.shape[-2])
+            angular[:, i, : root.shape[-2]] = root @ np.swapaxes(axes, -1, -2)
     return SpatialInertia(linear, angular)
+
+
+def _with_rows(angular: Array, count: int) -> Array:
+    """Square roots of tensors (variants, bodies, rows, 3) with at least so many rows, further ones zero."""
+    missing = max(0, count - angular.shape[-2])
+    return np.pad(angular, ((0, 0), (0, 0), (0, missing), (0, 0))) if missing else angular
 
 
 def scene_of_variant(scene: Scene, i: int) -> Scene:

@@ -80,7 +80,7 @@ class LoopPivots:
         does not depend on this choice.
         """
         lead = np.broadcast_shapes(phi.shape[:-2], gradient.shape[:-1])
-        result = np.zeros((*lead, phi.shape[-2]))
+        result = np.zeros((*lead, phi.shape[-2]), np.result_type(phi, gradient))
         for block in self.blocks:
             if r := len(block.dependent):
                 rows, right = block.rows[:r], -gradient[..., block.dependent, None]
@@ -107,20 +107,23 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
         rows = np.concatenate((group.rows[~redundant], group.rows[redundant]))
         block = Block(group, dependent, others, rows, np.zeros((0, 0)), 0.0)
         a = _scaled(scene.coordinates, scene.cuts, phi, block)[:, : len(dependent), : len(dependent)]
-        inverse, reciprocal_condition = _inverse(a)
+        inverse, reciprocal_condition = inverse_of(a)
         blocks.append(replace(block, inverse=inverse[0], reciprocal_condition=float(reciprocal_condition[0])))
     return LoopPivots(nominal, tuple(blocks))
 
 
-def reduce_batch(scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int) -> Reduction:
-    """Return B'' of all variants in the minimal coordinates of the nominal pose.
+def reduce_batch(
+    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int
+) -> tuple[Reduction, int]:
+    """Return B'' of all variants in the minimal coordinates of the nominal pose, and how many got a rank decision of
+    their own.
 
     ``phi`` (variants, locked rows, n): locked rows of their cut joints. ``first``: index of the first of these
     variants, for messages. B'' becomes (variants, n, m).
     """
     nominal, cuts = pivots.reduction, scene.cuts
     if cuts is None or nominal.matrix is None or phi.ndim == 2:
-        return nominal
+        return nominal, 0
     variants, (n, m) = len(phi), nominal.matrix.shape
     column = np.zeros(n, dtype=np.intp)
     column[nominal.independent] = np.arange(m)
@@ -135,9 +138,10 @@ def reduce_batch(scene: Scene, values: Values, phi: Array, pivots: LoopPivots, f
             uncertain |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
     reduction = replace(nominal, matrix=result)
     jumps = _may_jump(scene, values, pivots, reduction)
-    for i in np.flatnonzero(uncertain | jumps).tolist():
+    own = np.flatnonzero(uncertain | jumps).tolist()
+    for i in own:
         result[i] = _single_decision(scene, values, phi[i], nominal, i, first, bool(uncertain[i]), result[i])
-    return reduction
+    return reduction, len(own)
 
 
 def _may_jump(scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduction) -> Mask:
@@ -181,9 +185,9 @@ def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[
     size = np.maximum(1.0, _size(a))  # rows have size one: all of A may be rounding
     difference = _size(np.eye(r) - block.inverse @ a)
     reciprocal_condition = np.maximum(0.0, 1.0 - difference) / (size * max(float(_size(block.inverse)), 1e-300))
-    doubtful = _near_singular(reciprocal_condition, block)
+    doubtful = near_singular(reciprocal_condition, block)
     if doubtful.any():
-        doubtful[doubtful] = _near_singular(_inverse(a[doubtful])[1], block)
+        doubtful[doubtful] = near_singular(inverse_of(a[doubtful])[1], block)
     try:
         solution = np.linalg.solve(a, right)
     except np.linalg.LinAlgError:
@@ -199,13 +203,14 @@ def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[
     return np.asarray(solution), remainder, doubtful
 
 
-def _near_singular(reciprocal_condition: Array, block: Block) -> Mask:
+def near_singular(reciprocal_condition: Array, block: Block) -> Mask:
+    """Return where the dependent columns of a group of loops may be nearly singular."""
     limit = min(CLEARLY_REGULAR * NEAR_SINGULAR, AS_NOMINAL * block.reciprocal_condition)
     return np.asarray(reciprocal_condition < limit)
 
 
-def _inverse(a: Array) -> tuple[Array, Array]:
-    """A^-1 (variants, r, r) and the reciprocal condition 1 / (max(1, |A|) |A^-1|), 0 if A is singular."""
+def inverse_of(a: Array) -> tuple[Array, Array]:
+    """Return A^-1 (variants, r, r) and the reciprocal condition 1 / (max(1, |A|) |A^-1|), 0 if A is singular."""
     unit = np.eye(a.shape[-1])
     singular = np.linalg.slogdet(a)[0] == 0.0
     inverse = np.linalg.inv(np.where(singular[:, None, None], unit, a))

@@ -57,6 +57,10 @@ class Separating:
 
     def separated(self, i: int) -> Terms:
         """Return the terms of a variant with its own separation; an error names the variant by its index."""
+        return self.separation_of(i).terms
+
+    def separation_of(self, i: int) -> Draft:
+        """Return a variant with its own separation; an error names the variant by its index."""
         own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
                for key, array in self.terms.named().items()}  # fmt: skip
         reduction = self.reduction
@@ -66,7 +70,7 @@ class Separating:
         draft = Draft(self.model, scene, scene.relative(), np.zeros((0, 0)), reduction,
                       tuple(reduction.independent.tolist()), Terms(**own), self.nominal.coordinates)  # fmt: skip
         try:
-            return self._as_nominal(draft).terms
+            return self._as_nominal(draft)
         except MbsvibError as error:
             error.args = (f"variant {self.first + i}: {error}", *error.args[1:])
             raise

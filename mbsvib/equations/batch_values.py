@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.changes import changed_fields, resolved, variant
+from mbsvib.mechanism.changes import Slots, resolved, variant
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,22 +25,55 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 
+# Imaginary steps are this small: their squares are far below rounding, and small units stay far above the least number.
+STEP = 2.0**-100
+
+
 @dataclass(frozen=True, slots=True)
 class Values:
     """Values of the parameters that vary, ``by_name`` (n,), and by part and field in ``fields``, with the variants on
-    the last axis; ``parameters`` are those of the nominal model.
+    the last axis; ``slots`` are their places in the parts of the nominal model.
     """
 
     count: int
     by_name: Mapping[str, Array]
     fields: Mapping[str, Mapping[str, Array]]
-    parameters: Parameters
+    slots: Slots
+
+    @staticmethod
+    def of(slots: Slots, values: Array) -> Values:
+        """Return the values (p, n) of the parameters of ``slots`` without checks."""
+        by_name = dict(zip(slots.names, values, strict=True))
+        return Values(values.shape[1], by_name, slots.fields(values), slots)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of the nominal model."""
+        return self.slots.parameters
 
     @property
     def in_equations(self) -> Values:
         """The values of the parts that replace those of the model in the equations."""
         parts = self.parameters.parts
         return replace(self, fields={name: parts[name].replaced_fields(fields) for name, fields in self.fields.items()})
+
+    def stepping(self, directions: Mapping[str, Array]) -> Values:
+        """Return imaginary steps along directions (k,), by name, from all variants, as values of parts in the
+        equations: k of each variant, one variant behind the other.
+        """
+        values = np.array([(array[:, None] + 1j * STEP * directions[name]).reshape(-1)
+                           for name, array in self.by_name.items()])  # fmt: skip
+        return Values.of(self.slots, values).in_equations
+
+    @property
+    def stepped(self) -> bool:
+        """Whether values are complex: steps from those of variants that are known, see ``batch_tangents``."""
+        return any(np.iscomplexobj(value) for fields in self.fields.values() for value in fields.values())
+
+    def repeated(self, array: Array) -> Array:
+        """Return an array that is the same in all variants with an axis of variants in front, to be changed."""
+        kinds = [value.dtype for fields in self.fields.values() for value in fields.values()]
+        return np.repeat(array[None], self.count, axis=0).astype(np.result_type(array, *kinds), copy=False)
 
     def part(self, name: str, i: int) -> Part:
         """Return a part of variant ``i``."""
@@ -54,7 +87,7 @@ class Values:
         fields = {name: {field: array[..., start:stop] for field, array in arrays.items()}
                   for name, arrays in self.fields.items()}  # fmt: skip
         by_name = {name: array[start:stop] for name, array in self.by_name.items()}
-        return Values(min(stop, self.count) - start, by_name, fields, self.parameters)
+        return Values(min(stop, self.count) - start, by_name, fields, self.slots)
 
     def suspects(self, name: str) -> list[int]:
         """Return the variants whose values a part might refuse."""
@@ -86,11 +119,16 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
                     f", values['{first}'] has {count}; expected one for each variant." if length != count else
                     "; expected at least one variant."), element=name, field="values",
             )  # fmt: skip
-    by_name = {name: np.broadcast_to(array, (count,)) for name, array in arrays_by_name.items()}
-    result = Values(count, by_name, changed_fields(parameters, by_name), parameters)
-    for part in result.fields:
-        _check_part(result, part)
-    return result
+    values_of = np.array([np.broadcast_to(array, (count,)) for array in arrays_by_name.values()])
+    values_of.setflags(write=False)
+    return with_checked_parts(Values.of(Slots.of(parameters, list(arrays_by_name)), values_of))
+
+
+def with_checked_parts(values: Values) -> Values:
+    """Return the values after every part has accepted its own in all variants."""
+    for part in values.fields:
+        _check_part(values, part)
+    return values
 
 
 def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
@@ -100,7 +138,8 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     """
     arrays_by_name = {name: np.asarray(value, dtype=float) for name, value in resolved(parameters, values).items()}
     result = np.zeros(len(next(iter(arrays_by_name.values()))), dtype=bool)
-    variants = Values(len(result), arrays_by_name, changed_fields(parameters, arrays_by_name), parameters)
+    slots = Slots.of(parameters, list(arrays_by_name))
+    variants = Values.of(slots, np.array(list(arrays_by_name.values())))
     for name, fields in variants.fields.items():
         result |= fields.get("mass", np.ones(1)) == 0.0
         for i in variants.suspects(name):

@@ -58,7 +58,8 @@ class Separation:
     ``smallest_kept`` and ``largest_dropped`` are the smallest pivot of W that counts as mass and the largest that
     counts as zero. ``transform`` T (n, m) maps to all coordinates before condensation, None where none is condensed;
     if ``mixed``, condensed motions have components along the remaining coordinates. ``inputs`` load condensed motions
-    and ``outputs`` see them: their rows depend on the stiffness that holds these.
+    and ``outputs`` see them: their rows depend on the stiffness that holds these. ``motions`` (n, k) are the condensed
+    motions themselves.
     """
 
     condensed: tuple[str, ...]
@@ -69,6 +70,7 @@ class Separation:
     mixed: bool = False
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    motions: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)

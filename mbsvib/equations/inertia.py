@@ -38,10 +38,11 @@ class SpatialInertia:
     def factor(self, motion: Array) -> Array:
         """Return the rows W of body motions (..., bodies, 6, m), shape (..., 6 bodies, m)."""
         variants = max(motion.shape[:-3], self.linear.shape[:-1], self.angular.shape[:-3])
-        result = np.empty((*variants, *motion.shape[-3:]))
+        size = motion.shape[-3], 3 + self.angular.shape[-2], motion.shape[-1]
+        result = np.empty((*variants, *size), np.result_type(motion, self.linear, self.angular))
         np.multiply(motion[..., :3, :], self.linear[..., None, None], out=result[..., :3, :])
         np.matmul(self.angular, motion[..., 3:, :], out=result[..., 3:, :])
-        return result.reshape(*variants, 6 * motion.shape[-3], motion.shape[-1])
+        return result.reshape(*variants, size[0] * size[1], size[2])
 
 
 def inertia_tensor(body: Body) -> Array:
@@ -66,7 +67,14 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
 
 
 def tensor_factors(inertia: Array) -> Array:
-    """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
+    """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3).
+
+    Of tensors with small imaginary parts F has three more rows, those of their roots.
+    """
+    if np.iscomplexobj(inertia):
+        size, rows = np.linalg.eigh(inertia.imag.take(_TENSOR, axis=1).reshape(-1, 3, 3))
+        imaginary = np.sqrt(1j * size)[..., None] * rows.swapaxes(-1, -2)
+        return np.concatenate((tensor_factors(inertia.real), imaginary), axis=-2)
     try:
         root = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3)).astype(float, copy=False)
         return root.transpose(0, 2, 1)

@@ -99,7 +99,8 @@ def with_forces_in_joints(
     for key, values in (("Cq", q), ("Cv", rows.v), ("Ca", rows.a), ("D", rows.u)):
         matrix = getattr(terms, key)
         lead = np.broadcast_shapes(matrix.shape[:-2], values.shape[:-2])
-        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).copy()
+        kind = np.result_type(matrix, values)
+        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
         for row, _, number, wrench in outputs:
             joint, k = scene.topology.joints[number], 6 * asked.index(number)
             frame = np.array(joint.axes)
@@ -292,7 +293,8 @@ def with_sums(
         if key == "Cq" and moved is not None:
             values |= {row: wrench @ moved for row, body, wrench in asked if body == len(scene.bodies)}
         lead = np.broadcast_shapes(matrix.shape[:-2], *(value.shape[:-1] for value in values.values()))
-        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).copy()
+        kind = np.result_type(matrix, *values.values())
+        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
         for row, value in values.items():
             result[key][..., row, :] = value
     return replace(terms, **result)
@@ -309,7 +311,7 @@ def _momentum(scene: Scene, motion: Array) -> Array:
 
 def _of_base_motions(scene: Scene) -> Array:
     """Mass times acceleration (..., bodies + 1, 6, inputs) of the bodies with the ground."""
-    columns = np.zeros((*scene.position.shape[:-1], 6, len(scene.port.input_units)))
+    columns = np.zeros((*scene.position.shape[:-1], 6, len(scene.port.input_units)), scene.position.dtype)
     for column, source in scene.port.base_motions:
         columns[..., column] = ground_motion(source.wrench, source.position, scene.position)
     return _momentum(scene, columns)
@@ -318,7 +320,8 @@ def _of_base_motions(scene: Scene) -> Array:
 def _of_rotors(motion: Array, momenta: Sequence[tuple[int, Array]]) -> Array:
     """Minus the gyroscopic wrenches (..., bodies + 1, 6, m) of rotors per unit of q'."""
     lead = np.broadcast_shapes(motion.shape[:-3], *(momentum.shape[:-1] for _, momentum in momenta))
-    result = np.zeros((*lead, motion.shape[-3] + 1, 6, motion.shape[-1]))
+    kind = np.result_type(motion, *(momentum for _, momentum in momenta))
+    result = np.zeros((*lead, motion.shape[-3] + 1, 6, motion.shape[-1]), kind)
     for body, momentum in momenta:
         result[..., body, 3:, :] -= product_with_zeros(skew(momentum), motion[..., body, 3:, :])
     return result

@@ -139,7 +139,7 @@ def load_stiffness(
     joined, motion = all_pairs(scene, loaded, multipliers)
     result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
     matrix = result.symmetric
-    matrix[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
+    matrix.real[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
     upper = np.triu(matrix)
     diagonal = np.arange(upper.shape[-1])
     upper[..., diagonal, diagonal] *= 0.5
@@ -183,7 +183,7 @@ def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | 
 def rounding(twists: TwistsAt, pairs: Pairs) -> Array:
     """Sizes (..., n, n) up to which second derivatives are rounding of the forces that both coordinates transmit."""
     on_way = (twists.path[pairs.second] != twists.path[pairs.first]).astype(float)
-    lengths = np.square(pairs.wrench)
+    lengths = np.square(np.abs(pairs.wrench))
     moment, force = (np.sqrt(lengths[..., part, :].sum(axis=-2)) @ on_way for part in (slice(3), slice(3, 6)))
     turns, shifts, reach = twists.sizes
     reach = max(reach, float(np.abs(pairs.point).max(initial=0.0)))
@@ -198,5 +198,5 @@ def _projected(matrix: Array, reduction: Reduction) -> Array:
         return matrix
     left, magnitude = reduction.matrix.swapaxes(-1, -2), np.abs(reduction.matrix)
     result = left @ matrix @ reduction.matrix
-    result[np.abs(result) <= ZERO_SUM * (magnitude.swapaxes(-1, -2) @ np.abs(matrix) @ magnitude)] = 0.0
+    result.real[np.abs(result) <= ZERO_SUM * (magnitude.swapaxes(-1, -2) @ np.abs(matrix) @ magnitude)] = 0.0
     return result

@@ -64,7 +64,8 @@ def separated(draft: Draft) -> Draft:
     mixed = bool(condensation.motions[condensation.remaining].any())
     minimal = tuple([draft.minimal[i] for i in condensation.remaining.tolist()])
     touched = _touched(before, condensation.motions, *ports)
-    separation = Separation(condensed, first_order, smallest, largest, condensation.transform, mixed, *touched)
+    separation = Separation(condensed, first_order, smallest, largest, condensation.transform, mixed, *touched,
+                            condensation.motions)
     return replace(draft, terms=terms, minimal=minimal, separation=separation)
 
 

@@ -112,9 +112,10 @@ def port_matrices(
     variants = port_rows.shape[:-2]
     if port.base_motions:
         variants = max(variants, factor.shape[:-2], position.shape[:-2])
-    b = np.zeros((*variants, m, len(port.input_units)))
+    kind = np.result_type(port_rows, factor, position)
+    b = np.zeros((*variants, m, len(port.input_units)), kind)
     b[..., port.force_inputs] = port_rows[..., :forces, :].swapaxes(-1, -2)
-    d = np.zeros((*(position.shape[:-2] if port.inertial_outputs else ()), len(port.output_units), b.shape[-1]))
+    d = np.zeros((*(position.shape[:-2] if port.inertial_outputs else ()), len(port.output_units), b.shape[-1]), kind)
     for column, source in port.base_motions:
         rows = inertia_of_ground_motion(source.wrench, source.position, position, inertia, shared)
         b[..., column] = -(rows[..., None, :] @ factor)[..., 0, :]
@@ -122,12 +123,13 @@ def port_matrices(
             terms = ground_motion(source.wrench, source.position, point) * output.wrench
             value = terms.sum(axis=-1)
             zero = np.abs(value) <= ZERO_SUM * np.abs(terms).sum(axis=-1)  # the directions are perpendicular
-            d[..., row, column] = np.where(zero, 0.0, value)
+            d[..., row, column] = np.where(zero, value - value.real, value)
     variants = port_rows.shape[:-2]
     if port.force_outputs:
         variants = max(variants, elastic.shape[:-2], springs.stiffness.shape[:-1], springs.damping.shape[:-1],
                        springs.unit.shape[:-2])  # fmt: skip
-    c = np.zeros((*variants, 3, len(port.output_units), m))
+    kind = np.result_type(port_rows, elastic, springs.stiffness, springs.damping, springs.unit)
+    c = np.zeros((*variants, 3, len(port.output_units), m), kind)
     c[..., port.derivative, port.motion_outputs, :] = port_rows[..., forces:, :]
     for row, owner, wrench in port.force_outputs:
         which = np.nonzero(springs.owner == owner)[0]

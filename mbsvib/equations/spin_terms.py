@@ -128,7 +128,7 @@ class _AntisymmetricSum:
         if isinstance(self._sum, float):
             return None
         result = np.asarray(0.5 * (self._sum - self._sum.swapaxes(-1, -2)))
-        result[np.abs(result) <= ZERO_SUM * self._size] = 0.0
+        result.real[np.abs(result) <= ZERO_SUM * self._size] = 0.0
         return result if result.any() else None
 
 

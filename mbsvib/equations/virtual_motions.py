@@ -76,7 +76,7 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
     for k, joint in enumerate(joints):
         part, mine = topology.joints[joint], slice(6 * k, 6 * k + 6)
         frame = np.asarray(axes.get(part.name, part.axes))
-        both = np.zeros((*frame.shape[:-2], 6, 6))
+        both = np.zeros((*frame.shape[:-2], 6, 6), frame.dtype)
         both[..., :3, 3:] = both[..., 3:, :3] = frame  # translations first
         six.append(both)
         body = number[part.second] if part.second != "ground" else number[part.first]
@@ -89,7 +89,8 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
             relative = _along(scene.cuts.rows.take(rows), both, at[-1])
             measured = _measured_in(scene, part.name, both, at[-1])
             lead = np.broadcast_shapes(opening.shape[:-2], relative.shape[:-2], measured.shape[:-2])
-            opening = np.broadcast_to(opening, (*lead, *opening.shape[-2:])).copy()
+            kind = np.result_type(opening, relative, measured)
+            opening = np.broadcast_to(opening, (*lead, *opening.shape[-2:])).astype(kind)
             opening[..., rows, mine] = -relative
             opening[..., scene.locked :, mine] = -measured
     directions, point = concatenated(six, -1), concatenated(at, -1)
@@ -109,7 +110,8 @@ def _measured_in(scene: Scene, joint: str, six: Array, point: Array) -> Array:
             couplings = scene.cuts.couplings
             row = _along(couplings.measured.take(slice(k, k + 1)), six, point)[..., 0, :]
             change = couplings.value[..., term, None] * row
-            result = np.broadcast_to(result, (*change.shape[:-1], *result.shape[-2:])).copy()
+            kind = np.result_type(result, change)
+            result = np.broadcast_to(result, (*change.shape[:-1], *result.shape[-2:])).astype(kind)
             result[..., couplings.row[term], :] += change
     return result
 
@@ -173,7 +175,8 @@ class VirtualWork:
                 of_rows = concatenated((of_rows, self._measured()), -2)
             opening = opening + of_rows
         lead = np.broadcast_shapes(phi.shape[:-2], opening.shape[:-2])
-        self.following = np.zeros((*lead, len(scene.coordinates.names), opening.shape[-1]))
+        shape = *lead, len(scene.coordinates.names), opening.shape[-1]
+        self.following = np.zeros(shape, np.result_type(phi, opening))
         for rows, dependent in kept:
             if len(dependent):
                 matrix = phi[..., rows[:, None], dependent]
@@ -243,7 +246,7 @@ class VirtualWork:
         rows = port.rows.take(slice(forces))
         acts = self.along(rows, ports[..., :forces, :])
         result = np.zeros((*np.broadcast_shapes(acts.shape[:-2], factor.shape[:-2]), acts.shape[-1],
-                           len(port.input_units)))  # fmt: skip
+                           len(port.input_units)), np.result_type(acts, factor))  # fmt: skip
         result[..., port.force_inputs] = -acts.swapaxes(-1, -2)
         for column, source in port.base_motions:
             inertia = inertia_of_ground_motion(source.wrench, source.position, scene.position, scene.inertia,
@@ -262,7 +265,8 @@ class VirtualWork:
         second = geometric_stiffness(extended, self._order(loaded.order, twists.path, v), pairs,
                                      concatenated((motion, of_virtual), -1), loaded.rod_curvature)  # fmt: skip
         hessian = second.symmetric if second.antisymmetric is None else second.symmetric + second.antisymmetric
-        hessian = np.where(np.abs(hessian) <= rounding(extended, pairs), 0.0, hessian)
+        hessian = np.array(hessian)
+        hessian.real[np.abs(hessian) <= rounding(extended, pairs)] = 0.0
         rows = np.array(hessian[..., n:, :n])
         for k, joint in enumerate(motions.joints):
             part, mine = scene.topology.joints[joint], slice(6 * k, 6 * k + 6)
@@ -282,7 +286,8 @@ class VirtualWork:
         size = np.abs(rows) + np.abs(back) @ np.abs(hessian[..., :n, :n])
         if self._reduction.matrix is not None:
             size = size @ np.abs(self._reduction.matrix)
-        return np.asarray(np.where(np.abs(result) <= ZERO_SUM * size, 0.0, result))
+        result.real[np.abs(result) <= ZERO_SUM * size] = 0.0
+        return result
 
     def _of_cut(self, loaded: LoadedPairs, pairs: Pairs, joint: int, six: Array, point: Array) -> tuple[Array, Array]:
         """Force (..., 3) in a cut joint, and its rows (..., 6, n): -v . H xi - 1/2 F . [v, xi], of the joint and of the
@@ -349,7 +354,7 @@ class _Sum:
     def total(self) -> Array:
         """The sum (..., v, m)."""
         result = np.array(self._sum)
-        result[np.abs(result) <= ZERO_SUM * np.asarray(self._size)] = 0.0
+        result.real[np.abs(result) <= ZERO_SUM * np.asarray(self._size)] = 0.0
         return result
 
 

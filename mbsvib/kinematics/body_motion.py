@@ -53,7 +53,7 @@ def _body_motion_of_variants(coordinates: Twists, position: Array) -> Array:
     translation = translation + linear.take(column, axis=1) * sign
     *_, variants = np.broadcast_shapes(translation.shape, turns.shape)
     bodies, n = len(coordinates.path) - 1, coordinates.path.shape[1]
-    result = np.zeros((variants, bodies * 6 * n))
+    result = np.zeros((variants, bodies * 6 * n), np.result_type(translation, turns))
     at = (6 * body + np.arange(3)[:, None]) * n + column
     result[:, at.reshape(-1)] = translation.reshape(3 * len(body), translation.shape[2]).T
     result[:, at.reshape(-1) + 3 * n] = turns.reshape(3 * len(body), turns.shape[2]).T

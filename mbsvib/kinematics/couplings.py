@@ -41,7 +41,7 @@ class Couplings:
         """Return the rows (..., couplers, n) over the joint coordinates."""
         measured = relative_motion(coordinates, self.measured).dense(0, len(self.measured.first))
         lead = np.broadcast_shapes(measured.shape[:-2], self.value.shape[:-1])
-        result = np.zeros((*lead, *self.touched.shape))
+        result = np.zeros((*lead, *self.touched.shape), np.result_type(measured, self.value))
         number = 0
         for k, (row, column) in enumerate(zip(self.row.tolist(), self.column.tolist(), strict=True)):
             if column >= 0:

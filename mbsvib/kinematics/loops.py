@@ -67,7 +67,7 @@ class Reduction:
         if self.matrix is not None:
             exact = result[..., :count, :]
             noise = np.abs(rows[..., :count, :]) @ np.abs(self.matrix)
-            exact[np.abs(exact) <= ZERO_PRODUCT * rows.shape[-1] * noise] = 0.0
+            exact.real[np.abs(exact) <= ZERO_PRODUCT * rows.shape[-1] * noise] = 0.0
         return result
 
 

@@ -86,7 +86,7 @@ class Triplets:
             picked = columns.take(row).nonzero()[0]
             row = (columns.cumsum() - 1).take(row.take(picked))
             column, value = column.take(picked), value.take(picked, axis=-1)
-        result = np.zeros((*value.shape[:-1], count, self.shape[1]))
+        result = np.zeros((*value.shape[:-1], count, self.shape[1]), value.dtype)
         if value.ndim == 1:
             result[row, column] = value
         else:
@@ -236,7 +236,7 @@ def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array
     ):
         clear_rounding(value, *(array.take(of.take(at), axis=1) for array, of in (
             (force, row), (moment, row), (linear, column), (angular, column))), *ends)  # fmt: skip
-    result: Array = np.empty((len(row), variants))
+    result: Array = np.empty((len(row), variants), np.result_type(variable, fixed))
     result[others], result[used] = fixed, variable
     return result
 
@@ -256,11 +256,11 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         at = small.nonzero()[0]
         sizes = np.maximum.reduce(np.abs(np.concatenate([array.take(at, axis=1) for array in vectors]))
                                   .reshape(len(vectors), 3, -1), axis=1)  # fmt: skip
-        value[at[size.take(at) <= _noise(*sizes)]] = 0.0
+        value.real[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
     at = small.any(axis=1).nonzero()[0]
     entries = value.take(at, axis=0)
-    entries[np.abs(entries) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
+    entries.real[np.abs(entries) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
     value[at] = entries
 
 

@@ -41,6 +41,8 @@ def weighted_gram(rows: Array, value: Array) -> Array:
                 return np.diag(np.bincount(column, weights, rows.shape[1]).astype(float))
     elif rows.ndim == 2:
         return _combined(rows, value)
+    if np.iscomplexobj(rows) or np.iscomplexobj(value):
+        return _square_sum(rows, value)
     negative = value < 0.0
     if not np.count_nonzero(negative):
         return _square(rows * np.sqrt(value)[..., None])
@@ -48,7 +50,11 @@ def weighted_gram(rows: Array, value: Array) -> Array:
     if half.ndim == 2:
         plus, minus = half[~negative], half[negative]
         return _square(plus) - _square(minus)
-    result: Array = half.swapaxes(-1, -2) @ (half * np.sign(value)[..., None])
+    return _square_sum(half, np.sign(value))
+
+
+def _square_sum(rows: Array, value: Array) -> Array:
+    result: Array = rows.swapaxes(-1, -2) @ (rows * value[..., None])
     return 0.5 * (result + result.swapaxes(-1, -2))
 
 
@@ -62,7 +68,7 @@ def _combined(rows: Array, value: Array) -> Array:
     m = rows.shape[1]
     i, j = np.triu_indices(m)
     varies = np.asarray((value != value[:1]).any(axis=0))
-    result = np.empty((len(value), m, m))
+    result = np.empty((len(value), m, m), value.dtype)
     upper = value[:, varies] @ (rows[varies][:, i] * rows[varies][:, j])
     upper += weighted_gram(rows[~varies], value[0, ~varies])[i, j]
     result[:, i, j] = result[:, j, i] = upper
@@ -110,6 +116,18 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
     return values, np.swapaxes(vectors * scale[..., None], -1, -2)
 
 
+def signed_rows(matrix: Array) -> tuple[Array, Array]:
+    """Return values v (..., r) and rows U (..., r, 6) with matrix = U^T diag(v) U.
+
+    They are those of ``eigenrows``; small imaginary parts of symmetric matrices have six more.
+    """
+    value, rows = eigenrows(matrix.real)
+    if not np.iscomplexobj(matrix):
+        return value, rows
+    imaginary, own = eigenrows(matrix.imag)
+    return np.concatenate((value, 1j * imaginary), axis=-1), np.concatenate((rows, own), axis=-2)
+
+
 def concatenated(arrays: Sequence[Any], axis: int) -> Any:
     """Return arrays joined along one of their last axes, -1, -2 ..., some of which have more leading axes."""
     lead, *others = [array.shape[:axis] for array in arrays]
@@ -122,7 +140,7 @@ def concatenated(arrays: Sequence[Any], axis: int) -> Any:
 def product_with_zeros(left: Array, right: Array) -> Array:
     """Return left @ right, with zeros for sums whose terms cancel to rounding."""
     result: Array = left @ right
-    result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
+    result.real[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
     return result
 
 

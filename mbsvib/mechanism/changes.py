@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
@@ -25,7 +28,7 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
     for name, value in resolved(parameters, values).items():
         expected = f"a finite number [{parameters.entry(name).unit}]"
         arrays[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
-    fields = changed_fields(parameters, arrays)
+    fields = Slots.of(parameters, list(arrays)).fields(np.array(list(arrays.values())).reshape(-1, 1))
     return {name: variant(parameters.parts[name], fields[name], 0) for name in fields}
 
 
@@ -53,29 +56,49 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
-def changed_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-    """Return the complete fields of parts in which some entries have new values, by part and field.
-
-    ``values``: arrays (n,) by the names of parameters. The last axis of fields is that of the values (position:
-    (3, n)); orientations are rotation vectors from the present pose.
+@dataclass(frozen=True, slots=True)
+class Slots:
+    """Places of the parameters ``names`` (p,) in the fields of parts: of each field its present value, and the places
+    of new entries in it with their numbers among the parameters.
     """
-    result: dict[str, dict[str, Array]] = {}
-    for name, array in values.items():
-        entry = parameters.entry(name)
-        fields = result.setdefault(entry.part, {})
-        if entry.field not in fields:
-            start = np.array(_value(parameters.parts[entry.part], entry.field), dtype=float)
-            fields[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
-        fields[entry.field][entry.index] = array
-        if entry.is_pair:
-            fields[entry.field][entry.index[::-1]] = array
-    return result
+
+    parameters: Parameters
+    names: tuple[str, ...]
+    places: tuple[tuple[str, str, Array, tuple[tuple[tuple[int, ...], int], ...]], ...]
+
+    @staticmethod
+    def of(parameters: Parameters, names: Sequence[str]) -> Slots:
+        """Return the places of parameters."""
+        places: dict[tuple[str, str], list[tuple[tuple[int, ...], int]]] = {}
+        for k, name in enumerate(names):
+            entry = parameters.entry(name)
+            place = places.setdefault((entry.part, entry.field), [])
+            place.append((entry.index, k))
+            if entry.is_pair:
+                place.append((entry.index[::-1], k))
+        return Slots(parameters, tuple(names), tuple([
+            (part, field, np.array(_value(parameters.parts[part], field), dtype=float), tuple(entries))
+            for (part, field), entries in places.items()]))  # fmt: skip
+
+    def fields(self, values: Array) -> dict[str, dict[str, Array]]:
+        """Return the complete fields of parts in which some entries have new values, by part and field.
+
+        ``values`` (p, n). The last axis of fields is that of the values (position: (3, n)); orientations are rotation
+        vectors from the present pose.
+        """
+        result: dict[str, dict[str, Array]] = {}
+        for part, field, start, entries in self.places:
+            array = np.repeat(start[..., None], values.shape[1], axis=-1).astype(values.dtype, copy=False)
+            for index, k in entries:
+                array[index] = values[k]
+            result.setdefault(part, {})[field] = array
+        return result
 
 
 def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:
     """Return a part with other values, checked like a new part.
 
-    ``fields`` are those of ``changed_fields``, ``i`` is the index along their last axis.
+    ``fields`` are those of ``Slots``, ``i`` is the index along their last axis.
     """
     return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
 

@@ -15,9 +15,10 @@ from mbsvib.common.memory import keep_freed_memory
 from mbsvib.linalg.rank import ZERO_RIGID_FORM, ZERO_RIGID_FORM_BY_MATRICES
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.branches import branches
+from mbsvib.sensitivities.spectrum import put
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields, Motions
@@ -85,7 +86,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
             zero = ZERO_RIGID_FORM_BY_MATRICES
             work = basis.variants.sizes(groups.variables.as_directions()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
-        _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
+        put(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups):
         diagonal = np.ascontiguousarray(result.T[spectrum.index])
         if left is None:  # between two motions: half of what both together have beyond each
@@ -99,7 +100,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
                 cross = _normalization(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
             form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
         for which, values in branches(pairs, diagonal, form, (norm, cross)):
-            _set(result, spectrum, which, values.T)
+            put(result, spectrum, which, values.T)
     return result
 
 
@@ -134,7 +135,7 @@ def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, ri
         result[:, ::2] = _joined(form[..., :lead])
         np.conjugate(result[:, ::2], out=result[:, 1::2])
     else:
-        _set(result, spectrum, np.arange(lead), _joined(form[..., :lead]))
+        put(result, spectrum, np.arange(lead), _joined(form[..., :lead]))
     return result, _joined(form[..., lead:])
 
 
@@ -146,12 +147,3 @@ def _joined(form: Field) -> Complex:
     result = np.empty(real.shape, dtype=complex)
     result.real, result.imag = real, imag[0]
     return result
-
-
-def _set(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Array) -> None:
-    """Set the columns of some of the lead eigenvalues, and of their conjugates."""
-    result[:, spectrum.index[which]] = form
-    mirror = np.full(len(spectrum.lead), -1)
-    mirror[spectrum.mirrored] = spectrum.mirror
-    paired = mirror[which] >= 0
-    result[:, mirror[which][paired]] = form[:, paired].conj()

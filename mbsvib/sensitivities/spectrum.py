@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Complex, Index
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.general import General
     from mbsvib.modes.result import Modes
 
@@ -99,6 +99,15 @@ def spectrum(modes: Modes) -> Spectrum:
     if isinstance(damped, Damped):
         return _symmetric(damped)
     return _general(modes.eigenvalues, damped)
+
+
+def put(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Array) -> None:
+    """Set, in place, the columns of some of the lead eigenvalues, and of their conjugates."""
+    result[:, spectrum.index[which]] = form
+    mirror = np.full(len(spectrum.lead), -1)
+    mirror[spectrum.mirrored] = spectrum.mirror
+    paired = mirror[which] >= 0
+    result[:, mirror[which][paired]] = form[:, paired].conj()
 
 
 def _symmetric(damped: Damped) -> Spectrum:

@@ -1,0 +1,335 @@
+"""The compiled plant: the equations of one structure as a function of some of its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.batch import Batch
+from mbsvib.api.system import System
+from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
+from mbsvib.common.selection import Names, port_numbers
+from mbsvib.equations.batch_assembly import batch_plan
+from mbsvib.equations.batch_values import Values, with_checked_parts
+from mbsvib.equations.terms import MATRICES, Matrices
+from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.mechanism.changes import Slots
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.api.model import Model
+    from mbsvib.api.modes import Modes
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.batch_assembly import BatchPlan
+    from mbsvib.modes.batch import BatchModes
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """Derivatives of the matrices along a direction, with a leading axis of n variants where values have one.
+    """
+
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Plant(Displayed):
+    """The equations M q'' + C q' + K q = B u of one structure as a function of p of its numbers.
+
+    ``names`` (p,) are the parameters, ``nominal`` (p,) their values in the model and ``units`` theirs.
+    ``plant(values)`` returns the matrices of values (p,), or with a leading axis those of n variants (n, p): all in
+    the same ``coordinates``, which are those of the model. What does not depend on the numbers was computed once.
+    Plants are immutable and can be pickled.
+    """
+
+    names: tuple[str, ...]
+    nominal: Array
+    units: tuple[str, ...]
+    _plan: BatchPlan
+    _slots: Slots
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self._plan.nominal.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the minimal coordinates (m,), the same for all values."""
+        return self._plan.nominal.coordinates
+
+    @property
+    def plans(self) -> int:
+        """How often ranks of loops were decided: once at the start, and for each variant in which that was in doubt."""
+        return 1 + sum(self._plan.decided)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self._plan.nominal.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self._plan.nominal.outputs
+
+    def __call__(self, values: ArrayLike) -> Matrices:
+        """Return the matrices for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names`` [``units``].
+
+        Returns
+        -------
+        Matrices
+            ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs);
+            for values (n, p) a ``Batch``, whose arrays have an axis of variants in front.
+
+        Raises
+        ------
+        ModelError
+            If values have another shape, are not finite, or are refused by a part.
+        SingularPoseError
+            If the number of degrees of freedom is another one for some values.
+        EquilibriumError
+            If the loads do not balance for some values.
+        """
+        array, single = self._checked(values)
+        batch = self._batch(array)
+        if not single:
+            return batch
+        arrays = {item.name: getattr(batch, item.name) for item in fields(Matrices)}
+        return Matrices(**{key: array[0] if isinstance(array, np.ndarray) and key != "row_owner" else array
+                           for key, array in arrays.items()})  # fmt: skip
+
+    def system(self, values: ArrayLike) -> System:
+        """Return the system for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,)
+            Values in the order of ``names``.
+
+        Returns
+        -------
+        System
+            With all names and methods.
+
+        Raises
+        ------
+        ModelError
+            If values are not (p,), not finite, or refused by a part.
+        SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+        """
+        array, single = self._checked(values)
+        if not single:
+            raise ModelError(f"system: values have the shape {np.shape(values)}; expected ({len(self.names)},). "
+                             f"plant(values) returns a batch of many variants.", field="values")  # fmt: skip
+        return self._batch(array)[0]
+
+    def modes(self, values: ArrayLike) -> Modes | BatchModes:
+        """Return the modes for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+
+        Returns
+        -------
+        Modes or BatchModes
+            Modes of the system, or of all variants with an axis of variants in front.
+
+        Raises
+        ------
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+        """
+        array, single = self._checked(values)
+        batch = self._batch(array)
+        return batch[0].modes() if single else batch.modes()
+
+    def eigenvalues(self, values: ArrayLike, gradient: bool = False) -> Complex | tuple[Complex, Complex]:
+        """Return the eigenvalues for values of the parameters, with their derivatives if asked for.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+        gradient : bool
+            True: return the derivatives to all parameters, too.
+
+        Returns
+        -------
+        array, shape (..., 2m)
+            Eigenvalues [1/s], as of ``modes().eigenvalues``.
+        array, shape (..., 2m, p)
+            Their derivatives. Eigenvalues that coincide have those of their branches, in ascending order; an eigenvalue
+            0 has 0 where the motion stays free, infinity where it does not. Not a number for a parameter that, changed
+            alone, takes degrees of freedom away.
+
+        Raises
+        ------
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+        """
+        array, single = self._checked(values)
+        batch = self._batch(array)
+        modes = batch.modes()
+        if not gradient:
+            return modes.eigenvalues[0] if single else modes.eigenvalues
+        from mbsvib.sensitivities.eigenvalue_slopes import eigenvalue_slopes
+
+        slopes = self._derivatives(batch, np.eye(len(self.names)))
+        result: Complex = np.array([
+            eigenvalue_slopes(batch[i], modes[i], {key: slopes[key][i] for key in ("M", "C", "K")}).T
+            for i in range(len(batch))])  # fmt: skip
+        return (modes.eigenvalues[0], result[0]) if single else (modes.eigenvalues, result)
+
+    def tangent(self, values: ArrayLike, direction: ArrayLike) -> Tangent:
+        """Return the derivatives of the matrices along a direction.
+
+        dM = sum over the parameters of (dM/dp) v_p, likewise of C, K, B, Cq, Cv, Ca and D
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+        direction : array-like, shape (p,)
+            Rates v of the parameters.
+
+        Returns
+        -------
+        Tangent
+            ``M``, ``C``, ``K``, ``B``, ``Cq``, ``Cv``, ``Ca``, ``D``, with a leading axis for values (n, p), as exact
+            as the matrices; loads need not balance along the direction. Not a number where the direction takes degrees
+            of freedom away.
+
+        Raises
+        ------
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+
+        Source: Martins, Sturdza & Alonso, ACM Trans. Math. Softw. 29 (2003) 245, for complex steps.
+        """
+        array, single = self._checked(values)
+        rates = self._array(direction, "direction", "tangent")
+        if rates.shape != (len(self.names),):
+            raise ModelError(f"tangent: direction has the shape {rates.shape}; expected ({len(self.names)},), a rate "
+                             f"of each parameter.", field="direction")  # fmt: skip
+        slopes = self._derivatives(self._batch(array), rates[:, None])
+        return Tangent(**{key: slopes[key][0, 0] if single else slopes[key][:, 0] for key in MATRICES})
+
+    def frequency_response(
+        self, values: ArrayLike, omega: ArrayLike, outputs: Names = None, inputs: Names = None
+    ) -> Complex:
+        """Return the frequency response for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+        omega : array-like, shape (k,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (..., outputs, inputs, k)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a frequency is not finite, or an undamped pole.
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+        """
+        array, single = self._checked(values)
+        batch = self._batch(array)
+        if single:
+            return batch[0].frequency_response(omega, outputs, inputs)
+        rows, columns = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        return batch.frequency_response(omega)[:, rows][:, :, columns]
+
+    def _batch(self, array: Array) -> Batch:
+        values = np.ascontiguousarray(array.T)
+        values.setflags(write=False)
+        return self._plan.equations(with_checked_parts(Values.of(self._slots, values)), Batch)
+
+    def _derivatives(self, batch: Batch, directions: Array) -> dict[str, Any]:
+        """Derivatives (n, k, ...) along the columns of directions (p, k)."""
+        return self._plan.derivatives(batch, dict(zip(self.names, directions, strict=True)))
+
+    def _checked(self, values: ArrayLike) -> tuple[Array, bool]:
+        """Values (n, p), and whether they are those of a single variant."""
+        array, count = self._array(values, "values", "plant"), len(self.names)
+        if array.ndim not in (1, 2) or array.shape[-1] != count or not len(array):
+            raise ModelError(f"plant: values have the shape {array.shape}; expected ({count},) or (n, {count}), one "
+                             f"for each of {shown(self.names)}.", field="values")  # fmt: skip
+        return np.atleast_2d(array), array.ndim == 1
+
+    def _array(self, values: Any, field: str, caller: str) -> Array:
+        array = reals(values, caller, field, "real numbers, one for each parameter", ModelError)
+        if not np.isfinite(array).all():
+            at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+            name = self.names[at[-1]] if at and at[-1] < len(self.names) else ""
+            raise ModelError(f"{caller}: {field}{list(at)} = {array[at]}, of '{name}'; expected a finite number.",
+                             element=name, field=field)  # fmt: skip
+        return array
+
+    def __repr__(self) -> str:
+        return f"Plant({self.name!r}: {counted(len(self.names), 'parameter')}, {len(self.coordinates)} DOF)"
+
+
+def compiled(
+    model: Model, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    independent: Sequence[str] | None = None,
+) -> Plant:  # fmt: skip
+    """Return the equations of a model as a function of some of its parameters.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    parameters : str or sequence of str, optional
+        Names or patterns, in this order; default: all parameters.
+    cut, independent : sequence of str, optional
+        As of ``linearize``.
+
+    Returns
+    -------
+    Plant
+        The function.
+    """
+    known = model.parameters
+    patterns = ["*"] if parameters is None else names_in([parameters] if isinstance(parameters, str) else parameters)
+    if patterns is None:
+        raise ModelError(f"compile: parameters = {shown(parameters)}; expected names or patterns.", field="parameters")
+    names = list(dict.fromkeys(name for pattern in patterns for name in known.matching(pattern)))
+    if not names:
+        raise ModelError(f"compile: parameters = {shown(parameters)}; expected at least one.{nearest('', known)}",
+                         field="parameters")  # fmt: skip
+    plan = batch_plan(model, independent, cut, System)
+    entries = [known.entry(name) for name in names]
+    nominal = np.array([entry.value for entry in entries])
+    nominal.setflags(write=False)
+    return Plant(tuple(names), nominal, tuple([entry.unit for entry in entries]), plan, Slots.of(known, names))

@@ -1,0 +1,90 @@
+"""Derivatives of the matrices by complex steps: against the adjoint statement at rest, and differences under loads."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.equations import batch_assembly, batch_loads, loaded
+from mbsvib.equations.batch_equations import BatchEquations
+from mbsvib.equations.batch_values import checked
+from tests.golden.store import scenes
+
+KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+COUNT = 24
+# Central differences of fourth order: steps against the value of a parameter, and weights.
+STEP, POINTS, WEIGHTS = 2.0**-13, np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+
+
+@pytest.fixture
+def unbalanced(monkeypatch):
+    """Let poses off balance pass: what is compared is the statement of their forces."""
+    monkeypatch.setattr(loaded, "check_balance", lambda *_: None)
+    monkeypatch.setattr(batch_loads, "check_balance", lambda *_: None)
+
+
+def prepared(name, wanted=COUNT):
+    """A plan of a golden scene, its nominal batch, the parameters, and their derivatives; None if not at once."""
+    model = mv.load(scenes()[name])
+    rng = np.random.default_rng(5)
+    names = rng.permutation(list(model.parameters))[:wanted].tolist()
+    names = [item for item in names if model.parameters[item] or not any(word in item for word in ("damping", "mass"))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        plan = batch_assembly.batch_plan(model)
+    values = checked(model.parameters, {item: np.array([model.parameters[item]]) for item in names})
+    if not plan.at_once(values):
+        return None
+    base = plan.equations(values, BatchEquations)
+    return model, plan, names, plan.derivatives(base, dict(zip(names, np.eye(len(names)), strict=True)))
+
+
+def at_once():
+    """Scenes without beams and superelements."""
+    return [name for name in scenes() if not mv.load(scenes()[name]).composed]
+
+
+@pytest.mark.few(12)
+@pytest.mark.parametrize("name", at_once())
+@pytest.mark.usefixtures("unbalanced")
+def test_derivatives_are_limits_of_differences(name):
+    case = prepared(name)
+    if case is None:
+        pytest.skip("variants of this scene are computed one after the other")
+    model, plan, names, slopes = case
+    for j, item in enumerate(names):
+        size = abs(model.parameters[item]) or 0.1
+        if np.isnan(slopes["K"][0, j]).any():
+            continue
+        step = STEP * size
+        try:
+            near = checked(model.parameters, {item: model.parameters[item] + step * POINTS})
+            near = plan.equations(near, BatchEquations)
+        except mv.MbsvibError:  # redundant constraints contradict each other beside this value
+            continue
+        for key in KEYS:
+            matrix, slope = getattr(near, key), slopes[key][0, j] if slopes[key] is not None else 0.0
+            expected = np.tensordot(WEIGHTS / step, matrix, 1)
+            scale = np.abs(matrix).max(initial=0.0) / size + np.abs(expected).max(initial=0.0)
+            assert np.abs(slope - expected).max(initial=0.0) <= 2e-7 * scale, (item, key)
+
+
+@pytest.mark.few(12)
+@pytest.mark.parametrize("name", [name for name in at_once() if not name.startswith(("loaded", "massless", "hunt"))])
+def test_derivatives_at_rest_are_those_of_the_adjoint(name):
+    case = prepared(name)
+    if case is None or case[1].scene.loads is not None or case[1].nominal.provenance.separation is not None:
+        pytest.skip("loads, or variants that are computed one after the other")
+    model, _, names, slopes = case
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        known = model.linearize(method="dense").matrix_derivatives(names)
+    for key in KEYS:
+        expected, result = getattr(known, key), slopes[key]
+        lost = np.isnan(expected).any(axis=(1, 2))
+        assert np.array_equal(lost, np.isnan(result[0]).any(axis=(1, 2))), key
+        for j in np.flatnonzero(~lost):
+            size = np.abs(getattr(known, key)[j]).max(initial=0.0)
+            size += np.abs(getattr(case[1].nominal, key)).max(initial=0.0) / (abs(model.parameters[names[j]]) or 1.0)
+            assert np.abs(result[0, j] - expected[j]).max(initial=0.0) <= 1e-12 * size, (names[j], key)
