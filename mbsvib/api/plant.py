@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.model import Model
     from mbsvib.api.modes import Modes
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_assembly import BatchPlan
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.batch import BatchModes
 
 
@@ -301,7 +301,7 @@ class Plant(Displayed):
 
 
 def compiled(
-    model: Model, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    model: Mechanism, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
     independent: Sequence[str] | None = None,
 ) -> Plant:  # fmt: skip
     """Return the equations of a model as a function of some of its parameters.
