@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.selection import united
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.feedback.closing import closed_space, regular
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.loop import LoopPlant, Resolution
 from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
 from mbsvib.feedback.participation import eigen
-from mbsvib.feedback.plant import SystemPlant
-from mbsvib.feedback.regularity import regular
-from mbsvib.feedback.resolution import Resolution
-from mbsvib.feedback.sampled import SampledLoop, sampled
+from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
@@ -25,25 +24,13 @@ from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.closing import ClosedSpace
     from mbsvib.feedback.loop_rounding import Closed
-    from mbsvib.feedback.plant import LoopPlant
     from mbsvib.linalg.spectrum import Spectrum
-
-
-class ClosedSpace(NamedTuple):
-    """x' = a x + b w, y = c x + d w of a closed loop; its controllers demand gain x + push w of their actuators."""
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    gain: Array
-    push: Array
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -120,25 +107,10 @@ class ClosedLoop(FeedbackLoop):
     def _closed(self, space: StateSpace) -> ClosedSpace:
         """Return the closed-loop equations with the states of some equations of the plant."""
         law, (y, u) = self.law, self.ports
-        n = len(space.A)
-        product = space.D[np.ix_(y, u)] @ law.D
-        loop = np.eye(len(y)) - product
-        if not regular(product):
+        if not regular(space.D[np.ix_(y, u)] @ law.D):
             raise ResponseError(f"closed loop: {law.name} makes an algebraic loop: its feedthrough times that of the "
                                 f"sensors is 1. Change the gain.")  # fmt: skip
-        # y = observed (x, z) + direct w
-        observed = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
-        direct = np.linalg.solve(loop, space.D[y])
-        gain, push = law.D @ observed, law.D @ direct
-        gain[:, n:] += law.C
-        a = np.concatenate((space.B[:, u] @ gain, law.B @ observed))
-        a[:n, :n] += space.A
-        a[n:, n:] += law.A
-        b = np.concatenate((space.B + space.B[:, u] @ push, law.B @ direct))
-        c = space.D[:, u] @ gain
-        c[:, :n] += space.C
-        d = space.D + space.D[:, u] @ push
-        return ClosedSpace(a, b, c, d, gain, push)
+        return closed_space((space.A, space.B, space.C, space.D), (law.A, law.B, law.C, law.D), y, u)
 
     @cached_property
     def second_order(self) -> Any:
@@ -266,6 +238,11 @@ class ClosedLoop(FeedbackLoop):
         """
         return super().poles() if self.second_order is None else np.asarray(self.second_order.poles())
 
+    @property
+    def sampled_form(self) -> type[SampledLoop]:
+        """The class of the loop with discrete-time controllers."""
+        return SampledLoop
+
     @cached_property
     def _eigen(self) -> tuple[Complex, Array, Array]:
         return eigen(self._spectrum)
@@ -279,23 +256,6 @@ class ClosedLoop(FeedbackLoop):
     def title(self) -> str:
         """The controllers' names."""
         return self.law.name
-
-    def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
-        """Return the loop with discrete-time controllers.
-
-        Parameters
-        ----------
-        rate : float
-            Samples a second [Hz].
-        delay : float
-            Between measuring and acting [s].
-
-        Returns
-        -------
-        SampledLoop
-            The same loop with discrete controllers and a zero-order hold.
-        """
-        return sampled(self, rate, delay, SampledLoop)
 
 
 def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = ClosedLoop) -> ClosedLoop:
@@ -324,7 +284,7 @@ def feedback(
     discrete time makes a sampled loop. ``sensors``, ``actuators``: names or patterns of outputs and inputs; default:
     the names that the controller has. ``name``: name of the controller in tables.
     """
-    return connected(SystemPlant(system), controller, sensors, actuators, name)
+    return connected(LoopPlant(system), controller, sensors, actuators, name)
 
 
 def connected(

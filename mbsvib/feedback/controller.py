@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import port_numbers, selected
 from mbsvib.errors import ResponseError, counted
-from mbsvib.feedback.regularity import regular
+from mbsvib.feedback.closing import regular, transfer
 from mbsvib.linalg.discrete import inverse_tustin
 from mbsvib.responses.from_control import arguments, is_control, is_transfer_function, of_control, sample_time
 from mbsvib.responses.linear import LinearVerbs
@@ -95,10 +96,7 @@ class Controller(LinearVerbs, Displayed):
         array, shape (n, outputs, inputs)
             Gains.
         """
-        k = np.broadcast_to(self.D, (len(s), *self.D.shape)).astype(complex)
-        if len(self.A):
-            k = k + self.C @ np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B)
-        return np.asarray(k)
+        return transfer((self.A, self.B, self.C, self.D), s)
 
     def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the controller with some of its actuators and sensors, as ``controller[actuators, sensors]`` does.
@@ -315,3 +313,17 @@ def integrators(
     n = len(inputs)
     return Controller(name, -leak * np.eye(n), np.eye(n), matrix, np.zeros((len(outputs), n)), tuple(inputs),
                       tuple(outputs))  # fmt: skip
+
+
+def combined(controllers: Sequence[Controller], sensors: tuple[str, ...], actuators: tuple[str, ...]) -> Controller:
+    """Return one controller, from all ``sensors`` to all ``actuators``, that does what several do."""
+    a = block_diag(*[part.A for part in controllers])
+    b, c = np.zeros((len(a), len(sensors))), np.zeros((len(actuators), len(a)))
+    d, start = np.zeros((len(actuators), len(sensors))), 0
+    for part in controllers:
+        states = slice(start, start + len(part.A))
+        into, out = [sensors.index(name) for name in part.inputs], [actuators.index(name) for name in part.outputs]
+        b[states, into], c[out, states] = part.B, part.C
+        d[np.ix_(out, into)] += part.D
+        start += len(part.A)
+    return Controller(" + ".join(part.name for part in controllers), a, b, c, d, sensors, actuators)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.sampled_equations import SampledEquations
     from mbsvib.feedback.sampled_period import Period
-    from mbsvib.feedback.sampled_plant import Sampled
     from mbsvib.responses.first_order_solver import FirstOrderSolver
 
 # Integrals over times of at most this many radians and time constants, by Gauss's rule with so many nodes, are exact to
@@ -117,7 +117,7 @@ class SteadyState(NamedTuple):
     terms: Array
 
 
-def steady_state(loop: Sampled, w: Array, shown: list[int], sources: list[int]) -> SteadyState:
+def steady_state(loop: SampledEquations, w: Array, shown: list[int], sources: list[int]) -> SteadyState:
     """Return the response of a loop at angular frequencies ``w`` (n,) [rad/s].
 
     y = (P x + Q w) / h,  (exp(i omega h) - J - E) x = U w, over a period h

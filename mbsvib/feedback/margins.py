@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.feedback.resolution import Resolution
+    from mbsvib.feedback.loop import Loop
 
 
 # Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
@@ -32,33 +31,6 @@ NONE = 1e-6
 BESIDE = 1e-9  # distance from a pole of the closed loop, in parts of it, at which S stands for the value there
 # The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
 VANISHES = 1e-6
-
-
-class OpenedLoops(Protocol):
-    """Loop gains at the actuators, and properties of the closed loops."""
-
-    @property
-    def law(self) -> Controller:
-        """All controllers as one."""
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        """Names of the actuators, at which loops are opened."""
-
-    @property
-    def open_loop(self) -> Any:
-        """The mechanism with open loops."""
-
-    @property
-    def resolution(self) -> Resolution:
-        """Poles and panels of the closed-loop responses."""
-
-    @property
-    def stable(self) -> bool:
-        """Whether the closed loops are stable."""
-
-    def sensitivity(self, omega: ArrayLike) -> Complex:
-        """Return S = (1 - K G)^-1 (actuators, actuators, n) at angular frequencies [rad/s]."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -127,7 +99,7 @@ class Margins(Displayed):
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
 
-def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
+def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     """Return the margins of a closed loop.
 
     ``frequencies`` (n,): the first and the last are the limits of the band [Hz]; default: all frequencies, of a sampled
@@ -163,7 +135,7 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
                    lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip
 
 
-def _sensitivity(loop: OpenedLoops, hertz: Array) -> Complex:
+def _sensitivity(loop: Loop, hertz: Array) -> Complex:
     """S (n, actuators, actuators); at a pole of the closed loop as large as next to it."""
 
     def at(f: Array) -> Complex:

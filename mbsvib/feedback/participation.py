@@ -1,8 +1,8 @@
-"""Origin of closed-loop poles: participation of modes of the mechanism and of states of controllers."""
+"""Origin of closed-loop poles, modes of the mechanism or controllers, by participation and in words."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from mbsvib.modes.state_modes import FORGOTTEN
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.linalg.spectrum import Spectrum
 
 
@@ -81,3 +81,46 @@ def sources(poles: Complex, errors: Array, participation: Array, states: Sequenc
     for k in waves.tolist():
         modes[k] = assigned.get(k) if table[:, k].sum() >= LEAST else None
     return modes
+
+
+def origins(
+    system: Any, states: Sequence[str], poles: Complex, errors: Array, participation: Array
+) -> tuple[str, ...]:  # fmt: skip
+    """Return where each pole comes from: a mode of the plant, or the controller.
+
+    ``states``: names of the plant's states, which come before those of controllers. ``poles`` (poles,) of the closed
+    loop [1/s], with their ``errors``. ``participation`` (states, poles).
+    """
+    if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
+        plant = participation[: len(states)].sum(axis=0)
+        return tuple(["plant" if share >= 0.5 else "controller" for share in plant.tolist()])
+    modes = system.modes()
+    strongest = modes.strongest()
+    return tuple([
+        "controller" if mode is None
+        else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
+        for mode in sources(poles, errors, participation, states)
+    ])  # fmt: skip
+
+
+def unstable(poles: Complex, errors: Array) -> Index:
+    """Return the numbers of unstable poles (poles,) [1/s], one of each pair; those within their ``errors`` of the
+    imaginary axis are stable.
+    """
+    return np.flatnonzero((poles.real > errors) & (poles.imag >= 0.0))
+
+
+def shown_damping(poles: Complex, errors: Array) -> Array:
+    """Return damping ratios -Re(pole)/|pole| (poles,) for tables: 0 where real parts are nothing but rounding.
+
+    ``poles`` (poles,) [1/s], none of them 0, with their ``errors``.
+    """
+    return np.where(np.abs(poles.real) > errors, -poles.real / np.abs(poles), 0.0)
+
+
+def described(poles: Complex, comes_from: Sequence[str], numbers: Index) -> tuple[str, ...]:
+    """Return origin, frequency and damping ratio of poles with some numbers, in words."""
+    return tuple([
+        f"{comes_from[i]} at {abs(poles[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
+        f"{-100.0 * poles[i].real / abs(poles[i]):.3g} %" for i in numbers.tolist()
+    ])  # fmt: skip

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.excited_period import steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
-from mbsvib.feedback.held_mechanism import HeldMechanism, held_mechanism, split_delay
 from mbsvib.feedback.loop_rounding import at_poles, refuse_poles
-from mbsvib.feedback.participation import eigen
-from mbsvib.feedback.resolution import Resolution
+from mbsvib.feedback.sampled_equations import SampledEquations, split_delay
 from mbsvib.feedback.sampled_norm import h2_norm
-from mbsvib.linalg.discrete import tustin
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside, spectrum
@@ -27,7 +24,6 @@ from mbsvib.responses.frequency_grid import frequency_grid
 from mbsvib.responses.norms import Norm
 
 if TYPE_CHECKING:
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex, Index
@@ -37,26 +33,8 @@ if TYPE_CHECKING:
     from mbsvib.modes.state_modes import StateModes
 
 
-
-TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
-
-
 @dataclass(frozen=True, repr=False, eq=False)
-class SampleToSample(Displayed):
-    """A loop from one sample to the next, x+ = A x + B w, y = C x + D w, with the names of its ``states``.
-
-    Inputs w and outputs y are those of the loop, in their order and units.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    states: tuple[str, ...]
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class SampledLoop(FeedbackLoop):
+class SampledLoop(SampledEquations, FeedbackLoop):
     """A closed loop whose controllers, discretised by Tustin's rule, run at ``rate`` [Hz] and act ``delay`` [s] later.
 
     Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
@@ -64,24 +42,6 @@ class SampledLoop(FeedbackLoop):
     well; what sampling folds from there to other frequencies is not in them. ``continuous`` is the loop with the
     controllers in continuous time.
     """
-
-    rate: float = 1.0
-    delay: float = 0.0
-    continuous_form: type[Any] | None = field(default=None, repr=False, kw_only=True)
-
-    @property
-    def period(self) -> float:
-        """Sample time of the controllers [s]."""
-        return 1.0 / self.rate
-
-    @cached_property
-    def discrete(self) -> tuple[Array, Array, Array, Array]:
-        """The controller z+ = A z + B y, u = C z + D y, by Tustin's rule."""
-        return tustin(self.law.A, self.law.B, self.law.C, self.law.D, 1.0 / self.rate)
-
-    @cached_property
-    def _mechanism(self) -> HeldMechanism:
-        return held_mechanism(self.plant.space, self.ports[1], self.rate, self.delay)
 
     def _forces(self, w: Array, plant: tuple[Complex, Complex]) -> tuple[Complex, Array]:
         del plant  # the closed-loop equations are always those that lose no digits
@@ -101,20 +61,17 @@ class SampledLoop(FeedbackLoop):
         return closed
 
     def _loop_gain(self, w: Array) -> Complex:
-        a, b, c, d = self.discrete
-        z = np.exp(1j * w / self.rate)
-        plant, gains = self._mechanism, np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
+        z, plant = np.exp(1j * w / self.rate), self._mechanism
+        observed, none = plant.outputs[self.ports[0]], np.zeros((len(self.sensors), len(self.actuators)))
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # so close to a pole that the value overflows
-                if len(a):
-                    gains = gains + c @ _resolved(a, b, z)
-                value = np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
+                value = -(transfer(self.discrete, z) @ transfer((plant.a, plant.forces, observed, none), z))
         except np.linalg.LinAlgError:
             value = np.full(1, np.nan, dtype=complex)
         if not np.isfinite(value).all():
             raise ResponseError("closed loop: the plant or a controller has a pole at one of the frequencies (a pure "
                                 "integrator at 0 Hz?); leave this frequency out.")  # fmt: skip
-        return value
+        return np.asarray(value)
 
     def _sensitivity(self, w: Array) -> Complex:
         solver, of_a, ports = self._demands
@@ -127,43 +84,14 @@ class SampledLoop(FeedbackLoop):
         """Solver, spectrum and B, C, D from sample to sample, from what is added to the demanded forces to the sum of
         both, without poles on the unit circle that are not in it.
         """
-        _, _, c, d = self.discrete
-        plant, one = self._mechanism, np.eye(len(d))
-        forces = np.concatenate((plant.forces, np.zeros((len(c.T), len(d)))))
-        demanded = np.concatenate((d @ plant.outputs[self.ports[0]], c), axis=1)
-        parts = separated(self.sample_to_sample.A, forces, demanded, outside)
-        if len(parts.shown) == len(parts.lasting):
-            a, of_a = self.sample_to_sample.A, self._spectrum
-        else:
+        a, of_a, demanded = self._at_samples.a, self._spectrum, self._at_samples.gain
+        one = np.eye(len(self.actuators))
+        forces = self._at_samples.b[:, -len(one) :]
+        parts = separated(a, forces, demanded, outside)
+        if len(parts.shown) < len(parts.lasting):
             a, forces, demanded = parts.minimal.a, parts.minimal.b, parts.minimal.c
             of_a = spectrum(a)
         return first_order_solver(a, forces, demanded, self.name), of_a, (forces, demanded, one)
-
-    @cached_property
-    def sample_to_sample(self) -> SampleToSample:
-        """The loop at its samples, x+ = A x + B w, y = C x + D w, exact for inputs that are held from sample to sample.
-
-        States: those of the mechanism, delayed forces, states of the controllers.
-        """
-        a, b, c, d = self.discrete
-        plant, (y, _), (shown, sources) = self._mechanism, self.ports, self.selected_ports
-        observed, direct = plant.outputs[y], plant.direct[np.ix_(y, sources)]
-        space, delayed = self.plant.space, len(plant.a) - len(self.plant.space.A)
-        states = (*space.states, *[f"force{i + 1}" for i in range(delayed)],
-                  *[f"controller{i + 1}" for i in range(len(a))])  # fmt: skip
-        return SampleToSample(
-            np.block([[plant.a + plant.forces @ d @ observed, plant.forces @ c], [b @ observed, a]]),
-            np.concatenate((plant.inputs[:, sources] + plant.forces @ d @ direct, b @ direct)),
-            np.concatenate((plant.outputs[shown], np.zeros((len(shown), len(a)))), axis=1),
-            plant.direct[np.ix_(shown, sources)], states)  # fmt: skip
-
-    @cached_property
-    def _eigen(self) -> tuple[Complex, Array, Array]:
-        return eigen(self._spectrum, self.rate)
-
-    @cached_property
-    def _spectrum(self) -> Spectrum:
-        return spectrum(self.sample_to_sample.A)
 
     @cached_property
     def continuous(self) -> Any:
@@ -281,17 +209,6 @@ class SampledLoop(FeedbackLoop):
                                 "are those of loop.continuous.")  # fmt: skip
         return time_response(self.with_ports(outputs, inputs), t, u, hold)
 
-    @property
-    def title(self) -> str:
-        """The controllers' names, and how they run."""
-        delay = f", delay {1e3 * self.delay:.3g} ms" if self.delay else ""
-        return f"{self.law.name} at {self.rate:g} Hz{delay}"
-
-    @property
-    def resolution(self) -> Resolution:
-        """Poles and panels of the responses: sampling repeats poles; a delay has none but rotates the phase."""
-        return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
-
     def frequency_grid(
         self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
         f_max: float | None = None,
@@ -343,37 +260,7 @@ class SampledLoop(FeedbackLoop):
                             "and most exports are refused: ask loop.continuous. For mean squares give a band, or a "
                             "table of densities.")  # fmt: skip
 
-    def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
-        """Return the loop with its controllers at another rate.
-
-        Parameters
-        ----------
-        rate : float
-            Samples a second [Hz].
-        delay : float
-            Between measuring and acting [s].
-
-        Returns
-        -------
-        SampledLoop
-            The same loop with discrete controllers and a zero-order hold.
-        """
-        return sampled(self, rate, delay, type(self))
-
-
-L = TypeVar("L", bound=SampledLoop)
-
-
-def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
-    """Return a loop with discrete-time controllers; ``rate`` [Hz], ``delay`` [s] between measuring and acting."""
-    if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
-        raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "
-                            f"that is not negative.")  # fmt: skip
-    continuous = loop.continuous_form if isinstance(loop, SampledLoop) else type(loop)
-    return form(loop.plant, loop.controllers, loop.sensors, loop.actuators, float(rate), float(delay),
-                selection=loop.selection, continuous_form=continuous)  # fmt: skip
-
-
-def _resolved(a: Array, b: Array, z: Complex) -> Complex:
-    """(z - A)^-1 B, shape (n, states, columns)."""
-    return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))
+    @property
+    def sampled_form(self) -> type[SampledLoop]:
+        """The class of the loop with discrete-time controllers."""
+        return type(self)

@@ -15,7 +15,7 @@ from mbsvib.responses.norms import pole_words
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.feedback.sampled_plant import Sampled
+    from mbsvib.feedback.sampled_equations import SampledEquations
 
 # Integrals over times of at most this many time constants, by Gauss's rule with so many nodes, are exact to rounding.
 SHORT, NODES = 0.5, 8
@@ -73,7 +73,7 @@ def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float) -> St
     return result
 
 
-def h2_norm(loop: Sampled) -> float:
+def h2_norm(loop: SampledEquations) -> float:
     """Return the H2 norm of a stable loop: the rms of its outputs under white noise, averaged over a period h.
 
     ||G||^2 = (tr(weight P) + own) / h,  P = E P E^T + noise
@@ -102,7 +102,7 @@ def h2_norm(loop: Sampled) -> float:
     return float(np.sqrt(max(0.0, total * loop.rate)))
 
 
-def _decaying(interval: Stretch, loop: Sampled) -> Stretch:
+def _decaying(interval: Stretch, loop: SampledEquations) -> Stretch:
     """The part of a period that decays; refused if the rest grows or is in the norm."""
     e, noise, weight, own = interval
     parts = separated(e, noise, weight, outside)

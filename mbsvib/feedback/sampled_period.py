@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
 import numpy as np
 
-from mbsvib.feedback.held_mechanism import split_delay
+from mbsvib.feedback.sampled_equations import split_delay
 from mbsvib.linalg.balancing import column_units, scaled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array
-    from mbsvib.feedback.sampled_plant import Sampled
+    from mbsvib.feedback.sampled_equations import SampledEquations
 
 
 class Part(Protocol):
@@ -79,7 +79,7 @@ class Period:
         return event(self.sample, self.measured).then(waiting).then(action).then(rest)
 
 
-def period(loop: Sampled, shown: list[int], sources: list[int]) -> Period:
+def period(loop: SampledEquations, shown: list[int], sources: list[int]) -> Period:
     """Return a period of a closed loop; ``shown``, ``sources``: numbers of outputs and inputs of the plant."""
     space, (y, u) = loop.plant.space, loop.ports
     a, b, c = scaled(space.A, space.B, space.C)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.feedback.sampled_equations import SampledEquations
     from mbsvib.feedback.sampled_period import Period
-    from mbsvib.feedback.sampled_plant import Sampled
 
 SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one
 MOST_SAMPLES = 2_000_000  # of the controllers in one record
@@ -60,7 +60,7 @@ class Held(NamedTuple):
         return np.concatenate((np.zeros((len(self.a) - len(inputs), w.shape[1])), inputs))
 
 
-def time_response(loop: Sampled, t: ArrayLike, u: ArrayLike, hold: str) -> Array:
+def time_response(loop: SampledEquations, t: ArrayLike, u: ArrayLike, hold: str) -> Array:
     """Return the outputs of a sampled loop from rest; the controllers take their first sample at t[0].
 
     ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:

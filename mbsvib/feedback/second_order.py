@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.equations.equations import Equations
-from mbsvib.feedback.regularity import regular
+from mbsvib.feedback.closing import regular
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:

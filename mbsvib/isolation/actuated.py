@@ -151,7 +151,7 @@ def actuated(
     for leg in active:
         _add_ports(changed, body, leg, attached)
     system = changed.linearize(method="dense")
-    return Active(replace(study_scene, system=_with_tensions(system, active)), tuple([leg.name for leg in active]))
+    return Active(_with_tensions(system, active), study_scene, tuple([leg.name for leg in active]))
 
 
 def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> None:

@@ -61,14 +61,19 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
     return Asymptote(order, sizes[0] * unit**order, start * unit)
 
 
-def direct(linear: Linear) -> Array:
-    """Return the feedthrough H0 (outputs, inputs), D of the first-order equations, with zeros where it is rounding."""
-    return _direct(linear) if isinstance(linear, System) else linear.direct()
-
-
 def without_rounding(value: Array, terms: Array) -> Array:
     """Return a sum, with zeros where it is rounding of its terms; ``terms`` is the sum of their magnitudes."""
     return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
+
+
+def direct(linear: Linear) -> Array:
+    """Return the feedthrough H0 (outputs, inputs), D of the first-order equations, with zeros where it is rounding."""
+    if isinstance(linear, System):
+        return _direct(linear)
+    plant, gain, (y, u) = _direct(linear.open_loop), linear.law.D, linear.ports
+    back = np.linalg.inv(np.eye(len(u)) - gain @ plant[np.ix_(y, u)]) @ gain
+    value = plant + plant[:, u] @ back @ plant[y]
+    return without_rounding(value, np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y]))
 
 
 def _direct(system: System) -> Array:

@@ -10,7 +10,8 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.feedback.integrand import response
-from mbsvib.feedback.resolution import resolution
+from mbsvib.feedback.loop import resolution
+from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.isolation.asymptote import Asymptote, asymptote
 from mbsvib.isolation.linear import numbers, responses
 from mbsvib.isolation.study_scene import ACCELERATIONS, StudyScene
@@ -127,7 +128,7 @@ class Figures:
 
     @cached_property
     def _asymptote(self) -> Asymptote | None:
-        far = self._far
+        far = self.linear.open_loop if isinstance(self.linear, SampledLoop) else self.linear  # a hold blocks the rest
         out, into = numbers(far, ACCELERATIONS, self.scene.inputs)
         left = self.scene.scale() / np.sqrt(len(into))
         result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.base_directions))
@@ -135,14 +136,9 @@ class Figures:
         return result if result is None or not self.sampled or not result.order else None
 
     @property
-    def _far(self) -> Linear:
-        """The system with the same response at high frequency."""
-        return self.linear if isinstance(self.linear, System) else self.linear.far
-
-    @property
     def sampled(self) -> bool:
         """Whether the controllers are discrete-time ones."""
-        return self._far is not self.linear
+        return isinstance(self.linear, SampledLoop)
 
     @property
     def roll_off(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.resolution import resolution
+from mbsvib.feedback.loop import resolution
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def default(linear: Linear) -> Array:
 
     They are evenly spaced on a logarithmic axis, and denser around resonances.
     """
-    system = linear if isinstance(linear, System) else linear.open_loop
+    system: System = linear if isinstance(linear, System) else linear.open_loop
     size = np.abs(system.poles()) / (2.0 * np.pi)
     size = size[size > 1e-9 * size.max(initial=0.0)]
     if not len(size):

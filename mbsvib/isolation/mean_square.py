@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.resolution import resolution
+from mbsvib.feedback.loop import resolution
 from mbsvib.isolation.asymptote import direct as at_once
 from mbsvib.isolation.linear import numbers, responses
 from mbsvib.linalg.lasting import separated

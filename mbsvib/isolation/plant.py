@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.feedback.loop import LoopPlant
 from mbsvib.isolation.study_scene import DISPLACEMENTS, StudyScene
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
-    from mbsvib.responses.state_space import StateSpace
 
 HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not held
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Plant:
+class Plant(LoopPlant):
     """A mechanism whose ``legs`` have actuators and sensors.
 
     ``system`` has the ports of an isolation study, and the inputs ``LEG.actuator`` [N], which push the ends of the leg
@@ -29,13 +29,9 @@ class Plant:
     of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
     """
 
+    system: System
     scene: StudyScene
     legs: tuple[str, ...]
-
-    @property
-    def system(self) -> System:
-        """The equations of motion, loops open."""
-        return self.scene.system
 
     def names(self, port: str) -> tuple[str, ...]:
         """Return the names of one kind of port, leg after leg.
@@ -51,11 +47,6 @@ class Plant:
             Names of inputs or outputs.
         """
         return tuple([f"{leg}.{port}" for leg in self.legs])
-
-    @cached_property
-    def space(self) -> StateSpace:
-        """First-order equations in modal states."""
-        return self.system.state_space("modal")
 
     @cached_property
     def _static(self) -> tuple[Array, Array]:

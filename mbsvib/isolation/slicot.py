@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError, ResponseError
+from mbsvib.feedback.closing import closed_space
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.state_space import StateSpace
@@ -115,19 +116,9 @@ def closed_loop(
     ``plant``, ``controller``: A, B, C, D of (z, y) = P (w, u) and of u = K y. ``measurements``, ``controls``: number of
     outputs y and of inputs u, the last ones of P.
     """
-    (a, b, c, d), (ak, bk, ck, dk) = plant, controller
-    o, i = len(c) - measurements, b.shape[1] - controls
-    b1, b2, c1, c2 = b[:, :i], b[:, i:], c[:o], c[o:]
-    d11, d12, d21, d22 = d[:o, :i], d[:o, i:], d[o:, :i], d[o:, i:]
-    # u = of_plant x + of_controller xk + direct w
-    solved = np.linalg.solve(np.eye(controls) - dk @ d22, np.hstack((dk @ c2, ck, dk @ d21)))
-    of_plant, of_controller, direct = np.split(solved, (len(a), len(a) + len(ak)), axis=1)
-    return (
-        np.block([[a + b2 @ of_plant, b2 @ of_controller],
-                  [bk @ (c2 + d22 @ of_plant), ak + bk @ d22 @ of_controller]]),
-        np.vstack((b1 + b2 @ direct, bk @ (d21 + d22 @ direct))),
-        np.hstack((c1 + d12 @ of_plant, d12 @ of_controller)), d11 + d12 @ direct,
-    )  # fmt: skip
+    o, i = len(plant[2]) - measurements, plant[1].shape[1] - controls
+    closed = closed_space(plant, controller, list(range(o, o + measurements)), list(range(i, i + controls)))
+    return closed.a, closed.b[:, :i], closed.c[:o], closed.d[:o, :i]
 
 
 def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> Synthesis:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,55 +19,19 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.feedback.margins import Margins
-    from mbsvib.feedback.resolution import Resolution
+    from mbsvib.feedback.feedback_loop import FeedbackLoop
 
 
-class Loop(Protocol):
-    """What figures of loops need; closed loops and sampled loops have it."""
-
-    @property
-    def name(self) -> str:
-        """Name of the loop."""
-
-    @property
-    def title(self) -> str:
-        """The controllers, and how they run."""
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        """Names of the actuators."""
-
-    @property
-    def law(self) -> Controller:
-        """All controllers as one."""
-
-    @property
-    def open_loop(self) -> Any:
-        """The plant."""
-
-    @property
-    def resolution(self) -> Resolution:
-        """Poles of the closed loop, and the period of its responses."""
-
-    def sensitivity(self, omega: ArrayLike) -> Complex:
-        """Return S (actuators, actuators, n)."""
-
-    def margins(self, frequencies: ArrayLike | None = None) -> Margins:
-        """Return the margins."""
-
-
-def closed(loop: Any, who: str) -> Loop:
+def closed(loop: Any, who: str) -> FeedbackLoop:
     """Return a closed loop; refuse anything else."""
     if kind_of(loop) not in ("closed loop", "sampled loop") or not hasattr(loop, "sensitivity"):
         raise ResponseError(f"{who}: loop = {type(loop).__name__}; expected a closed loop, as system.feedback(...) "
                             f"returns it.")  # fmt: skip
-    result: Loop = loop
+    result: FeedbackLoop = loop
     return result
 
 
-def numbers(loop: Loop, actuators: Names) -> list[int]:
+def numbers(loop: FeedbackLoop, actuators: Names) -> list[int]:
     """Return the numbers of the actuators to draw, a panel each."""
     which = selected(actuators, loop.actuators, "actuator", loop.name, ())
     if not 0 < len(which) <= MOST_PANELS:
@@ -77,7 +41,7 @@ def numbers(loop: Loop, actuators: Names) -> list[int]:
 
 
 def grid(
-    loop: Loop, frequencies: ArrayLike | None, span: tuple[float | None, float | None], who: str
+    loop: FeedbackLoop, frequencies: ArrayLike | None, span: tuple[float | None, float | None], who: str
 ) -> Array:
     """Return frequencies [Hz]: as given, or such that no pole of the plant, the controllers or the loop is missed."""
     if frequencies is not None:
@@ -88,7 +52,7 @@ def grid(
                   min(high, 0.499 * loop.resolution.period))  # fmt: skip
 
 
-def gains(loop: Loop, which: list[int], frequencies: Array) -> Complex:
+def gains(loop: FeedbackLoop, which: list[int], frequencies: Array) -> Complex:
     """Return the gain L (actuators, n) of each loop with the others closed, 1 + L = 1 / S."""
     s = loop.sensitivity(2.0 * np.pi * frequencies)
     return np.array([1.0 / s[i, i] - 1.0 for i in which])

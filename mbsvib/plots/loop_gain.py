@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.feedback_loop import FeedbackLoop
     from mbsvib.feedback.margins import Margins
-    from mbsvib.plots._loops import Loop
 
 
 def loop_gain(
-    loop: Loop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
+    loop: FeedbackLoop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), decibels: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw the loop gain at each actuator with the other loops closed, and mark its margins.

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.selection import Names
-    from mbsvib.plots._loops import Loop
+    from mbsvib.feedback.feedback_loop import FeedbackLoop
 
 # What is shown of a loop gain that grows beyond all bounds, around the critical point.
 FARTHEST = 4.0
 
 
 def loop_nyquist(
-    loop: Loop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
+    loop: FeedbackLoop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None),
 ) -> Figure:  # fmt: skip
     """Draw the loop gain at each actuator with the other loops closed in the complex plane.

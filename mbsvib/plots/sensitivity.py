@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._loops import Loop
+    from mbsvib.feedback.feedback_loop import FeedbackLoop
 
 LINE = 48  # letters below a panel
 LEVEL = 1e-3  # share by which a peak is above the ends of its curve
 
 
 def sensitivity(
-    loop: Loop | Sequence[Loop], frequencies: ArrayLike | None = None, *,
+    loop: FeedbackLoop | Sequence[FeedbackLoop], frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
     decibels: bool = False,
 ) -> Figure:  # fmt: skip

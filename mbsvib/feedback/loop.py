@@ -1,0 +1,283 @@
+"""Plants with controllers: their ports, poles and stability, in continuous or discrete time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.common.selection import port_numbers, united
+from mbsvib.errors import ResponseError
+from mbsvib.feedback.controller import Controller, as_controller, combined
+from mbsvib.feedback.participation import described, origins, shown_damping, unstable
+from mbsvib.feedback.pole_track import vibrates
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
+    from mbsvib.responses.state_space import StateSpace
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class LoopPlant:
+    """A system, or a state space, whose outputs are sensors and whose inputs are actuators."""
+
+    system: Any
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """First-order equations: in modal states for a system, as given for a state space."""
+        space: StateSpace = self.system.state_space("modal" if self.system.kind == "system" else None)
+        return space
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.system!r})"
+
+
+class Resolution(NamedTuple):
+    """Structure of responses: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the maximum
+    length of a panel on which other factors are polynomials of the frequency.
+    """
+
+    poles: Complex
+    longest: float = np.inf
+    period: float = np.inf
+
+
+def resolution(linear: Any) -> Resolution:
+    """Return poles and panels of the responses of a system or a closed loop."""
+    return linear.resolution if isinstance(linear, Loop) else Resolution(linear.poles())
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Loop(Displayed, ABC):
+    """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them."""
+
+    kind: ClassVar[str] = "closed loop"
+
+    plant: LoopPlant
+    controllers: tuple[Controller, ...]
+    sensors: tuple[str, ...] = field(repr=False)
+    actuators: tuple[str, ...] = field(repr=False)
+    selection: tuple[tuple[str, ...], tuple[str, ...]] | None = field(default=None, repr=False, kw_only=True)
+
+    @property
+    def open_loop(self) -> Any:
+        """The plant with open loops."""
+        return self.plant.system
+
+    @property
+    def name(self) -> str:
+        """Name of the plant, and those of the controllers."""
+        return f"{self.plant.system.name} with {self.title}"
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        known: tuple[str, ...] = self.plant.system.outputs if self.selection is None else self.selection[0]
+        return known
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        known: tuple[str, ...] = self.plant.system.inputs if self.selection is None else self.selection[1]
+        return known
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        system = self.plant.system
+        return tuple([system.output_units[system.outputs.index(name)] for name in self.outputs])
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+        system = self.plant.system
+        return tuple([system.input_units[system.inputs.index(name)] for name in self.inputs])
+
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
+        """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all. Sensors and actuators stay
+            connected.
+
+        Returns
+        -------
+        FeedbackLoop
+            The same loop.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        if outputs is None and inputs is None:
+            return self
+        o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        return replace(self, selection=(tuple([self.outputs[k] for k in o]), tuple([self.inputs[k] for k in i])))
+
+    def feedback(
+        self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
+    ) -> Self:  # fmt: skip
+        """Return the loop with a further controller, which acts together with the others: u = w + K y is added.
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            From sensors to actuators, in continuous time or, of a sampled loop, at its rate; an array, shape
+            (actuators, sensors), is a static gain.
+        sensors, actuators : str or sequence of str, optional
+            Names or patterns of outputs and of inputs of the plant; default: the names that the controller has.
+        name : str, optional
+            Name of the controller in tables.
+
+        Returns
+        -------
+        FeedbackLoop
+            The same plant with one more controller.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, shapes do not match, or the controller is discrete at another rate.
+        """
+        law = as_controller(controller, self.plant.system, sensors, actuators, name, self.period)
+        return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
+                       actuators=united(self.actuators, law.outputs))  # fmt: skip
+
+    @cached_property
+    def law(self) -> Controller:
+        """All controllers as one."""
+        return combined(self.controllers, self.sensors, self.actuators).for_plant(self.plant.system)
+
+    @property
+    def period(self) -> float | None:
+        """Sample time of the controllers [s], None in continuous time."""
+        return None
+
+    @property
+    def ports(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sensors among the outputs and of the actuators among the inputs."""
+        system = self.plant.system
+        return [system.outputs.index(n) for n in self.sensors], [system.inputs.index(n) for n in self.actuators]
+
+    @property
+    def selected_ports(self) -> tuple[list[int], list[int]]:
+        """Numbers of the outputs and inputs among those of the plant."""
+        system = self.plant.system
+        return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """The controllers, and how they run."""
+
+    @property
+    @abstractmethod
+    def _eigen(self) -> tuple[Complex, Array, Array]:
+        """Poles [1/s] in ascending magnitude, bounds of their rounding, and participation of states (states, poles)."""
+
+    @property
+    @abstractmethod
+    def resolution(self) -> Resolution:
+        """Poles and panels of the responses."""
+
+    @abstractmethod
+    def _sensitivity(self, w: Array) -> Complex:
+        """(1 - K G)^-1 at the actuators, (n, actuators, actuators), of a sampled loop from sample to sample."""
+
+    def sensitivity(self, omega: ArrayLike) -> Complex:
+        """Return the sensitivity at the actuators, S = (1 + L)^-1; T = 1 - S is the complementary sensitivity.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (actuators, actuators, n)
+            Sensitivities, also at poles of the plant.
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is a pole of the closed loop.
+        """
+        return np.asarray(self._sensitivity(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
+
+    def poles(self) -> Complex:
+        """Return the poles of the closed loop [1/s], in ascending magnitude."""
+        return self._eigen[0].copy()
+
+    @cached_property
+    def growing(self) -> tuple[str, ...]:
+        """The unstable modes in words, each with the mode of the mechanism it comes from."""
+        numbers = unstable(*self._eigen[:2])
+        return described(self._eigen[0], self.sources, numbers) if len(numbers) else ()
+
+    @cached_property
+    def sources(self) -> tuple[str, ...]:
+        """Where each pole comes from, in words: a mode of the plant, or the controller."""
+        return origins(self.plant.system, self.plant.space.states, *self._eigen)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable; integrators without leak may leave poles at 0."""
+        return not self.growing
+
+    def check_stable(self) -> None:
+        """Refuse a loop that is not stable.
+
+        Raises
+        ------
+        ResponseError
+            If a pole is unstable.
+        """
+        if self.growing:
+            raise ResponseError(f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}. Lower the "
+                                f"gain, or look at collocation() for the pairs that do not damp.")  # fmt: skip
+
+    @property
+    def vibrating(self) -> Complex:
+        """Poles that vibrate, one of each pair, in ascending magnitude."""
+        return np.asarray(self._eigen[0][self._vibrating])
+
+    @cached_property
+    def _vibrating(self) -> NDArray[np.intp]:
+        values, errors, _ = self._eigen
+        return np.flatnonzero(vibrates(values, errors) & (values.imag > 0.0))
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Damping ratios of the poles that vibrate."""
+        return np.asarray(-self.vibrating.real / np.abs(self.vibrating))
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        damping = shown_damping(self.vibrating, self._eigen[1][self._vibrating])
+        values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
+        rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
+                for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip
+        notes = [f"Unstable: {words}." for words in self.growing]
+        return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
+                "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
+                            ("origin", "left")], "rows": rows, "notes": notes}  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"
