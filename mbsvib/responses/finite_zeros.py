@@ -6,7 +6,7 @@ combined to square ones, which need few, and zeros of the combination alone are 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,7 @@ from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex
 
 # Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
 RANK = 2e-13
@@ -26,15 +24,31 @@ REGULAR = 1e3
 # Points at which the normal rank is found, away from the axes, in units of the size of A; and the least singular value
 # of a transfer matrix with rows and columns of unit size that is not rounding.
 POINTS, NORMAL_RANK = (0.31 + 0.47j, 0.083 + 0.019j, 1.9 - 1.3j), 1e-10
-# At a zero the least singular value of the transfer matrix falls by the factor FALLS, and that of the system matrix to
-# LOST roundings, the square root of fewer for a double zero; it grows GROWTH times on the share AWAY of the way to the
-# nearest pole. Poles nearer than AT_POLE belong to modes that are not met; near poles transfer matrices are rounding.
-FALLS, LOST, GROWTH, AWAY, NEAR_POLE, AT_POLE = 1e-2, 3e4, 30.0, 0.25, 1e-3, 1e-6
+# Responses of less than this many roundings of their factors are rounding.
+RESPONSE_ROUNDINGS = 16.0
+# At a zero the product of the singular values of the transfer matrix is FALLS of its geometric mean on a circle whose
+# radius is the share AWAY of the way to the nearest pole. If it is not CLEARLY smaller, and near poles, where transfer
+# matrices are rounding, the least singular value of the system matrix also falls to LOST roundings, the square root of
+# fewer for a double zero, and grows GROWTH times up to the circle. Poles nearer than AT_POLE belong to modes that are
+# not met.
+FALLS, CLEARLY, LOST, GROWTH, AWAY, NEAR_POLE, AT_POLE = 1e-2, 1e-4, 3e4, 30.0, 0.25, 1e-3, 1e-6
+CIRCLE = np.exp(2j * np.pi * np.arange(8) / 8)
 # Circles about 0 grow until the system matrix is regular on so many points of them, at most up to a share of its size.
 WIDER, DIRECTIONS, SLOWEST = 2.0, np.exp(0.5j * np.pi * np.arange(4) + 0.3j), 1e-3
 
 
-def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
+class FiniteZeros(NamedTuple):
+    """``zeros`` (n,) of a system of the normal ``rank``; outputs (``rows``) and inputs (``columns``) with a response
+    that is not rounding only.
+    """
+
+    zeros: Complex
+    rank: int
+    rows: Bools
+    columns: Bools
+
+
+def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> FiniteZeros:
     """Return the finite s at which [[A - s, B], [C, D]] loses rank; rows of C and D and columns of B are of the size of
     one.
 
@@ -43,28 +57,58 @@ def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
 
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """
-    rank = len(d) if len(d) == d.shape[1] else normal_rank(a, b, c, d)
+    rank, (rows, columns) = len(d), (np.ones(count, dtype=bool) for count in d.shape)
+    if len(d) != d.shape[1]:
+        rows, columns = _connected(a, b, c, d)
+        rank = normal_rank(a, b[:, columns], c[rows], d[np.ix_(rows, columns)])
     if len(d) == d.shape[1] or not rank:
         zeros = _of_square(a, b, c, d)
     else:
         left, right = (combination(count, rank) for count in d.shape)
         zeros = _of_square(a, b @ right, left.T @ c, left.T @ d @ right)
-        zeros = zeros[_loses_rank((a, b, c, d), zeros, rank)]
-    return _exact_at_zero((a, b, c, d), zeros, rank)
+        zeros = zeros[_loses_rank((a, b, c, d), zeros, rank, np.ix_(rows, columns))]
+    return FiniteZeros(_exact_at_zero((a, b, c, d), zeros, rank), rank, rows, columns)
+
+
+def _connected(a: Array, b: Array, c: Array, d: Array) -> tuple[Bools, Bools]:
+    """Tell which outputs and inputs have a response that is not rounding only; all of them if none has."""
+    known = np.zeros(d.shape, dtype=bool)
+    for s in POINTS:
+        resolvent = np.linalg.inv(s * np.eye(len(a)) - a)
+        noise = np.outer(np.linalg.norm(c @ resolvent, axis=1), np.linalg.norm(b, axis=0))
+        noise += np.outer(np.linalg.norm(c, axis=1), np.linalg.norm(resolvent @ b, axis=0))
+        known |= np.abs(c @ resolvent @ b + d) > RESPONSE_ROUNDINGS * EPS * noise
+    if not known.any():
+        known[:] = True
+    return np.asarray(known.any(axis=1)), np.asarray(known.any(axis=0))
 
 
 def normal_rank(a: Array, b: Array, c: Array, d: Array) -> int:
     """Return the rank of C (s - A)^-1 B + D at almost all s."""
-    rank, n = 0, len(a)
-    for s in POINTS:
-        gain = c @ np.linalg.solve(s * np.eye(n) - a, b) + d
-        for _ in range(2):  # units of inputs and outputs
-            for axis in (0, 1):
-                size = np.linalg.norm(gain, axis=axis, keepdims=True)
-                gain = gain / np.where(size > 0.0, size, 1.0)
-        values = np.linalg.svd(gain, compute_uv=False)
+    rank = 0
+    for gain in _gains((a, b, c, d), np.array(POINTS)):
+        left, right = port_sizes(gain)
+        values = np.linalg.svd(gain / left[:, None] / right, compute_uv=False)
         rank = max(rank, int(np.count_nonzero(values > NORMAL_RANK)))
     return rank
+
+
+def _gains(equations: tuple[Array, Array, Array, Array], s: Complex) -> Complex:
+    """C (s - A)^-1 B + D at the points ``s`` (n,), shape (n, outputs, inputs)."""
+    a, b, c, d = equations
+    return np.asarray(c @ np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b[None]) + d)
+
+
+def port_sizes(gain: Complex) -> tuple[Array, Array]:
+    """Return sizes of the outputs and inputs of a transfer matrix (outputs, inputs), which bring it to unit size."""
+    size = np.abs(gain)
+    sizes = [np.ones(count) for count in size.shape]
+    for _ in range(2):
+        for axis in (1, 0):
+            norm = np.linalg.norm(size, axis=axis, keepdims=True)
+            norm[norm == 0.0] = 1.0
+            size, sizes[1 - axis] = size / norm, sizes[1 - axis] * norm.reshape(-1)
+    return sizes[0], sizes[1]
 
 
 def combination(count: int, rank: int) -> Array:
@@ -74,25 +118,28 @@ def combination(count: int, rank: int) -> Array:
     return np.linalg.qr(np.cos(1.0 + np.arange(count * rank) ** 2.0).reshape(count, rank))[0]
 
 
-def _loses_rank(equations: tuple[Array, Array, Array, Array], zeros: Complex, rank: int) -> NDArray[np.bool_]:
-    """Tell at which s the transfer matrix, and the system matrix, have less than their normal rank.
+def _loses_rank(equations: tuple[Array, Array, Array, Array], zeros: Complex, rank: int, ports: Any) -> Bools:
+    """Tell at which s the transfer matrix has less than its normal rank; near poles, at which the system matrix has.
 
-    A singular value falls to rounding there, and grows within a quarter of the way to the nearest pole. Where it does
-    not grow, as along a chain of many masses, it is small at all s.
+    ``ports``: entries of the transfer matrix that are not rounding only. The logarithm of an analytic function without
+    zeros is its mean on a circle, also where the function falls fast with s, as along a chain of many masses.
     """
-    a, b, c, d = equations
-    n, poles = len(a), np.linalg.eigvals(a)
+    poles = np.linalg.eigvals(equations[0])
     least, rounding = _least(equations, rank)
-
-    def gain(s: complex) -> float:
-        return float(np.linalg.svd(c @ np.linalg.solve(s * np.eye(n) - a, b) + d, compute_uv=False)[rank - 1])
-
-    lost = np.zeros(len(zeros), dtype=bool)
+    lost: Bools = np.zeros(len(zeros), dtype=bool)
     for i, s in enumerate(zeros.tolist()):
         away = np.abs(poles - s)
         reach = AWAY * float(away[away > AT_POLE * abs(s)].min(initial=np.inf))
-        if away.min() > NEAR_POLE * abs(s) and gain(s) > FALLS * gain(s + reach):
-            continue
+        if away.min() > NEAR_POLE * abs(s):
+            gains = _gains(equations, np.array([s, *(s + reach * CIRCLE)]))[:, *ports]
+            left, right = port_sizes(np.abs(gains[1:]).max(axis=0))
+            values = np.linalg.svd(gains / left[:, None] / right, compute_uv=False)[:, :rank]
+            with np.errstate(divide="ignore"):
+                size = np.log(values).sum(axis=1)
+            fall = size[0] - size[1:].mean()
+            if not np.log(CLEARLY) < fall < np.log(FALLS):
+                lost[i] = fall <= np.log(CLEARLY)
+                continue
         value, noise = least(s), rounding * max(1.0, abs(s))
         if value <= LOST * noise:
             lost[i] = max(least(s + reach * turn) for turn in (1.0, 1j)) > GROWTH * max(value, noise)

@@ -25,5 +25,5 @@ def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     d = d * unit
     size = np.linalg.norm(np.concatenate((c, d), axis=1), axis=1)
     size = np.where(size > 0.0, size, 1.0)[:, None]
-    zeros = finite_zeros(a / unit, b, c / size, d / size) * unit
+    zeros = finite_zeros(a / unit, b, c / size, d / size).zeros * unit
     return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])

@@ -12,13 +12,14 @@ Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.selection import selected
 from mbsvib.modes.damped import Damped
-from mbsvib.responses.finite_zeros import finite_zeros
+from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
 from mbsvib.responses.zero_rounding import determined_zeros, smallest_singular_value, transfer_rounding
@@ -59,13 +60,16 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
     a, b, c, d, at_zero, unit = _realized(system, modal, sources, results)
-    zeros = finite_zeros(a, b, c, d) * unit
+    found = finite_zeros(a, b, c, d)
+    zeros, rank = found.zeros * unit, found.rank
+    sources, results = [*compress(sources, found.columns)], [*compress(results, found.rows)]
+    system = _of_unit_size(system, modal, (sources, results), unit)
     total = _transfer(system, modal, (sources, results), zeros)
-    zeros = _refined(modal, total, zeros)
-    zeros = _at_rest(system, modal, total, zeros, (sources, results), at_zero)
+    zeros = _refined(modal, total, zeros, rank)
+    zeros = _at_rest(system, modal, total, zeros, (sources, results), at_zero, rank)
     if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + at_zero:
         rounding = transfer_rounding(system, modal, total, (sources, results), zeros)
-        zeros = zeros[determined_zeros(modal, total, zeros, rounding)]
+        zeros = zeros[determined_zeros(modal, total, zeros, rounding, rank)]
     zeros = np.concatenate((np.zeros(at_zero), zeros))
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
@@ -126,7 +130,20 @@ def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple
     return a / highest, b / highest / input_norm, c / output_norm[:, None], d / output_norm[:, None] / input_norm
 
 
-def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex) -> Complex:
+def _of_unit_size(
+    system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], unit: float
+) -> Equations:
+    """The system with ports in units in which the transfer matrix is of unit size: powers of two, without rounding."""
+    sources, results = ports
+    point = np.array([POINTS[0] * unit])
+    sizes = port_sizes(_transfer(system, modal, ports, point).at(point)[:, :, 0])
+    rows, columns = np.ones(len(system.outputs)), np.ones(len(system.inputs))
+    rows[results], columns[sources] = (np.exp2(-np.round(np.log2(size))) for size in sizes)
+    rates = {name: getattr(system, name) * rows[:, None] for name in ("Cq", "Cv", "Ca")}
+    return replace(system, B=system.B * columns, D=system.D * rows[:, None] * columns, **rates)
+
+
+def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex, rank: int) -> Complex:
     """Improve each zero as long as the smallest singular value of the transfer matrix falls."""
     undamped = isinstance(modal, Damped) and not modal.gamma.any()
     z = zeros.copy()
@@ -134,19 +151,19 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
         z.real[np.abs(z.real) <= CORRECTION**2 * np.abs(z.imag)] = 0.0
     poles = np.unique(modal.pairs)
     with np.errstate(all="ignore"):
-        value = smallest_singular_value(total.at(z))[0]
+        value = smallest_singular_value(total.at(z), rank)[0]
         for _ in range(NEWTON_STEPS):
             distance = np.abs(z[:, None] - poles).min(axis=1)
             offset = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
             matrix, shifted = total.at(z), total.at(z + offset)
-            size, left, right = smallest_singular_value(matrix)
+            size, left, right = smallest_singular_value(matrix, rank)
             change = np.einsum("no,oin,ni->n", left.conj(), shifted - matrix, right)
             new = z - offset * (size / change)
             if undamped:
                 new.real[z.real == 0.0] = 0.0
             new.imag[z.imag == 0.0] = 0.0
             better = np.abs(new - z) <= CORRECTION * np.abs(z)
-            then = smallest_singular_value(total.at(new))[0]
+            then = smallest_singular_value(total.at(new), rank)[0]
             better &= then < value
             if not better.any():
                 break
@@ -156,7 +173,7 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
 
 def _at_rest(
     system: Equations, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
-    ports: tuple[list[int], list[int]], at_zero: int,
+    ports: tuple[list[int], list[int]], at_zero: int, rank: int,
 ) -> Complex:  # fmt: skip
     """Set zeros next to 0 to 0 if the static response is zero to rounding, or if poles at 0 do not appear in it:
     uncontrollable or unobservable rigid-body modes. ``at_zero`` of the zeros at 0 are left out.
@@ -168,7 +185,7 @@ def _at_rest(
         if not np.isfinite(lowest):
             return z
         if square:
-            known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z))
+            known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z), rank)
             return _of_determinant(total, poles, (z, known), lowest, at_zero)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
@@ -179,7 +196,7 @@ def _at_rest(
     lowest = float(size.min())
     if np.any(np.abs(z) <= (MULTIPLE if square else AT_REST) * lowest):
         origin = np.zeros(1, dtype=complex)
-        value, left, right = smallest_singular_value(total.at(origin))
+        value, left, right = smallest_singular_value(total.at(origin), rank)
         rounding = transfer_rounding(system, modal, total, ports, origin)
         noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:

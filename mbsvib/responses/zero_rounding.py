@@ -28,16 +28,16 @@ AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobser
 
 
 def determined_zeros(
-    modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array
+    modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array, rank: int
 ) -> NDArray[np.bool_]:
-    """Tell which zeros are determined despite rounding."""
+    """Tell which zeros are determined despite rounding; ``rank``: normal rank of the transfer matrix."""
     if not len(z):
         return np.zeros(0, dtype=bool)
     distance = np.abs(z[:, None] - np.unique(modal.pairs)).min(axis=1)
     size = np.abs(z)
     offset = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
     with np.errstate(all="ignore"):
-        value, left, right = smallest_singular_value(total.at(z))
+        value, left, right = smallest_singular_value(total.at(z), rank)
         change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + offset), right))
         rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
         clear = change > GROWTH * np.maximum(value, rounding)
@@ -73,9 +73,9 @@ def transfer_rounding(
     return EPS * result
 
 
-def smallest_singular_value(matrices: Complex) -> tuple[Array, Complex, Complex]:
-    """Return the smallest singular value (n,) of matrices (outputs, inputs, n), with its vectors (n, ...)."""
+def smallest_singular_value(matrices: Complex, rank: int) -> tuple[Array, Complex, Complex]:
+    """Return the singular value (n,) number ``rank`` of matrices (outputs, inputs, n), with its vectors (n, ...)."""
     stack = matrices.transpose(2, 0, 1)
     good: NDArray[np.bool_] = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
     u, s, v = np.linalg.svd(np.where(good[:, None, None], stack, 0.0), full_matrices=False)
-    return np.where(good, s[:, -1], np.nan), u[:, :, -1], v[:, -1, :].conj()
+    return np.where(good, s[:, rank - 1], np.nan), u[:, :, rank - 1], v[:, rank - 1, :].conj()
