@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,7 +60,6 @@ class Plant(Displayed):
     nominal: Array
     units: tuple[str, ...]
     _plan: BatchPlan
-    _slots: Slots
 
     @property
     def name(self) -> str:
@@ -111,12 +110,7 @@ class Plant(Displayed):
             If the loads do not balance for some values.
         """
         array, single = self._checked(values)
-        batch = self._batch(array)
-        if not single:
-            return batch
-        arrays = {item.name: getattr(batch, item.name) for item in fields(Matrices)}
-        return Matrices(**{key: array[0] if isinstance(array, np.ndarray) and key != "row_owner" else array
-                           for key, array in arrays.items()})  # fmt: skip
+        return self._plan.single(self._values(array)) if single else self._batch(array)
 
     def system(self, values: ArrayLike) -> System:
         """Return the system for values of the parameters.
@@ -271,9 +265,10 @@ class Plant(Displayed):
         return batch.frequency_response(omega)[:, rows][:, :, columns]
 
     def _batch(self, array: Array) -> Batch:
-        values = np.ascontiguousarray(array.T)
-        values.setflags(write=False)
-        return self._plan.equations(with_checked_parts(Values.of(self._slots, values)), Batch)
+        return self._plan.equations(self._values(array), Batch)
+
+    def _values(self, array: Array) -> Values:
+        return with_checked_parts(Values.of(self._plan.slots, np.ascontiguousarray(array.T)))
 
     def _derivatives(self, batch: Batch, directions: Array) -> dict[str, Any]:
         """Derivatives (n, k, ...) along the columns of directions (p, k)."""
@@ -328,8 +323,9 @@ def compiled(
     if not names:
         raise ModelError(f"compile: parameters = {shown(parameters)}; expected at least one.{nearest('', known)}",
                          field="parameters")  # fmt: skip
-    plan = batch_plan(model, independent, cut, System)
+    slots = Slots.of(known, names)
+    plan = batch_plan(model, slots, independent, cut, System)
     entries = [known.entry(name) for name in names]
     nominal = np.array([entry.value for entry in entries])
     nominal.setflags(write=False)
-    return Plant(tuple(names), nominal, tuple([entry.unit for entry in entries]), plan, Slots.of(known, names))
+    return Plant(tuple(names), nominal, tuple([entry.unit for entry in entries]), plan)

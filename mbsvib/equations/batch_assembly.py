@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import joint_axes, moved_bodies, scene_of_variants
+from mbsvib.equations.batch_geometry import joint_axes, moved_bodies
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
@@ -22,14 +22,15 @@ from mbsvib.equations.batch_tangents import closure_along
 from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
+from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.massless_tangents import condensed_along
-from mbsvib.equations.matrices import matrices
+from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
-from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Terms
+from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
@@ -40,9 +41,12 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.draft import Draft
+    from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Triplets
+    from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -66,7 +70,7 @@ def linearize_batch(
     ``values`` (n,) or (): values of parameters, by name or by a pattern that picks several.
     """
     variants = checked(model.parameters, values)
-    return batch_plan(model, independent, cut, form).equations(variants, batch)
+    return batch_plan(model, variants.slots, independent, cut, form).equations(variants, batch)
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,8 @@ class BatchPlan:
     """What all variants of a model share: the arrays of the ``nominal`` mechanism and the pivots of its loops.
 
     ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
-    ``scene``; ``cut`` names the joints at which its loops are to be cut. ``decided`` lists, for each call, how many
-    variants got rank decisions of their own.
+    ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
+    ``decided`` lists, for each call, how many variants got rank decisions of their own.
     """
 
     user_model: Mechanism
@@ -83,7 +87,13 @@ class BatchPlan:
     scene: Scene
     nominal: Equations
     cut: tuple[str, ...] | None
+    slots: Slots
     decided: list[int] = field(default_factory=list, compare=False, repr=False)
+
+    @cached_property
+    def geometry(self) -> GeometryPlan:
+        """How the arrays of the mechanism follow from the numbers that vary."""
+        return geometry_plan(self.model, self.scene, self.slots)
 
     @cached_property
     def pivots(self) -> LoopPivots:
@@ -97,21 +107,51 @@ class BatchPlan:
         return tuple([names[k] for k in self.nominal.provenance.reduction.independent.tolist()])
 
     @cached_property
-    def adds_by_variant(self) -> bool:
-        """Whether the mechanism has elements whose forces are computed for one variant after the other."""
+    def loaded(self) -> bool:
+        """Whether a variant may have gravity, a load or a preload, even if the model has none."""
+        return self.scene.loads is not None or loaded_in_variants(self.model, self.slots.index)
+
+    @cached_property
+    def constant_rows(self) -> tuple[Triplets, Array, MinimalRows] | None:
+        """Relative displacements, Phi and minimal rows where no geometry varies; else None."""
+        if not self.geometry.constant:
+            return None
+        scene = replace(self.scene, springs=self.geometry.springs)
+        relative, phi = _displacements(scene)
+        return relative, phi, minimal_rows(scene, relative, self.pivots.reduction)
+
+    @property
+    def own_decisions(self) -> bool:
+        """Whether forces at the pose and motions without mass of a variant are described when it is asked for."""
+        return self.loaded or self.nominal.provenance.separation is not None
+
+    @cached_property
+    def one_by_one(self) -> bool:
+        """Whether elements or fields that vary make it necessary to compute one variant after the other."""
         scene = self.scene
         curved = any(coupler.curvatures for coupler in scene.couplers)
         shared = scene.shared is not None and bool(scene.shared.base)
         redundant = any(group.surplus for group in self.nominal.provenance.reduction.groups)
         forces = redundant and any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs)
-        return bool(shared or forces or curved)
+        parts = self.slots.parameters.parts
+        varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
+        return bool(shared or forces or curved or varies)
+
+    def _chunk_size(self, count: int) -> int:
+        """Number of variants to compute at once, of ``count``."""
+        scene = self.scene
+        elastic = all(fields.keys() <= {"stiffness", "damping"} for fields in self.slots.index.values())
+        if scene.loads is None and elastic:
+            return count
+        rows, n = scene.coordinates.path.shape
+        if scene.loads is not None:
+            rows += len(scene.loads[0].names) + n
+        return int(max(16, CHUNK // max(1, rows * n * 6)))
 
     def at_once(self, variants: Values) -> bool:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
-        varies = any(not fields.keys() <= variants.parameters.parts[name].batched_fields
-                     for name, fields in variants.fields.items())  # fmt: skip
-        return not (self.adds_by_variant or spins or varies)
+        return not (self.one_by_one or spins)
 
     def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
         """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
@@ -121,7 +161,7 @@ class BatchPlan:
         """
         values, size = variants.values, variants.values.count
         steps = values.stepping(directions)
-        count, width, closure = steps.count // size, _chunk_size(self.scene, steps), variants.closure
+        count, width, closure = steps.count // size, self._chunk_size(steps.count), variants.closure
         bases = self._separations(values.in_equations)
         chunks = []
         for start in range(0, steps.count, width):
@@ -145,6 +185,19 @@ class BatchPlan:
             return []
         return [_assembled(self, values.slice(i, i + 1), i).separating.separation_of(0) for i in range(values.count)]
 
+    def single(self, variant: Values) -> Matrices:
+        """Return the matrices of a single variant, without an axis of variants."""
+        if not self.at_once(variant):
+            terms: Any = self.equations(variant, BatchEquations)[0]
+            return Matrices(**{item.name: getattr(terms, item.name) for item in fields(Matrices)})
+        part = _assembled(self, variant.in_equations, 0)
+        self.decided.append(part.decided)
+        arrays = part.separated()
+        if "separated" in arrays:
+            arrays = arrays["separated"][0].named()
+        return Matrices(**{key: array[0] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
+                           for key, array in arrays.items() if key in AXES})  # fmt: skip
+
     def equations(self, variants: Values, batch: type[B]) -> B:
         """Return the equations of some variants as a batch."""
         keep_freed_memory(MANY)
@@ -152,15 +205,13 @@ class BatchPlan:
         if not self.at_once(variants):
             self.decided.append(variants.count)
             return one_by_one(self.user_model, nominal, variants, self.cut, batch)
-        size = _chunk_size(self.scene, variants)
+        size = self._chunk_size(variants.count)
         parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
                  for start in range(0, variants.count, size)]  # fmt: skip
         chunks = [part.separated() for part in parts]
         self.decided.append(sum(part.decided for part in parts))
-        own_decisions = bool(self.scene.loads is not None or loaded_in_variants(self.model, variants)
-                             or nominal.provenance.separation is not None)  # fmt: skip
         common: dict[str, Any] = {"nominal": nominal, "values": variants, "massless": nominal.massless,
-                                  "own_decisions": own_decisions}  # fmt: skip
+                                  "own_decisions": self.own_decisions}  # fmt: skip
         if "separated" in chunks[0]:
             arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
             return batch(closure=None, **common, **arrays)
@@ -170,15 +221,18 @@ class BatchPlan:
 
 
 def batch_plan(
-    model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    model: Mechanism, slots: Slots, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
     form: type[Equations] = Equations,
 ) -> BatchPlan:  # fmt: skip
-    """Return what all variants of a model share, in the minimal coordinates of its pose."""
+    """Return what all variants of a model share, in the minimal coordinates of its pose.
+
+    ``slots``: places of the parameters that vary.
+    """
     user_model, model = model, expanded(model)
     with_nodes = with_maxwell_nodes(model)
     scene = scene_of(with_nodes, cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut))
+    return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots)
 
 
 def _along(chunk: _Assembled, which: Index, bases: Sequence[Draft]) -> dict[str, Any]:
@@ -204,6 +258,8 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     if not present:
         return None
     axes = AXES.get(key, 2)
+    if len(parts) == 1 and present[0].ndim > axes:
+        return present[0]
     array = next((part for part in present if part.ndim > axes), present[0])
     if len(parts) > 1 and array.ndim > axes:
         none = np.zeros((size, *array.shape[1:]))
@@ -211,14 +267,10 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
-def _chunk_size(scene: Scene, values: Values) -> int:
-    """Number of variants to compute at once."""
-    if scene.loads is None and all(fields.keys() <= {"stiffness", "damping"} for fields in values.fields.values()):
-        return values.count
-    rows, n = scene.coordinates.path.shape
-    if scene.loads is not None:
-        rows += len(scene.loads[0].names) + n
-    return int(max(16, CHUNK // max(1, rows * n * 6)))
+def _displacements(scene: Scene) -> tuple[Triplets, Array]:
+    """Relative displacements, and the locked rows Phi among them."""
+    relative = scene.relative()
+    return relative, scene.closure(relative)
 
 
 @dataclass(frozen=True)
@@ -260,18 +312,20 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     if it is the nominal one.
     """
     model, pivots, nominal = plan.model, plan.pivots, plan.nominal
-    scene = scene_of_variants(model, plan.scene, values)
-    if scene.loads is not None or loaded_in_variants(model, values):
+    scene = plan.geometry.at(values)
+    if plan.loaded:
         applied = applied_of_variants(model, values, moved_bodies(scene, values))
         scene = replace(scene, loads=(applied, {}))
-    relative = scene.relative()
     reduction, stepped = pivots.reduction, values.stepped
-    phi, lost, decided = scene.closure(relative), np.zeros(values.count, dtype=bool), 0
+    lost, decided = np.zeros(values.count, dtype=bool), 0
+    relative, phi, rows = plan.constant_rows or (*_displacements(scene), None)
     if phi.ndim == 3 and stepped:
         reduction, lost = closure_along(scene, values, phi, pivots, closure)
     elif phi.ndim == 3:
         reduction, decided = reduce_batch(scene, values, phi, pivots, first)
-    terms = matrices(scene, relative, reduction)
+    if rows is None:
+        rows = minimal_rows(scene, relative, reduction)
+    terms = matrices(scene, rows, closed=reduction.matrix is not None)
     if nominal.provenance.separation is None and not stepped:
         _check_masses(terms.M, nominal.coordinates, first)
     loaded: tuple[LoadedPairs, Array] | None = None

@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def loaded_in_variants(model: Mechanism, values: Values) -> bool:
-    """Return whether a variant has gravity, a load or a preload, even if the nominal model has none."""
-    return bool("gravity" in values.fields and model.gravity is not None) or bool(_preloaded(model, values))
+def loaded_in_variants(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether gravity, or the preload of an element, is among the fields that vary, by part and name."""
+    return bool("gravity" in varying and model.gravity is not None) or bool(_preloaded(model, varying))
 
 
-def _preloaded(model: Mechanism, values: Values) -> frozenset[str]:
+def _preloaded(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
     """Names of the elements whose preload may differ in variants."""
     return frozenset(
-        name for name, fields in values.fields.items() if name in model.springs and (
+        name for name, fields in varying.items() if name in model.springs and (
             "preload" in fields or getattr(model.springs[name], "free_length", None) is not None))  # fmt: skip
 
 
 def applied_of_variants(model: Mechanism, values: Values, positions: Mapping[int, Array]) -> AppliedWrenches:
     """Return the applied wrenches of all variants; ``positions`` (3, variants): moved centres of mass by number."""
     number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
-    applied = applied_wrenches(model, number, _preloaded(model, values))
+    applied = applied_wrenches(model, number, _preloaded(model, values.index))
     pairs, weight = applied.pairs, applied.weight
     arrays = {key: getattr(pairs, key) for key in ("start", "end", "force", "torque")}
     for k, name in enumerate(applied.names[: applied.loads]):

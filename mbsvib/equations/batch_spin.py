@@ -28,10 +28,10 @@ def spins_otherwise(model: Mechanism, values: Values) -> bool:
     touched = spinning | {part.name for parts in (model.joints, model.springs) for part in parts.values()
                           if spinning & {part.first, part.second}}  # fmt: skip
     touched |= {part.name for part in model.springs.values() if part.cross_coupling is not None}
-    if touched & values.fields.keys():
+    if touched & values.index.keys():
         return True
     rotors = [rotor for rotor in model.rotors.values() if rotor.inertia is None]
-    if len(rotors) < 2 or not any(rotor.name in values.fields for rotor in rotors):
+    if len(rotors) < 2 or not any(rotor.name in values.index for rotor in rotors):
         return False
     speeds = np.array([_field(rotor, "speed", values) for rotor in rotors])
     return bool((speeds != speeds[:1]).any())

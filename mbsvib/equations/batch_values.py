@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
 
@@ -29,65 +29,82 @@ if TYPE_CHECKING:
 STEP = 2.0**-100
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Values:
     """Values of the parameters that vary, ``by_name`` (n,), and by part and field in ``fields``, with the variants on
     the last axis; ``slots`` are their places in the parts of the nominal model.
+
+    ``numbers`` (rows, n) are all numbers of the parts that they change; ``index`` has their rows by part and field,
+    those of the model or of the parts that replace them in the equations.
     """
 
-    count: int
-    by_name: Mapping[str, Array]
-    fields: Mapping[str, Mapping[str, Array]]
+    numbers: Array
     slots: Slots
+    index: Mapping[str, Mapping[str, Index]]
 
     @staticmethod
     def of(slots: Slots, values: Array) -> Values:
         """Return the values (p, n) of the parameters of ``slots`` without checks."""
-        by_name = dict(zip(slots.names, values, strict=True))
-        return Values(values.shape[1], by_name, slots.fields(values), slots)
+        numbers = slots.numbers(values)
+        numbers.setflags(write=False)
+        return Values(numbers, slots, slots.index)
+
+    @property
+    def count(self) -> int:
+        """Number of variants, n."""
+        return len(self.numbers[0])
 
     @property
     def parameters(self) -> Parameters:
         """The parameters of the nominal model."""
         return self.slots.parameters
 
+    @cached_property
+    def by_name(self) -> Mapping[str, Array]:
+        """Values (n,) of the parameters, by name."""
+        return dict(zip(self.slots.names, self.numbers[self.slots.rows], strict=True))
+
+    @cached_property
+    def fields(self) -> Mapping[str, Mapping[str, Array]]:
+        """Complete fields by part and name, with the variants on the last axis."""
+        return {part: {field: self.numbers[rows] for field, rows in fields.items()}
+                for part, fields in self.index.items()}  # fmt: skip
+
     @property
     def in_equations(self) -> Values:
         """The values of the parts that replace those of the model in the equations."""
-        parts = self.parameters.parts
-        return replace(self, fields={name: parts[name].replaced_fields(fields) for name, fields in self.fields.items()})
+        return Values(self.numbers, self.slots, self.slots.replaced)
 
     def stepping(self, directions: Mapping[str, Array]) -> Values:
         """Return imaginary steps along directions (k,), by name, from all variants, as values of parts in the
         equations: k of each variant, one variant behind the other.
         """
-        values = np.array([(array[:, None] + 1j * STEP * directions[name]).reshape(-1)
-                           for name, array in self.by_name.items()])  # fmt: skip
-        return Values.of(self.slots, values).in_equations
+        names = self.slots.names
+        rates = np.array([directions[name] for name in names])
+        values: Any = self.numbers[self.slots.rows][:, :, None] + 1j * STEP * rates[:, None]
+        return Values.of(self.slots, values.reshape(len(names), -1)).in_equations
 
     @property
     def stepped(self) -> bool:
         """Whether values are complex: steps from those of variants that are known, see ``batch_tangents``."""
-        return any(np.iscomplexobj(value) for fields in self.fields.values() for value in fields.values())
+        return self.numbers.dtype.kind == "c"
 
     def repeated(self, array: Array) -> Array:
         """Return an array that is the same in all variants with an axis of variants in front, to be changed."""
-        kinds = [value.dtype for fields in self.fields.values() for value in fields.values()]
-        return np.repeat(array[None], self.count, axis=0).astype(np.result_type(array, *kinds), copy=False)
+        result = np.empty((self.count, *array.shape), np.result_type(array, self.numbers))
+        result[:] = array
+        return result
 
     def part(self, name: str, i: int) -> Part:
         """Return a part of variant ``i``."""
         part = self.parameters.parts[name]
-        return variant(part, self.fields[name], i) if name in self.fields else part
+        return variant(part, self.fields[name], i) if name in self.index else part
 
     def slice(self, start: int, stop: int) -> Values:
         """Return the variants start..stop."""
         if (start, stop) == (0, self.count):
             return self
-        fields = {name: {field: array[..., start:stop] for field, array in arrays.items()}
-                  for name, arrays in self.fields.items()}  # fmt: skip
-        by_name = {name: array[start:stop] for name, array in self.by_name.items()}
-        return Values(min(stop, self.count) - start, by_name, fields, self.slots)
+        return Values(self.numbers[:, start:stop], self.slots, self.index)
 
     def suspects(self, name: str) -> list[int]:
         """Return the variants whose values a part might refuse."""
@@ -126,7 +143,7 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
 
 def with_checked_parts(values: Values) -> Values:
     """Return the values after every part has accepted its own in all variants."""
-    for part in values.fields:
+    for part in values.slots.doubtful(values.numbers):
         _check_part(values, part)
     return values
 

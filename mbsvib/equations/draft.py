@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.matrices import matrices
+from mbsvib.equations.matrices import matrices, minimal_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,6 +84,7 @@ def first_draft(
     reduction = scene.reduced(phi, independent)
     locked = scene.locked
     strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
-    terms = matrices(scene, displacements, reduction, strained)
+    rows = minimal_rows(scene, displacements, reduction, strained)
+    terms = matrices(scene, rows, closed=reduction.matrix is not None)
     return Draft(model, scene, displacements, phi, reduction, tuple(reduction.independent.tolist()), terms,
                  tuple(independent or ()), checked)  # fmt: skip

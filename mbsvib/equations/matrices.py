@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.ports import port_matrices
 from mbsvib.equations.terms import Terms
 from mbsvib.kinematics.body_motion import body_motion
@@ -14,48 +16,68 @@ from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
 
 
-def matrices(
-    scene: Scene, relative: Triplets, reduction: Reduction, used: NDArray[np.bool_] | None = None
-) -> Terms:
-    """Return the matrices of a mechanism and their factors.
-
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the mechanism.
-    relative : Triplets
-        Its relative displacements.
-    reduction : Reduction
-        Its minimal coordinates.
-    used : array, shape (elastic rows,), optional
-        Mask of elastic rows; those that are zero by loops are left out too. Default: all rows, also zero ones.
-
-    Returns
-    -------
-    Terms
-        M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
+@fast_init
+@dataclass(frozen=True, slots=True)
+class MinimalRows:
+    """What geometry alone gives in minimal coordinates: the ``motion`` (..., bodies, 6, m) of the bodies, and ``rows``
+    (..., rows, m) of elements (those that are ``used``, None: all), ports, and base rows of shared mass and stiffness.
     """
-    springs, locked, count = scene.springs, scene.locked, len(scene.springs.owner)
+
+    motion: Array
+    rows: Array
+    used: NDArray[np.bool_] | None = None
+
+
+def minimal_rows(
+    scene: Scene, relative: Triplets, reduction: Reduction, used: NDArray[np.bool_] | None = None
+) -> MinimalRows:
+    """Return the rows of a scene in minimal coordinates.
+
+    ``relative``: its relative displacements. ``used`` (elastic rows,): those to take; default: all, also zero ones.
+    """
+    locked, count = scene.locked, len(scene.springs.owner)
     motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
-    factor = scene.inertia.factor(motion)
     # elastic rows, those of ports, and base rows of shared mass and stiffness
     end = count + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
     mask = None
     if used is not None:
         mask, count = np.empty(end, dtype=bool), int(np.count_nonzero(used))
         mask[: len(used)], mask[len(used) :] = used, True
-    all_rows = reduction.apply_exactly(relative.dense(locked, locked + end, mask), count)
+    return MinimalRows(motion, reduction.apply_exactly(relative.dense(locked, locked + end, mask), count), used)
+
+
+def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:
+    """Return the matrices of a mechanism and their factors.
+
+    Parameters
+    ----------
+    scene : Scene
+        The arrays of the mechanism.
+    minimal : MinimalRows
+        Its rows in minimal coordinates.
+    closed : bool
+        Whether it has loops, so that elastic rows may be zero; among rows that are ``used`` these are left out.
+
+    Returns
+    -------
+    Terms
+        M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
+    """
+    springs, motion, all_rows, used = scene.springs, minimal.motion, minimal.rows, minimal.used
+    count = len(springs.owner) if used is None else int(np.count_nonzero(used))
+    factor = scene.inertia.factor(motion)
     ports_end = count + len(scene.port.rows.first)
     elastic, port_rows = all_rows[..., :count, :], all_rows[..., count:ports_end, :]
     rows, k, c, owner, inertance = elastic, springs.stiffness, springs.damping, springs.owner, springs.inertance
     if used is not None:
         which = used.nonzero()[0]
-        if reduction.matrix is not None:
+        if closed:
             nonzero = np.asarray(elastic.any(axis=1)).nonzero()[0]
             which, elastic = which.take(nonzero), elastic.take(nonzero, axis=0)
         rows, k, c, owner = elastic, k.take(which, axis=-1), c.take(which, axis=-1), owner.take(which)

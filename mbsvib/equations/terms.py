@@ -80,7 +80,7 @@ class Matrices:
 _NAMES = tuple([item.name for item in fields(Matrices)])
 MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
 # Number of axes of each term of a single system; in many variants there may be one more in front.
-AXES = dict.fromkeys(_NAMES, 2) | {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}
+AXES = dict.fromkeys(_NAMES, 2) | {"row_stiffness": 1, "row_damping": 1, "row_owner": 1, "body_motion": 3}
 # Arrays that equations without spin, follower loads, cross-coupling and massless motions lack.
 OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
 

@@ -65,6 +65,8 @@ def _square(rows: Array) -> Array:
 
 def _combined(rows: Array, value: Array) -> Array:
     """The same rows with many sets of values (variants, rows): one product with the outer squares of the rows."""
+    if len(value) == 1:
+        return weighted_gram(rows, value[0])[None]
     m = rows.shape[1]
     i, j = np.triu_indices(m)
     varies = np.asarray((value != value[:1]).any(axis=0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +15,15 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
+
+
+# Fields by which connections have a row, or none.
+COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
+# Fields that are checked by more than the signs of their numbers.
+OWN_CHECKS = frozenset({"inertia", "start", "end", "preload", "static_stiffness"})
 
 
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
@@ -28,7 +35,8 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
     for name, value in resolved(parameters, values).items():
         expected = f"a finite number [{parameters.entry(name).unit}]"
         arrays[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
-    fields = Slots.of(parameters, list(arrays)).fields(np.array(list(arrays.values())).reshape(-1, 1))
+    slots = Slots.of(parameters, list(arrays))
+    fields = slots.fields(slots.numbers(np.array(list(arrays.values())).reshape(-1, 1)))
     return {name: variant(parameters.parts[name], fields[name], 0) for name in fields}
 
 
@@ -56,43 +64,115 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Slots:
-    """Places of the parameters ``names`` (p,) in the fields of parts: of each field its present value, and the places
-    of new entries in it with their numbers among the parameters.
+    """Places of the parameters ``names`` (p,) among the numbers of the parts that they change.
+
+    ``index`` has the rows of each field that varies, by part and field, in the shape of the field: (), (3,) ...;
+    ``others`` those of constant fields that go with them: with a point all points of a part, with a coefficient all
+    coefficients. ``nominal`` (rows,) are all these numbers as they are, behind a zero in the row 0. Values of the
+    parameters ``source`` (k,) are the numbers in the rows ``target`` (k,).
     """
 
     parameters: Parameters
     names: tuple[str, ...]
-    places: tuple[tuple[str, str, Array, tuple[tuple[tuple[int, ...], int], ...]], ...]
+    index: Mapping[str, Mapping[str, Index]]
+    others: Mapping[str, Mapping[str, Index]]
+    nominal: Array
+    target: Index
+    source: Index
 
     @staticmethod
     def of(parameters: Parameters, names: Sequence[str]) -> Slots:
         """Return the places of parameters."""
-        places: dict[tuple[str, str], list[tuple[tuple[int, ...], int]]] = {}
+        index: dict[str, dict[str, Index]] = {}
+        others: dict[str, dict[str, Index]] = {}
+        numbers, target, source = [0.0], [], []
+
+        def rows_of(fields: dict[str, Index], part: Part, field: str) -> Index:
+            if field not in fields:
+                value = np.array(_value(part, field), dtype=float)
+                fields[field] = len(numbers) + np.arange(value.size).reshape(value.shape)
+                numbers.extend(value.reshape(-1).tolist())
+            return fields[field]
+
         for k, name in enumerate(names):
             entry = parameters.entry(name)
-            place = places.setdefault((entry.part, entry.field), [])
-            place.append((entry.index, k))
-            if entry.is_pair:
-                place.append((entry.index[::-1], k))
-        return Slots(parameters, tuple(names), tuple([
-            (part, field, np.array(_value(parameters.parts[part], field), dtype=float), tuple(entries))
-            for (part, field), entries in places.items()]))  # fmt: skip
+            rows = rows_of(index.setdefault(entry.part, {}), parameters.parts[entry.part], entry.field)
+            places = {entry.index, entry.index[::-1]} if entry.is_pair else {entry.index}
+            target += [int(rows[place]) for place in places]
+            source += [k] * len(places)
+        for name, fields in index.items():
+            part = parameters.parts[name]
+            known = {item.name for item in part.parameter_fields()}
+            for group in (part.point_fields, COEFFICIENTS):
+                for field in known.intersection(group) - fields.keys() if fields.keys() & set(group) else ():
+                    rows_of(others.setdefault(name, {}), part, field)
+        return Slots(parameters, tuple(names), index, others, np.array(numbers), np.array(target, dtype=np.intp),
+                     np.array(source, dtype=np.intp))  # fmt: skip
 
-    def fields(self, values: Array) -> dict[str, dict[str, Array]]:
+    @cached_property
+    def replaced(self) -> Mapping[str, Mapping[str, Index]]:
+        """The same as ``index``, by the fields of the parts that replace those of the model in the equations."""
+        return {name: self._replaced(name, fields) for name, fields in self.index.items()}
+
+    @cached_property
+    def complete(self) -> Mapping[str, Mapping[str, Index]]:
+        """The same as ``replaced``, with the constant fields that go with those that vary."""
+        return {name: {**self._replaced(name, self.others.get(name, {})), **fields}
+                for name, fields in self.replaced.items()}  # fmt: skip
+
+    def _replaced(self, name: str, fields: Mapping[str, Index]) -> dict[str, Index]:
+        with_axis: Any = {field: np.asarray(rows)[..., None] for field, rows in fields.items()}
+        replaced = self.parameters.parts[name].replaced_fields(with_axis)
+        return {field: rows[..., 0].astype(np.intp) for field, rows in replaced.items()}
+
+    @cached_property
+    def checks(self) -> tuple[Index, tuple[str, ...], tuple[str, ...]]:
+        """Rows (k,) of numbers that the parts (k,), by name, accept with the sign of the model's, and the other parts.
+
+        What a part accepts depends on no more than the signs of its numbers, but for lines between points, tensors and
+        nodes that forces hold.
+        """
+        rows: list[int] = []
+        owners: list[str] = []
+        others = []
+        for name, fields in self.index.items():
+            if fields.keys() & OWN_CHECKS or ("end" in self.others.get(name, {})):
+                others.append(name)
+                continue
+            for numbers in fields.values():
+                rows += numbers.reshape(-1).tolist()
+                owners += [name] * numbers.size
+        return np.array(rows, dtype=np.intp), tuple(owners), tuple(others)
+
+    def doubtful(self, numbers: Array) -> list[str]:
+        """Return the names of the parts that might refuse some of the numbers (rows, n)."""
+        rows, owners, others = self.checks
+        other = (np.sign(numbers[rows]) != np.sign(self.nominal[rows, None])).any(axis=1)
+        return [*others, *dict.fromkeys(owners[k] for k in other.nonzero()[0].tolist())]
+
+    @cached_property
+    def rows(self) -> Index:
+        """A row (p,) of each parameter."""
+        result = np.zeros(len(self.names), dtype=np.intp)
+        result[self.source] = self.target
+        return result
+
+    def numbers(self, values: Array) -> Array:
+        """Return all numbers (rows, n) for values (p, n)."""
+        result = np.empty((len(self.nominal), values.shape[1]), values.dtype)
+        result[:] = self.nominal[:, None]
+        result[self.target] = values[self.source]
+        return result
+
+    def fields(self, numbers: Array) -> dict[str, dict[str, Array]]:
         """Return the complete fields of parts in which some entries have new values, by part and field.
 
-        ``values`` (p, n). The last axis of fields is that of the values (position: (3, n)); orientations are rotation
-        vectors from the present pose.
+        ``numbers`` (rows, n). The last axis of fields is that of the values (position: (3, n)); orientations are
+        rotation vectors from the present pose.
         """
-        result: dict[str, dict[str, Array]] = {}
-        for part, field, start, entries in self.places:
-            array = np.repeat(start[..., None], values.shape[1], axis=-1).astype(values.dtype, copy=False)
-            for index, k in entries:
-                array[index] = values[k]
-            result.setdefault(part, {})[field] = array
-        return result
+        return {part: {field: numbers[rows] for field, rows in fields.items()} for part, fields in self.index.items()}
 
 
 def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:

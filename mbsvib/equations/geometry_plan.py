@@ -1,0 +1,325 @@
+"""The arrays of a mechanism as functions of some of its numbers: which entries follow which numbers is found once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements.bushing import Bushing, symmetric_part
+from mbsvib.elements.element_rows import ElementRows
+from mbsvib.elements.families import connection_rows
+from mbsvib.elements.rows import Rows
+from mbsvib.equations.batch_geometry import joint_axes
+from mbsvib.equations.inertia import SpatialInertia, tensor_factors
+from mbsvib.equations.placing import Placing, with_columns
+from mbsvib.linalg.products import signed_rows
+from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.changes import COEFFICIENTS
+from mbsvib.mechanism.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.couplings import Couplings
+    from mbsvib.mechanism.changes import Slots
+    from mbsvib.mechanism.mechanism import Mechanism
+
+    Rows3 = Mapping[str, Mapping[str, Index]]
+
+
+@dataclass(frozen=True)
+class GeometryPlan:
+    """How the arrays of a ``scene`` follow from the numbers of some slots; None stands for what is constant.
+
+    ``bodies`` (k,) have the positions ``centres`` (3, k), and ``ports`` (p,) theirs at the centres ``port_centres``
+    (3, p). Of ``springs``, ``coefficients`` are the rows of numbers of some columns by name; elements of ``matrices``
+    have rows that are made anew. ``masses`` are bodies with the rows of their masses, ``tensors`` those whose tensor
+    varies: number, rows of the six entries, rows of the rotation vector, None where either is constant.
+    """
+
+    scene: Scene
+    index: Rows3
+    bodies: Index
+    centres: Index
+    twists: Placing | None
+    cuts: Placing | None
+    measured: Placing | None
+    springs: ElementRows
+    elements: Placing | None
+    coefficients: Mapping[str, tuple[Index, Index]]
+    matrices: tuple[int, ...]
+    masses: tuple[Index, Index]
+    tensors: tuple[tuple[int, Index | None, Index | None], ...]
+    ports: Index
+    port_centres: Index
+    inertial_outputs: tuple[Index | None, ...]
+
+    @property
+    def constant(self) -> bool:
+        """Whether coefficients, masses and tensors alone vary: places, directions and ratios are constant."""
+        varies = any(part is not None for part in (self.twists, self.cuts, self.measured, self.elements))
+        coupled = any(part.name in self.index for part in self.scene.couplers)
+        return not (varies or coupled or len(self.bodies) or len(self.ports) or self.matrices)
+
+    def at(self, values: Values) -> Scene:
+        """Return the arrays of the mechanism in all variants.
+
+        Arrays (3, n) of vectors become (3, variants, n) where they vary, all others (variants, ...).
+        """
+        scene, numbers = self.scene, values.numbers
+        changes: dict[str, Any] = {}
+        if len(self.bodies):
+            position = values.repeated(scene.position)
+            position[:, self.bodies] = numbers[self.centres].transpose(2, 1, 0)
+            changes["position"] = position
+        if self.twists is not None:
+            linear, angular, point = self.twists.at(numbers)
+            changes["coordinates"] = replace(scene.coordinates, linear=linear, angular=angular, point=point)
+        if scene.cuts is not None and (self.cuts is not None or scene.cuts.couplings is not None):
+            rows = scene.cuts.rows if self.cuts is None else _rows(scene.cuts.rows, self.cuts, numbers)
+            changes["cuts"] = replace(scene.cuts, rows=rows, couplings=self._couplings(values))
+        if self.springs is not scene.springs or self.elements is not None or self.coefficients or self.matrices:
+            changes["springs"] = self._springs(values)
+        if len(self.ports) or any(rows is not None for rows in self.inertial_outputs):
+            changes["port"] = self._ports(numbers)
+        if len(self.masses[0]) or self.tensors:
+            changes["inertia"] = self._inertia(values)
+        return replace(scene, **changes) if changes else scene
+
+    def _springs(self, values: Values) -> ElementRows:
+        """Rows of the spring-dampers, in all directions with a coefficient that varies or is not zero."""
+        springs, numbers = self.springs, values.numbers
+        changes: dict[str, Any] = {}
+        for key, (columns, rows) in self.coefficients.items():
+            array = values.repeated(getattr(springs, key))
+            array[:, columns] = numbers[rows].T
+            changes[key] = array
+        if self.elements is not None:
+            changes["rows"] = _rows(springs.rows, self.elements, numbers)
+        springs = replace(springs, **changes) if changes else springs
+        if not self.matrices:
+            return springs
+        number = self.scene.topology.body_numbers
+        return ElementRows.join([springs, *(_of_matrix(self.scene.elements[i], i, number, values)
+                                            for i in self.matrices)])  # fmt: skip
+
+    def _couplings(self, values: Values) -> Couplings | None:
+        """The relations of couplers, and the coordinates of cut joints that they measure."""
+        scene, fields = self.scene, values.fields
+        couplings = None if scene.cuts is None else scene.cuts.couplings
+        if couplings is None:
+            return None
+        value = couplings.value
+        for i, part in enumerate(scene.couplers):
+            if part.name in self.index:
+                value = values.repeated(value) if value.ndim == 1 else value
+                value[:, couplings.row == i] = part.coefficients_of(fields[part.name]).T
+        measured, skew = couplings.measured, list(couplings.skew)
+        if self.measured is not None:
+            measured = _rows(measured, self.measured, values.numbers)
+            joints = [joint for joint, _ in scene.measured]
+            axes, _ = joint_axes(joints, values)
+            for at, (k, first, second, which) in enumerate(skew):
+                frame = axes.get(joints[k].name)
+                if frame is not None:
+                    turn = frame @ np.array(joints[k].axes).T
+                    skew[at] = k, np.einsum("vij,jk->ivk", turn, first), np.einsum("vij,jk->ivk", turn, second), which
+        return replace(couplings, value=value, measured=measured, skew=tuple(skew))
+
+    def _ports(self, numbers: Array) -> Any:
+        """Ports; without a position they are at the centre of mass of their body, or of the body relative to ground."""
+        port, rows = self.scene.port, self.scene.port.rows
+        if len(self.ports):
+            rows = replace(rows, point=with_columns(rows.point, self.ports, numbers[self.port_centres].swapaxes(1, 2)))
+        outputs = [(row, output, at if own is None else numbers[own].T)
+                   for (row, output, at), own in zip(port.inertial_outputs, self.inertial_outputs, strict=True)]
+        return replace(port, rows=rows, inertial_outputs=tuple(outputs))
+
+    def _inertia(self, values: Values) -> SpatialInertia:
+        linear, angular, numbers = self.scene.inertia.linear, self.scene.inertia.angular, values.numbers
+        bodies, rows = self.masses
+        if len(bodies):
+            linear = values.repeated(linear)
+            linear[:, bodies] = np.sqrt(numbers[rows].T)
+        angular = values.repeated(angular) if self.tensors else angular
+        for body, entries, rotation in self.tensors:
+            part = self.scene.bodies[body]
+            axes = np.array(part.orientation)
+            if rotation is not None:
+                axes = exponential(numbers[rotation].T) @ axes
+            root = tensor_factors(np.array([part.inertia]) if entries is None else numbers[entries].T)
+            missing = root.shape[-2] - angular.shape[-2]
+            if missing > 0:  # steps have more rows
+                angular = np.pad(angular, ((0, 0), (0, 0), (0, missing), (0, 0)))
+            angular[:, body, : root.shape[-2]] = root @ np.swapaxes(axes, -1, -2)
+        return SpatialInertia(linear, angular)
+
+
+def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
+    """Return how the arrays of a mechanism follow from the numbers of some slots."""
+    index = slots.complete
+    number = scene.topology.body_numbers
+    moved = {number[name]: fields["position"] for name, fields in index.items()
+             if name in number and "position" in fields}  # fmt: skip
+    springs, elements, coefficients, matrices = _elements(scene, number, slots)
+    masses = [(number[name], fields["mass"]) for name, fields in index.items() if name in number and "mass" in fields]
+    tensors = [(number[name], fields.get("inertia"), fields.get("orientation")) for name, fields in index.items()
+               if name in number and ("inertia" in fields or "orientation" in fields)]  # fmt: skip
+    bodies, rows = (np.array([pair[i] for pair in masses], dtype=np.intp) for i in (0, 1))
+    ports, inertial = _centred_ports(model, scene, moved, number)
+    return GeometryPlan(
+        scene, index, np.array(list(moved), dtype=np.intp), _stacked(list(moved.values())),
+        _twists(scene, index, moved), _cuts(scene, index), _measured(scene, index), springs, elements, coefficients,
+        matrices, (bodies, rows), tuple(tensors), np.array([row for row, _ in ports], dtype=np.intp),
+        _stacked([at for _, at in ports]), inertial,
+    )  # fmt: skip
+
+
+def _stacked(rows: Sequence[Index]) -> Index:
+    """Rows of vectors, (3, k)."""
+    return np.array(rows, dtype=np.intp).reshape(-1, 3).T
+
+
+def _rows(rows: Rows, placing: Placing, numbers: Array) -> Rows:
+    force, moment, point = placing.at(numbers)
+    return Rows(rows.first, rows.second, point, force, moment)
+
+
+def _varying(placing: Placing) -> Placing | None:
+    """None where no column varies."""
+    varies = len(placing.placed) or len(placing.turned) or len(placing.lined) or len(placing.pitched)
+    return placing if varies else None
+
+
+def _twists(scene: Scene, index: Rows3, moved: Mapping[int, Index]) -> Placing | None:
+    twists, start = scene.coordinates, 0
+    owners, centres, pitched = [], [], []
+    # coordinates come in the order of the joints, those of floating bodies last
+    for branch in sorted(scene.topology.branches, key=lambda one: (one.joint == FLOATS, one.joint)):
+        joint = None if branch.joint == FLOATS else scene.topology.joints[branch.joint]
+        columns = range(start, start + (6 if joint is None else len(joint.freedom)))
+        start = columns.stop
+        if (joint is None or joint.position is None) and branch.body in moved:
+            centres.append((moved[branch.body], columns))
+        if joint is not None:
+            owners.append((joint, columns))
+            pitch = index.get(joint.name, {}).get("pitch")
+            if pitch is not None:
+                pitched += [(pitch, column, twists.angular[:, column]) for column in columns]
+    return _varying(Placing.of((twists.linear, twists.angular, twists.point), owners, index, centres, pitched))
+
+
+def _cuts(scene: Scene, index: Rows3) -> Placing | None:
+    cuts = scene.cuts
+    if cuts is None:
+        return None
+    owners, pitched = [], []
+    for count, k in enumerate(scene.topology.cut):
+        joint = scene.topology.joints[k]
+        columns = np.flatnonzero(cuts.joint[: len(cuts.rows.first)] == count).tolist()
+        owners.append((joint, columns))
+        pitch = index.get(joint.name, {}).get("pitch")
+        if pitch is not None:
+            pitched += [(pitch, column, -cuts.rows.force[:, column])
+                        for column, (direction, _) in zip(columns, joint.locked, strict=True) if direction == "z"]
+    rows = cuts.rows
+    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, index, (), pitched, pitches_second=True))
+
+
+def _measured(scene: Scene, index: Rows3) -> Placing | None:
+    if scene.cuts is None or scene.cuts.couplings is None:
+        return None
+    rows, owners = scene.cuts.couplings.measured, [(joint, [k]) for k, (joint, _) in enumerate(scene.measured)]
+    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, index))
+
+
+def _elements(
+    scene: Scene, number: Mapping[str, int], slots: Slots
+) -> tuple[ElementRows, Placing | None, dict[str, tuple[Index, Index]], tuple[int, ...]]:
+    """Rows of elements, how they are placed, rows of their coefficients, and the elements with 6x6 matrices that vary.
+    """
+    index, varied = slots.complete, set(slots.target.tolist())
+    parts = list(scene.elements)
+    varying = [i for i, part in enumerate(parts) if part.name in index]
+    if not varying:
+        return scene.springs, None, {}, ()
+    matrices = tuple([i for i in varying if isinstance(parts[i], Bushing) and _has_matrix(parts[i])])
+    for i in varying:
+        if i not in matrices:
+            fields = index[parts[i].name]
+            active = {field: _active(getattr(parts[i], field), fields[field], varied)
+                      for field in COEFFICIENTS if field in fields}  # fmt: skip
+            parts[i] = replace(parts[i], **active)
+    springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
+    if matrices:
+        springs = springs.take((~np.isin(springs.owner, matrices)).nonzero()[0])
+    owners = [(scene.elements[i], np.flatnonzero(springs.owner == i).tolist()) for i in varying if i not in matrices]
+    columns_of: dict[str, list[tuple[int, int]]] = {}
+    for part, columns in owners:
+        numbers: Any = {field: places[..., None] for field, places in index[part.name].items()}
+        for key, places in part.row_values(numbers, springs.unit[columns]).items():
+            pairs = zip(columns, places[:, 0].astype(int).tolist(), strict=True)
+            columns_of.setdefault(key, []).extend([pair for pair in pairs if pair[1] in varied])
+    coefficients = {key: (np.array([column for column, _ in pairs], dtype=np.intp),
+                          np.array([row for _, row in pairs], dtype=np.intp))
+                    for key, pairs in columns_of.items() if pairs}  # fmt: skip
+    rows = springs.rows
+    placing = Placing.of((rows.force, rows.moment, rows.point), owners, index)
+    return springs, _varying(placing), coefficients, matrices
+
+
+def _active(nominal: Any, rows: Index, varied: set[int]) -> Any:
+    """Values that are not zero where those of the model are not, or vary: the element has a row there."""
+    if rows.ndim:
+        return tuple([value or float(int(row) in varied) for value, row in zip(nominal, rows, strict=True)])
+    return nominal or float(int(rows) in varied)
+
+
+def _has_matrix(part: Any) -> bool:
+    return isinstance(part.stiffness[0], tuple) or isinstance(part.damping[0], tuple)
+
+
+def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values) -> ElementRows:
+    """Rows of a bushing with matrices: eigenvectors of its stiffness, then of its damping (symmetric parts)."""
+    fields, count = values.fields[part.name], values.count
+    axes = np.broadcast_to(np.array(part.orientation), (count, 3, 3))
+    if "orientation" in fields:
+        axes = exponential(fields["orientation"].T) @ np.array(part.orientation)
+    point = np.broadcast_to(fields.get("position", np.array(part.position)[:, None]), (3, count))
+    values_of, units = [], []
+    for key in ("stiffness", "damping"):
+        matrix = np.moveaxis(fields[key], -1, 0) if key in fields else np.array(getattr(part, key))
+        if matrix.shape[-2:] != (6, 6):
+            matrix = matrix[..., None] * np.eye(6)
+        value, unit = signed_rows(symmetric_part(np.broadcast_to(matrix, (count, 6, 6))))
+        values_of.append(value)
+        units.append(unit)
+    unit = np.concatenate(units, axis=1)
+    force, moment = (np.einsum("vij,vrj->ivr", axes, unit[..., half]) for half in (slice(3), slice(3, 6)))
+    length = unit.shape[1]
+    first, second = (np.full(length, number[body], dtype=np.intp) for body in (part.first, part.second))
+    rows = Rows(first, second, np.repeat(point[:, :, None], length, axis=2), force, moment)
+    stiffness, damping = (np.concatenate([value if i == k else np.zeros_like(value)
+                                          for i, value in enumerate(values_of)], axis=1) for k in (0, 1))  # fmt: skip
+    return ElementRows(rows, stiffness, damping, np.full(length, owner, dtype=np.intp), unit)
+
+
+def _centred_ports(
+    model: Mechanism, scene: Scene, moved: Mapping[int, Index], number: Mapping[str, int]
+) -> tuple[list[tuple[int, Index]], tuple[Index | None, ...]]:
+    """Rows of ports without a position, at the centre of mass of a body that moves, and those of inertial outputs."""
+    parts: list[Any] = [*(part for part in model.inputs.values() if not part.moves_ground),
+                        *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
+    at_centre, centre_of = [], {}
+    for row, part in enumerate(parts):
+        a, b = number[part.relative_to], number[part.body]
+        body = b if b < len(number) - 1 else a
+        if part.position is None and body in moved:
+            at_centre.append((row, moved[body]))
+            centre_of[part] = moved[body]
+    return at_centre, tuple([centre_of.get(output) for _, output, _ in scene.port.inertial_outputs])

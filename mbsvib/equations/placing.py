@@ -1,0 +1,161 @@
+"""Directions and points of rows and twists as functions of the numbers of the parts that own them.
+
+Twists, locked rows and elastic rows are directions at a point of a part. They turn with its orientation, move with its
+position, and are along the line between its ends. Which columns follow which numbers is found once; for many variants
+the vectors are then made by a few operations on all columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.linalg.rotations import exponential, frames_along
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Index
+
+Vectors = tuple["Array", "Array", "Array"]
+
+
+@dataclass
+class _Columns:
+    """Columns, with rows of numbers for each: a list of arrays (3,) or numbers."""
+
+    columns: list[int] = field(default_factory=list)
+    rows: list[Any] = field(default_factory=list)
+
+    def add(self, columns: Iterable[int], row: Any) -> None:
+        """Add columns that all have the same rows."""
+        for column in columns:
+            self.columns.append(column)
+            self.rows.append(row)
+
+    def arrays(self) -> tuple[Index, Index]:
+        """The columns (k,), and the rows (k,) or (3, k)."""
+        return np.array(self.columns, dtype=np.intp), np.array(self.rows, dtype=np.intp).T
+
+
+@dataclass(frozen=True)
+class Placing:
+    """Two directions, ``first`` and ``second``, and a ``point`` (3, n) of each column, with the columns that vary.
+
+    Columns ``placed`` have their points at the numbers ``place`` (3, k). Those ``turned`` turn with the rotation
+    vectors, or with the lines of rods, whose number among all ``turns`` (3, r) and ``rods`` (start and end (3, q),
+    axes (q, 3, 3)) is in ``turn``. Columns ``lined`` are along the lines from ``start`` to ``end`` (3, k). In columns
+    ``pitched`` the vector ``along`` (3, k) times the number ``pitch`` (k,) is the first direction, or the second one
+    if ``pitches_second``.
+    """
+
+    first: Array
+    second: Array
+    point: Array
+    placed: Index
+    place: Index
+    turned: Index
+    turn: Index
+    turns: Index
+    rods: tuple[Index, Index, Array]
+    lined: Index
+    start: Index
+    end: Index
+    pitched: Index
+    pitch: Index
+    along: Array
+    pitches_second: bool
+
+    @staticmethod
+    def of(
+        vectors: Vectors, owners: Sequence[tuple[Any, Sequence[int]]], index: Mapping[str, Mapping[str, Index]],
+        centres: Sequence[tuple[Index, Sequence[int]]] = (), pitched: Sequence[tuple[Index, int, Array]] = (),
+        pitches_second: bool = False,
+    ) -> Placing:  # fmt: skip
+        """Return how columns follow from the numbers of their owners.
+
+        ``vectors`` (3, n): directions and points of the model. ``owners``: parts and their columns. ``index``: rows of
+        the numbers of each field that varies, by part and field. ``centres``: rows of the positions of bodies with the
+        columns at their centres of mass. ``pitched``: row of a pitch, column, and vector.
+        """
+        placed, turned, lined, ends = _Columns(), _Columns(), _Columns(), _Columns()
+        turns: list[Index] = []
+        rods: list[tuple[Index, Index, Array]] = []
+        rod_columns = _Columns()
+        for part, columns in owners:
+            fields = index.get(part.name, {})
+            if getattr(part, "is_rod", False) and fields:
+                rod_columns.add(columns, len(rods))
+                rods.append((fields["position"], fields["end"], np.array(part.axes)))
+                placed.add(columns, fields["end"])
+                continue
+            if "orientation" in fields:
+                turned.add(columns, len(turns))
+                turns.append(fields["orientation"])
+            if "position" in fields:
+                placed.add(columns, fields["position"])
+            if "start" in fields:
+                lined.add(columns, fields["start"])
+                ends.add(columns, fields["end"])
+                placed.add(columns, fields["start"])
+        for rows, columns in centres:
+            placed.add(columns, rows)
+        turned.columns += rod_columns.columns
+        turned.rows += [len(turns) + k for k in rod_columns.rows]
+        starts, stops, axes = zip(*rods, strict=True) if rods else ((), (), ())
+        along = np.array([vector for _, _, vector in pitched]).reshape(-1, 3).T
+        return Placing(
+            *vectors, *placed.arrays(), *turned.arrays(), np.array(turns, dtype=np.intp).reshape(-1, 3).T,
+            (np.array(starts, dtype=np.intp).T, np.array(stops, dtype=np.intp).T, np.array(axes)),
+            *lined.arrays(), ends.arrays()[1], np.array([column for _, column, _ in pitched], dtype=np.intp),
+            np.array([row for row, _, _ in pitched], dtype=np.intp), along, pitches_second,
+        )  # fmt: skip
+
+    def at(self, numbers: Array) -> Vectors:
+        """Return the vectors for numbers (rows, variants): (3, variants, n) where some vary, else (3, n)."""
+        first, second, point = self.first, self.second, self.point
+        if len(self.pitched):
+            vectors = self.along[:, None] * numbers[self.pitch].T
+            if self.pitches_second:
+                second = with_columns(second, self.pitched, vectors)
+            else:
+                first = with_columns(first, self.pitched, vectors)
+        if len(self.turned):
+            rotation = self._rotations(numbers)[:, self.turn]
+            first, second = (self._rotated(array, rotation) for array in (first, second))
+        if len(self.lined):
+            line = numbers[self.end] - numbers[self.start]
+            line /= np.sqrt(np.add.reduce(line * line))
+            first = with_columns(first, self.lined, line.swapaxes(1, 2))
+        if len(self.placed):
+            point = with_columns(point, self.placed, numbers[self.place].swapaxes(1, 2))
+        return first, second, point
+
+    def _rotations(self, numbers: Array) -> Array:
+        """The rotations (variants, r + q, 3, 3) of parts and of rods from their axes in the model."""
+        parts = [exponential(numbers[self.turns].transpose(2, 1, 0))] if self.turns.size else []
+        start, end, axes = self.rods
+        if len(axes):
+            line = numbers[end] - numbers[start]
+            line /= np.sqrt(np.add.reduce(line * line))
+            parts.append(frames_along(line.transpose(2, 1, 0)) @ axes.swapaxes(1, 2))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+    def _rotated(self, array: Array, rotation: Array) -> Array:
+        """Vectors with the columns that turn; those that are zero stay constant."""
+        own = array[..., self.turned]
+        if not own.any():
+            return array
+        letters = "vcij,jc->ivc" if own.ndim == 2 else "vcij,jvc->ivc"
+        return with_columns(array, self.turned, np.einsum(letters, rotation, own))
+
+
+def with_columns(array: Array, columns: Any, vectors: Array) -> Array:
+    """Return vectors (3, n) or (3, variants, n) with others (3, variants, k) in some columns."""
+    lead = array if array.ndim == 3 else array[:, None]
+    result = np.empty((3, vectors.shape[1], array.shape[-1]), np.result_type(array, vectors))
+    result[:] = lead
+    result[:, :, columns] = vectors
+    return result
