@@ -16,12 +16,11 @@ from mbsvib.feedback.controller import Controller, controller
 from mbsvib.feedback.margins import Margins
 from mbsvib.isolation.actuated import Active, actuated
 from mbsvib.isolation.collocation import Collocation, Pair, collocation
-from mbsvib.isolation.design import Design
+from mbsvib.isolation.design import Design, Front
 from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
 from mbsvib.isolation.isolation_study import Isolation, study
 from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.octaves import vc_curve
-from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus

@@ -1,18 +1,23 @@
-"""Result of a passive design: the mechanism, and its figures before and after."""
+"""Results of passive designs: a mechanism with its figures before and after, and Pareto fronts of designs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.isolation_study import Isolation
-    from mbsvib.studies import Optimum
+    from mbsvib.studies import Constraint, Optimum, Quantity
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -50,3 +55,60 @@ class Design(Displayed):
 
     def __repr__(self) -> str:
         return f"Design({self.optimum!r})"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Front(Displayed):
+    """The best ``objective`` (n,) for n bounds on a quantity, its values ``price`` (n,), and the ``designs``."""
+
+    labels: tuple[str, str]
+    objective: Array
+    price: Array
+    bounds: Array
+    designs: tuple[Design, ...] = field(repr=False)
+
+    def table(self) -> dict[str, Any]:
+        """Return the front as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        names = list(self.designs[0].values)
+        rows = [(f"{p:.5g}", f"{x:.5g}", *(f"{design.values[name]:.5g}" for name in names),
+                 "" if design.success else "not optimal")
+                for p, x, design in zip(self.price, self.objective, self.designs, strict=True)]  # fmt: skip
+        columns = [(name, "right") for name in (*self.labels[::-1], *names, "")]
+        return {"title": f"Pareto front of {self.designs[0].model.name}", "columns": columns, "rows": rows, "notes": []}
+
+    def __repr__(self) -> str:
+        return f"Front({self.labels[0]} against {self.labels[1]}, {len(self.designs)} designs)"
+
+
+def front(
+    designed: Callable[[Constraint, Mapping[str, Any]], Design], labels: tuple[str, str], against: Quantity,
+    bounds: Sequence[float], kwargs: Mapping[str, Any],
+) -> Front:  # fmt: skip
+    """Return the front: one search for each bound, starting at the previous result.
+
+    ``designed``: returns the best design under an additional constraint and the arguments ``kwargs`` of
+    ``studies.optimize``. ``labels``: of the objective and of the bounded quantity.
+    """
+    limits = np.asarray(bounds, dtype=float)
+    if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
+        raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
+    options = dict(kwargs)
+    designs: list[Design] = []
+    price = []
+    for bound in limits.tolist():
+        limit = against <= bound
+        designs.append(designed(limit, options))
+        options["start"] = dict(designs[-1].values)
+        values = designs[-1].optimum.constraints[limit.label]
+        if len(values) != 1:
+            raise ModelError(f"front: '{against.label}' has {len(values)} numbers; expected one, as largest() makes.",
+                             field="against")  # fmt: skip
+        price.append(float(values[0]))
+    return Front(labels, np.array([design.optimum.objective for design in designs]),
+                 np.array(price), limits, tuple(designs))  # fmt: skip

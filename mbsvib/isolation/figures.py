@@ -4,25 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.csv_columns import write_columns
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.loop import resolution
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.isolation.asymptote import Asymptote, asymptote
 from mbsvib.isolation.linear import numbers, responses
-from mbsvib.isolation.study_scene import ACCELERATIONS, StudyScene
+from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, StudyScene
 from mbsvib.linalg.singular_values import singular_values
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
+
+
+KILO = 1e4  # [Hz], from where frequencies are written in kHz
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -155,6 +162,82 @@ class Figures:
         """The index at infinite frequency: 0 unless it levels off, as where masses of legs pass on vibration."""
         return self._asymptote.size if self._asymptote and not self._asymptote.order else 0.0
 
+    def table(self) -> dict[str, Any]:
+        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        f = self.frequencies
+        static = self.compliance_values[:, 0]
+        rows = [
+            ("resonance", _hertz(self.resonance)),
+            ("amplification at resonance", f"{self.amplification:.4g} ({_decibel(self.amplification)})"),
+            ("isolation starts at (crossover)",
+             f"{'below ' if self.crossover == f[0] else ''}{_hertz(self.crossover)}"),
+            ("index one decade above crossover",
+             f"{self.decade:.3g} ({_decibel(self.decade)})" if self.decade > 0.0 else "-"),
+            ("roll-off", _roll_off(self)),
+            (f"index at {f[-1]:.4g} Hz", f"{self.index[-1]:.3g} ({_decibel(self.index[-1])})"),
+            (f"compliance at {f[0]:.4g} Hz, minimum and maximum", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
+        ]
+        if len(self.undamped):
+            rows[1] = ("amplification at resonance", "infinite: undamped")
+        scene, directions = self.scene, self.scene.base_directions
+        point = ", ".join(f"{x:g}" for x in scene.point)
+        notes = [f"Index ||T||_F/sqrt({len(directions)}) of accelerations at ({point}) m, rotations times "
+                 f"{scene.length:.4g} m; base motion along {' '.join(directions)}.", *scene.notes]  # fmt: skip
+        title = f"Isolation of {scene.body} from {scene.base}: {self.name}"
+        return {"title": title, "columns": [("figure", "left"), ("value", "right")], "rows": rows, "notes": notes}
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write index, singular values, transmissibility and compliance over frequency as comma-separated values.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
+        scene = self.scene
+        columns = {"frequency_hz": self.frequencies, "index": self.index}
+        columns |= {f"singular_value_{i}": values for i, values in enumerate(self.singular_values, 1)}
+        for symbol, table, sources in (("T", self.transmissibility, scene.base_directions),
+                                     ("C", self.compliance, DIRECTIONS)):  # fmt: skip
+            for i, direction in enumerate(DIRECTIONS):
+                for j, source in enumerate(sources):
+                    columns[f"{symbol}_{direction}_{source}_re"] = table[i, j].real
+                    columns[f"{symbol}_{direction}_{source}_im"] = table[i, j].imag
+        return write_columns(path, columns)
+
 
 def _frobenius(g: Complex) -> Array:
     return np.asarray(np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)) / g.shape[1]))
+
+
+def _roll_off(study: Figures) -> str:
+    if study.sampled and not study.plateau:
+        return "none: the controller is sampled"
+    if study.plateau:
+        return f"none: levels off at {study.plateau:.3g} ({_decibel(study.plateau)})"
+    if not np.isfinite(study.roll_off):
+        return "too steep: the response is below rounding"
+    return f"{study.roll_off:.0f} dB/decade above {_hertz(study.roll_off_from)}"
+
+
+def _hertz(value: float) -> str:
+    """A frequency in words."""
+    if not np.isfinite(value):
+        return "not in this band"
+    return f"{value:.4g} Hz" if value < KILO else f"{1e-3 * value:.4g} kHz"
+
+
+def _decibel(value: float) -> str:
+    """A ratio in decibel."""
+    return f"{20.0 * np.log10(value):+.1f} dB" if value > 0.0 else "none"

@@ -7,27 +7,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
+from mbsvib.errors import ResponseError
 from mbsvib.feedback.frequencies import checked
+from mbsvib.feedback.loop import resolution
 from mbsvib.isolation.figures import Figures
-from mbsvib.isolation.frequencies import default
 from mbsvib.isolation.linear import numbers
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
-from mbsvib.isolation.tables import isolation_csv, isolation_table
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.responses import extrema
 from mbsvib.responses.power_spectra import base_noise
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
     from mbsvib.isolation.vibration import Vibration
+
+
+POINTS = 400  # evenly spaced default frequencies; more points are added at resonances
+THINNING = 3.0  # distance of the first added point in half-widths, and ratio of successive distances
+SAME = 1e-10  # share of a frequency within which points are duplicates
+BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -63,31 +70,6 @@ class Isolation(Figures, Displayed):
             If a spectrum is refused, or the system is unstable.
         """
         return vibration(self, base_noise(spectra, self.scene.base_directions, correlation), band)
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        return isolation_table(self)
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write index, singular values, transmissibility and compliance over frequency as comma-separated values.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
-
-        Returns
-        -------
-        Path
-            The path.
-        """
-        return isolation_csv(self, path)
 
     def __repr__(self) -> str:
         return (f"Isolation({self.name!r}: {self.scene.base} to {self.scene.body}, {len(self.frequencies)} frequencies "
@@ -139,10 +121,40 @@ def study(
 
 def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene at ascending ``frequencies`` (n,) [Hz], with its loops open or closed."""
-    f = default(linear) if frequencies is None else checked(frequencies)
+    f = _resolving(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)
     shaken, loaded = (response[np.ix_(*numbers(linear, *ports))] for ports in
                       ((ACCELERATIONS, study_scene.inputs), (DISPLACEMENTS, LOADS)))  # fmt: skip
     for array in (f, shaken, loaded):
         array.setflags(write=False)
     return Isolation(study_scene, linear, f, shaken, loaded)
+
+
+def _resolving(linear: Linear) -> Array:
+    """Return ascending frequencies (n,) [Hz] around all poles, for a closed loop also around those of the open loop.
+
+    They are evenly spaced on a logarithmic axis, and denser around resonances.
+    """
+    system: System = linear if isinstance(linear, System) else linear.open_loop
+    size = np.abs(system.poles()) / (2.0 * np.pi)
+    size = size[size > 1e-9 * size.max(initial=0.0)]
+    if not len(size):
+        raise ResponseError("isolation: nothing vibrates, so that no band suggests itself; give frequencies [Hz].")
+    low, high = BELOW * float(size.min()), ABOVE * float(size.max())
+    poles, _, period = resolution(linear)
+    poles = np.concatenate((system.poles(), poles)) / (2.0 * np.pi)
+    if period < np.inf:
+        count = int(high / period) + 1
+        poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
+    even = np.geomspace(low, high, POINTS)
+    points = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
+    points = points[(points >= low) & (points <= high)]
+    return points[np.concatenate(([True], np.diff(points) > SAME * points[1:]))]
+
+
+def _around(poles: Complex, spacing: float) -> Array:
+    """Peaks and half-power points of resonances, and points around them up to the even spacing."""
+    half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
+    away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
+    away = half * np.concatenate(([0.0], away, -away))
+    return (centre + away)[(half > extrema.UNDAMPED * centre) & (np.abs(away) <= spacing * centre)]

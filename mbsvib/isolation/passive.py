@@ -14,9 +14,8 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 from mbsvib.feedback.frequencies import checked
-from mbsvib.isolation.design import Design
+from mbsvib.isolation.design import Design, Front, front
 from mbsvib.isolation.isolation_study import Isolation, figures
-from mbsvib.isolation.pareto import Front, front
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND

@@ -18,11 +18,11 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.elements.ports import Port
+from mbsvib.equations.batch_values import STEP
 from mbsvib.errors import ModelError, nearest
-from mbsvib.isolation.bodies import check_body
-from mbsvib.isolation.leg_motion import Following
+from mbsvib.isolation.leg_motion import UNITS, Following, ring_of
 from mbsvib.isolation.legs import legs_between
-from mbsvib.isolation.rings import UNITS, ring_of
+from mbsvib.isolation.study_scene import check_body
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.isolation.chains import Leg
-    from mbsvib.isolation.rings import Ring
+    from mbsvib.isolation.leg_motion import Ring
+    from mbsvib.isolation.legs import Leg
 
 
 ALIKE = 1e-6  # distance, in parts of the platform's size, of points that are one
@@ -98,15 +98,12 @@ class Platform(Displayed):
         ModelError
             As ``values`` does.
         """
-        off = self._off(variables)
-        low, high = self._shifts(off)
-        slopes = []
-        for name in variables:
-            moved, dimension = name.split(".")
-            slope = self.rings[moved].slope(dimension, off[moved]) @ self.frame.T
-            slopes.append([slope if ring == moved else np.zeros_like(slope) for ring in self.rings])
-        derivatives = self.following.rates(low, high, np.array(slopes), variables)
-        return dict(zip(variables, derivatives, strict=True))
+        steps = STEP * np.eye(len(variables))
+        shifted = {name: check.number(value, "platform", name) + 1j * step
+                   for (name, value), step in zip(variables.items(), steps, strict=True)}  # fmt: skip
+        derivatives = {name: value.imag / STEP for name, value in self.values(shifted).items()} if variables else {}
+        return {variable: {name: float(rates[k]) for name, rates in derivatives.items() if rates[k]}
+                for k, variable in enumerate(variables)}  # fmt: skip
 
     def _off(self, variables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """Changes of the variables from their start, by ring."""
@@ -123,7 +120,7 @@ class Platform(Displayed):
     def _shifts(self, off: Mapping[str, Mapping[str, Any]]) -> list[Array]:
         """Displacements of the starts and ends of legs [m], world axes."""
         for which, ring in self.rings.items():
-            radius, _ = ring.at(off[which])
+            radius = ring.at(off[which])[0].real
             if not (radius > 0.0).all():
                 leg = self.legs[int(np.argmin(radius) % len(self.legs))].name
                 raise ModelError(f"platform: {which}.radius leaves the end of leg '{leg}' at {radius.min():.6g} m from "

@@ -12,7 +12,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.elements import Maxwell
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.active_legs import line_springs
-from mbsvib.isolation.bodies import check_body, radius_of_gyration
+from mbsvib.isolation.study_scene import check_body, radius_of_gyration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

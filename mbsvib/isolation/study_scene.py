@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,6 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.base_motion import fixed_in_world
 from mbsvib.errors import ModelError, nearest
-from mbsvib.isolation.bodies import check_body, radius_of_gyration
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
+    from mbsvib.elements import Body
 
 DIRECTIONS = check.DIRECTIONS
 ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)
@@ -113,6 +114,20 @@ def scene(
     legs = _measured(copy)
     system = copy.linearize(method="dense")
     return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
+
+
+def check_body(model: Model, name: str, who: str, field: str) -> None:
+    """Refuse what is no body of a model; as a ``base`` the ground is one."""
+    known = [*model.bodies, *([GROUND] if field == "base" else [])]
+    if name not in known:
+        raise ModelError(f"{who}: {field} = {name!r}; expected a body of model '{model.name}'."
+                         f"{nearest(str(name), known)} It has {', '.join(known)}.",
+                         element=str(name), field=field)  # fmt: skip
+
+
+def radius_of_gyration(body: Body) -> float:
+    """Return the root mean square distance [m] of a body's mass from its centre, 0 without mass."""
+    return sqrt(0.5 * sum(body.inertia[:3]) / body.mass) if body.mass > 0.0 else 0.0
 
 
 def _with_base(model: Model, base: str, keep_ports: bool) -> Model:
