@@ -56,7 +56,6 @@ class Form(NamedTuple):
         free, locked = subspaces(self.free)
         if self.motion is SCREW:
             free = (("rz", (0.0, 0.0, 1.0, 0.0, 0.0, 1.0)),)
-            locked = tuple([(d, (0.0, 0.0, 1.0, 0.0, 0.0, -1.0) if d == "z" else row) for d, row in locked])
         elif self.cosine:
             second = (0.0, 0.0, 0.0, self.cosine, np.sqrt((1.0 - self.cosine) * (1.0 + self.cosine)), 0.0)
             free = (free[0], (free[1][0], second))

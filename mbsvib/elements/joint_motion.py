@@ -82,7 +82,7 @@ def open_by(x: Displacement, j: Columns) -> list[Component]:
         elif j.successive:
             first, second = turns
             change = c.dot(first, second) - c.dot(first, x.vector(second))
-            opened.append(change / c.norm(c.cross(first, second)))
+            opened.append(change / c.dot(c.cross(first, second), six[3:]))
         elif len(turns) == 1:
             opened.append(c.dot(six[3:], c.cross(turns[0], x.vector(turns[0]))))
         else:

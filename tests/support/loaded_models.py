@@ -27,13 +27,17 @@ def spatial_twin(model):
 
 
 def loaded(seed, bodies=3, loops=0, kinds=None, *, hold="bushings", follower=False, torque=False, floating=False,
-           offset=0.0, lines=True, couplers=0):  # fmt: skip
+           offset=0.0, lines=True, couplers=0, closing_kinds=None):  # fmt: skip
     """A random mechanism under gravity, loads and preloads; ``hold`` says what balances it: bushings or loads."""
     words = {} if kinds is None else {"kinds": kinds}
-    model = spatial(seed, bodies, loops, ports=False, floating=floating, offset=offset, **words)
+    model = spatial(seed, bodies, loops, ports=False, floating=floating, offset=offset,
+                    closing_kinds=closing_kinds, **words)  # fmt: skip
     rng = np.random.default_rng(seed + 1)
     free = [f"{joint.name}.{way}" for joint in model.joints.values() if joint.kind != "distance"
             for way, _ in joint.freedom]  # fmt: skip
+    if closing_kinds:  # couplers on the joints that close loops, and one of the tree
+        closing = [name for name in free if name.partition(".")[0] in {f"j{k}" for k in range(bodies, bodies + loops)}]
+        free = [*closing, next(name for name in free if name not in closing)]
     for k in range(min(couplers, len(free) // 2)):
         count = int(rng.integers(2, min(4, len(free)) + 1))
         model.add_coupler(f"coupler{k}", dict(zip(rng.choice(free, count, replace=False), rng.normal(size=count),

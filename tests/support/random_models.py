@@ -52,6 +52,8 @@ def add_random_joint(model, rng, name, kind, first, second, centre):
         selected = rng.random(6) < 0.5
         words["free"] = tuple(d for d, yes in zip(FREE["free"], selected, strict=True) if yes)
         kind = None
+    elif " " in kind:  # names of free directions
+        words["free"], kind = tuple(kind.split()), None
     if kind in ("prismatic", "fixed") and rng.random() < 0.5:
         del words["position"]
     pair = (first, second) if rng.random() < 0.6 else (second, first)
@@ -120,8 +122,10 @@ def add_random_ports(model, rng, centres, base=True):
 
 
 def spatial(seed, bodies=3, loops=0, kinds=MIXED, *, damped=True, negative=False, floating=False, offset=0.0,
-            ports=True):  # fmt: skip
-    """A random tree of bodies in a generic pose, with random further joints that close loops."""
+            ports=True, closing_kinds=None):  # fmt: skip
+    """A random tree of bodies in a generic pose, with random further joints, of ``kinds`` or ``closing_kinds``, that
+    close loops.
+    """
     rng = np.random.default_rng(seed)
     model = mv.Model(f"spatial{seed}")
     names = [f"b{i}" for i in range(bodies)]
@@ -141,7 +145,7 @@ def spatial(seed, bodies=3, loops=0, kinds=MIXED, *, damped=True, negative=False
     joints = pairs + closing
     for k in rng.permutation(len(joints)):
         first, second = joints[k]
-        kind = str(rng.choice(kinds))
+        kind = str(rng.choice(closing_kinds if closing_kinds and k >= len(pairs) else kinds))
         add_random_joint(model, rng, f"j{k}", kind, first, second, centres[second])
     for k, (first, second) in enumerate(pairs):
         add_random_spring(model, rng, f"s{k}", first, second, centres[second], damped, negative, False)
