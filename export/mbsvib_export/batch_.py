@@ -19,10 +19,12 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
+from mbsvib_export import record
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
-from mbsvib_export.npz_ import KEYS, STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.npz_ import record_in
 from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
+from mbsvib_export.record import KEYS, STATE_TEXTS, TEXTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -143,6 +145,13 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         for key, array in arrays.items():
             if array.shape[:1] != values.shape[1:]:
                 raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
-        systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
-                        for i in range(values.shape[1]))  # fmt: skip
+        shared |= {"format": record.FORMAT, "version": record.VERSION}
+        systems = tuple([_variant(shared | {key: array[i].copy() for key, array in arrays.items()})
+                         for i in range(values.shape[1])])  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
+
+
+def _variant(arrays: dict[str, Any]) -> SystemData:
+    data = record.data_from(record_in(arrays))
+    assert isinstance(data, SystemData)
+    return data

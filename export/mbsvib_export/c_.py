@@ -17,17 +17,14 @@ from mbsvib.feedback.controller import Controller
 from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
 from mbsvib_export.companion import check_companion
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.neutral import SystemData, state_space_of
+from mbsvib_export.neutral import SystemData, state_space_of, with_ports
 from mbsvib_export.sampling import discretised
-from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     import os
 
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import Source
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
@@ -44,7 +41,7 @@ class CFiles(Displayed):
 
 
 def to_c(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, folder: str | os.PathLike[str],
+    system: Source, folder: str | os.PathLike[str],
     step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
     name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> CFiles:  # fmt: skip

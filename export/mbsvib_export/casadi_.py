@@ -7,27 +7,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import counted
 from mbsvib_export.affine import physical_affine
 from mbsvib_export.casadi_exponential import exponential_step
-from mbsvib_export.neutral import state_space_of
+from mbsvib_export.neutral import state_space_of, with_ports
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import step_of
-from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source
 
 
 INSTALL = "mbsvib[casadi]"
@@ -63,7 +59,7 @@ class CasadiModel(Displayed):
 
 
 def to_casadi(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, step: float | None = None,
+    system: Source, step: float | None = None,
     parameters: Names = None,
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,

@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement
+    from mbsvib_export.neutral import Source
 
     Model = System | SystemData | StateSpace
 
@@ -80,7 +79,7 @@ class ExportCheck(Displayed):
 
 def check_export(
     path: str | os.PathLike[str],
-    system: System | ClosedLoop | Controller | StateSpace | SystemData | None = None, limit: float = LIMIT, *,
+    system: Source | None = None, limit: float = LIMIT, *,
     run: bool = False,
 ) -> ExportCheck:  # fmt: skip
     """Read a file of an exporter again, and compare frequency response and poles with the system.

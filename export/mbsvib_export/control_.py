@@ -12,7 +12,6 @@ from mbsvib_export.packages import need
 from mbsvib_export.sampling import discretised
 
 if TYPE_CHECKING:
-
     import control
     from numpy.typing import ArrayLike
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.controller import Controller
     from mbsvib.feedback.feedback_loop import FeedbackLoop
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source
 
 
 _INSTALL = "control>=0.10.1"
@@ -33,7 +32,7 @@ SAME = 1e-9  # share by which two sample times may differ and be one
 
 @overload
 def to_control(
-    system: System | FeedbackLoop | Controller | StateSpace | SystemData, realization: str = ...,
+    system: Source | FeedbackLoop, realization: str = ...,
     dt: float | None = ..., *, method: str | None = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
@@ -46,7 +45,7 @@ def to_control(
 
 
 def to_control(
-    system: System | FeedbackLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
+    system: Source | FeedbackLoop | Batch, realization: str = "physical",
     dt: float | None = None, *, method: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.

@@ -18,20 +18,16 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import check_shape, content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.format_version import check_version
-from mbsvib_export.neutral import data_of
-from mbsvib_export.npz_ import KEYS, arrays_of, data_from
+from mbsvib_export.neutral import data_of, with_ports
+from mbsvib_export.npz_ import arrays_of, record_in
 from mbsvib_export.packages import need
 from mbsvib_export.read_errors import read_errors
-from mbsvib_export.selection import with_ports
+from mbsvib_export.record import KEYS, data_from
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source, SystemData
 
 _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
@@ -43,7 +39,7 @@ def head(content: bytes) -> bytes:
 
 
 def to_hdf5(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    system: Source, path: str | os.PathLike[str],
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
@@ -112,8 +108,7 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData | StateSpace:
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
         with h5py.File(BytesIO(raw), "r") as datasets:
             entries = _entries(h5py, datasets, len(raw))
-        check_version(str(entries.get("format")), int(entries.get("version", 0)))
-        return data_from(entries)
+        return data_from(record_in(entries))
 
 
 def _entries(h5py: Any, file: Any, size: int) -> dict[str, Any]:

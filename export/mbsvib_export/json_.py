@@ -11,23 +11,20 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.json_content import read_json_content
 from mbsvib.errors import ExportError
-from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION
 from mbsvib_export.json_reading import data_in
-from mbsvib_export.neutral import ERROR_BOUND, SECOND_ORDER, SystemData, data_of, first_order
-from mbsvib_export.selection import with_ports
+from mbsvib_export.neutral import ERROR_BOUND, SECOND_ORDER, SystemData, data_of, first_order, with_ports
+from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import Source
 
 
 def to_json(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str] | None = None,
+    system: Source, path: str | os.PathLike[str] | None = None,
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
 ) -> str:  # fmt: skip

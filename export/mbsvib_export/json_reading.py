@@ -7,66 +7,49 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
-from mbsvib_export.consistency import consistent
-from mbsvib_export.format_version import SPACE_FORMAT, check_version
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH
+from mbsvib_export.record import SPACE_FORMAT, check_version, data_from
 
 if TYPE_CHECKING:
+    from mbsvib.api.state_space import StateSpace
     from mbsvib.common.arrays import Array
-
-    Signals = tuple[tuple[str, ...], tuple[str, ...]]
+    from mbsvib_export.neutral import SystemData
 
 
 def data_in(document: Any) -> SystemData | StateSpace:
     """Return the neutral object that a parsed JSON document describes, or the state space if that is all."""
     top = _mapping(document, "the document")
     check_version(top.get("format"), top.get("version"))
-    if top["format"] == SPACE_FORMAT:
-        return _state_space(top)
-    name = _word(top, "name", "the document")
-    coordinates, inputs, outputs = (_signals(top, key, "the document") for key in ("coordinates", "inputs", "outputs"))
-    second = _mapping(_item(top, "second_order", "the document"), "second_order")
     first = _mapping(_item(top, "state_space", "the document"), "state_space")
-    states = _signals(first, "states", "state_space")
-    m, i, n = len(coordinates[0]), len(inputs[0]), len(states[0])
-    widths = dict(zip(SECOND_ORDER, (m, m, m, i, m, m, m, i), strict=True))
-    first_widths = dict(zip(FIRST_ORDER, (n, i, n, i, n), strict=True))
-    matrices: dict[str, Any] = {key: _matrix(second, key, width, "second_order") for key, width in widths.items()}
-    space: dict[str, Any] = {key: _matrix(first, key, width, "state_space") for key, width in first_widths.items()}
-    if THROUGH in first:
-        space[THROUGH] = _matrix(first, THROUGH, i, "state_space")
-    ports = {**_pair("input", inputs), **_pair("output", outputs)}
-    bodies = [_mapping(body, "bodies") for body in _list(top, "bodies", "the document")]
-    realization = _word(first, "realization", "state_space")
-    return consistent(SystemData(
-        name=name, bodies=tuple(_word(body, "name", "bodies") for body in bodies), body_motion=_motion(bodies, m),
-        state_space=StateSpace(name=name, realization=realization, **space, **_pair("state", states), **ports),
-        **_pair("coordinate", coordinates), **ports, **matrices,
-    ))  # fmt: skip
-
-
-def _state_space(top: Mapping[str, Any]) -> StateSpace:
-    name = _word(top, "name", "the document")
-    inputs, outputs = (_signals(top, key, "the document") for key in ("inputs", "outputs"))
-    first = _mapping(_item(top, "state_space", "the document"), "state_space")
-    states = _signals(first, "states", "state_space")
-    n, i = len(states[0]), len(inputs[0])
-    matrices: dict[str, Any] = {key: _matrix(first, key, width, "state_space")
-                                for key, width in zip("ABCD", (n, i, n, i), strict=True)}  # fmt: skip
+    record: dict[str, Any] = {
+        "format": top["format"], "name": _word(top, "name", "the document"),
+        "realization": _word(first, "realization", "state_space"), **_signals(top, "inputs", "the document"),
+        **_signals(top, "outputs", "the document"), **_signals(first, "states", "state_space"),
+    }  # fmt: skip
+    n, i = len(record["states"]), len(record["inputs"])
+    of_system = top["format"] != SPACE_FORMAT
+    labels = [*FIRST_ORDER, *[THROUGH] * (THROUGH in first)] if of_system else "ABCD"
+    record |= {f"state_space.{key}": _matrix(first, key, n if key in ("A", "C", "transform") else i, "state_space")
+               for key in labels}  # fmt: skip
+    if of_system:
+        return data_from(record | _second_order(top, i))
     bound = first.get(ERROR_BOUND)
     if bound is not None and type(bound) not in (float, int):
         raise ExportError(f"state_space: {ERROR_BOUND} = {str(bound)[:60]}; expected a number.")
-    return checked(StateSpace(
-        name=name, realization=_word(first, "realization", "state_space"), transform=np.zeros((0, n)), **matrices,
-        **_pair("state", states), **_pair("input", inputs), **_pair("output", outputs),
-        error_bound=None if bound is None else float(bound),
-    ))  # fmt: skip
+    return data_from(record if bound is None else record | {f"state_space.{ERROR_BOUND}": float(bound)})
 
 
-def _pair(kind: str, signals: Signals) -> dict[str, Any]:
-    return {f"{kind}s": signals[0], f"{kind}_units": signals[1]}
+def _second_order(top: Mapping[str, Any], inputs: int) -> dict[str, Any]:
+    coordinates = _signals(top, "coordinates", "the document")
+    second = _mapping(_item(top, "second_order", "the document"), "second_order")
+    m = len(coordinates["coordinates"])
+    bodies = [_mapping(body, "bodies") for body in _list(top, "bodies", "the document")]
+    return {
+        **coordinates, "bodies": tuple([_word(body, "name", "bodies") for body in bodies]),
+        "body_motion": _motion(bodies, m),
+        **{key: _matrix(second, key, inputs if key in "BD" else m, "second_order") for key in SECOND_ORDER},
+    }  # fmt: skip
 
 
 def _motion(bodies: list[Mapping[str, Any]], width: int) -> Array:
@@ -93,9 +76,11 @@ def _matrix(group: Mapping[str, Any], key: str, width: int, where: str) -> Array
         raise ExportError(f"{where}: {key} holds an integer past 1e308; expected floating-point numbers.") from error
 
 
-def _signals(group: Mapping[str, Any], key: str, where: str) -> Signals:
+def _signals(group: Mapping[str, Any], key: str, where: str) -> dict[str, tuple[str, ...]]:
+    """Names and units, by the key and by that of units."""
     entries = [_mapping(entry, key) for entry in _list(group, key, where)]
-    return tuple(_word(entry, "name", key) for entry in entries), tuple(_word(entry, "unit", key) for entry in entries)
+    return {kind: tuple([_word(entry, word, key) for entry in entries])
+            for kind, word in ((key, "name"), (f"{key[:-1]}_units", "unit"))}  # fmt: skip
 
 
 def _item(group: Mapping[str, Any], key: str, where: str) -> Any:

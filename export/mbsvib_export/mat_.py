@@ -31,11 +31,10 @@ from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib_export.companion import check_companion
-from mbsvib_export.consistency import consistent
-from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, data_of
+from mbsvib_export.neutral import ERROR_BOUND, THROUGH, SystemData, data_of, with_ports
 from mbsvib_export.read_errors import read_errors
+from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION, check_version, data_from
 from mbsvib_export.responses import (
     check_points,
     poles,
@@ -43,16 +42,14 @@ from mbsvib_export.responses import (
     second_order_response,
     state_space_response,
 )
-from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
+    from mbsvib_export.neutral import Source
 
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
@@ -62,7 +59,7 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 
 
 def to_mat(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    system: Source, path: str | os.PathLike[str],
     realization: str = "physical", loader: bool = True,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
@@ -159,7 +156,7 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData | StateSpace:
         arrays = read_mat_file(raw)
         extra = arrays["mbsvib"]
         check_version(extra["format"], int(extra["version"].item()))
-        return _space(arrays, extra) if extra["format"] == SPACE_FORMAT else _data(arrays, extra, arrays["mech"])
+        return data_from(_record(arrays, extra))
 
 
 def title(content: bytes) -> bytes:
@@ -257,18 +254,6 @@ def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
     return result
 
 
-def _space(arrays: dict[str, Any], extra: dict[str, Any]) -> StateSpace:
-    texts = _Texts(extra)
-    names = texts.signals(arrays)
-    n, i, o = len(names["states"]), len(names["inputs"]), len(names["outputs"])
-    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
-    matrices: dict[str, Any] = {key: _real(arrays[key], *shape) for key, shape in shapes.items()}
-    return checked(StateSpace(
-        name=texts.text(arrays["Name"]), realization=texts.text(extra["realization"]), transform=np.zeros((0, n)),
-        **matrices, **names, error_bound=float(extra[ERROR_BOUND].item()) if ERROR_BOUND in extra else None,
-    ))  # fmt: skip
-
-
 class _Texts:
     """Names as they were before ``_Words``."""
 
@@ -298,19 +283,23 @@ def _real(array: NDArray[Any], *shape: int) -> Array:
     return result.reshape(shape) if shape and not result.size else result
 
 
-def _data(arrays: dict[str, Any], extra: dict[str, Any], mech: dict[str, Any]) -> SystemData:
+def _record(arrays: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
+    """The record that variables of a file hold."""
     texts = _Texts(extra)
-    names = texts.signals(arrays)
-    ports = {key: value for key, value in names.items() if not key.startswith("state")}
-    coordinates, bodies = texts.all(mech["CoordinateName"]), texts.all(extra["bodies"])
-    m, i, o, n = len(coordinates), len(names["inputs"]), len(names["outputs"]), len(names["states"])
-    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
-    first: dict[str, Any] = {key: _real((arrays if key in "ABCD" else extra)[key], *shapes[key])
-             for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in extra else []))}  # fmt: skip
-    widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
-    second: dict[str, Any] = {key: _real((mech if key in "MCKB" else extra)[key], *widths[key]) for key in SECOND_ORDER}
-    motion = extra["body_motion"].reshape(len(bodies), 6, m)
-    name = texts.text(arrays["Name"])
-    space = StateSpace(name=name, realization=texts.text(extra["realization"]), **names, **first)
-    return consistent(SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
-                      bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second))  # fmt: skip
+    record: dict[str, Any] = {"format": extra["format"], "name": texts.text(arrays["Name"]),
+                              "realization": texts.text(extra["realization"]), **texts.signals(arrays)}  # fmt: skip
+    i, o, n = (len(record[key]) for key in ("inputs", "outputs", "states"))
+    first = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
+    record |= {f"state_space.{key}": _real(arrays[key], *shape) for key, shape in first.items()}
+    if extra["format"] == SPACE_FORMAT:
+        bound = {f"state_space.{ERROR_BOUND}": float(extra[ERROR_BOUND].item())} if ERROR_BOUND in extra else {}
+        return record | bound
+    mech, bodies = arrays["mech"], texts.all(extra["bodies"])
+    coordinates, units = (texts.all(mech[f"Coordinate{word}"]) for word in ("Name", "Unit"))
+    m = len(coordinates)
+    second = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
+    record |= {key: _real((mech if key in "MCKB" else extra)[key], *shape) for key, shape in second.items()}
+    record |= {f"state_space.{key}": _real(extra[key], 2 * m, width)
+               for key, width in (("transform", n), (THROUGH, i)) if key != THROUGH or THROUGH in extra}  # fmt: skip
+    return record | {"coordinates": coordinates, "coordinate_units": units, "bodies": bodies,
+                     "body_motion": _real(extra["body_motion"].reshape(len(bodies), 6, m))}  # fmt: skip

@@ -13,20 +13,16 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import base_unit, identifier
-from mbsvib_export.neutral import state_space_of
-from mbsvib_export.selection import with_ports
+from mbsvib_export.neutral import state_space_of, with_ports
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterable, Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source
 
 WIDTH = 110
 # Words of the language, and its predefined types.
@@ -41,7 +37,7 @@ _RESERVED = frozenset((
 
 
 def to_modelica(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str], *,
+    system: Source, path: str | os.PathLike[str], *,
     realization: str = "physical", connectors: bool = False, name: str | None = None,
     outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip

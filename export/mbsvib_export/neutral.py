@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
+from mbsvib.common.selection import port_numbers
 from mbsvib.errors import ExportError, counted
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
@@ -17,9 +18,16 @@ from mbsvib_export.arrays_and_names import check_arrays, check_names
 from mbsvib_export.names_ import SignalNames
 
 if TYPE_CHECKING:
+    import control
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+
+    # What exporters take.
+    Source: TypeAlias = "System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace"
 
 Space = TypeVar("Space", bound=StateSpace)
 
@@ -211,6 +219,29 @@ def refuse_many(source: object, caller: str) -> None:
         name, count = getattr(source, "name", ""), len(source)  # type: ignore[arg-type]
         raise ExportError(f"{caller}: '{name}' is a batch of {count} variants; export them one by one, "
                           f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
+
+
+def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:
+    """Return a system, loop, state space or what was read from a file with some of its outputs and inputs.
+
+    ``outputs``, ``inputs``: names or patterns; None: all.
+    """
+    if outputs is None and inputs is None:
+        return source
+    if isinstance(source, SystemData):
+        return _with_ports(source, outputs, inputs)
+    linear = source if kind_of(source) == "closed loop" else space_of(source, "physical")
+    return linear.with_ports(outputs, inputs) if hasattr(linear, "with_ports") else source
+
+
+def _with_ports(data: SystemData, outputs: Names, inputs: Names) -> SystemData:
+    o, i = port_numbers(outputs, inputs, (data.outputs, data.inputs), data.name)
+    return replace(
+        data, outputs=tuple(data.outputs[k] for k in o), output_units=tuple(data.output_units[k] for k in o),
+        inputs=tuple(data.inputs[k] for k in i), input_units=tuple(data.input_units[k] for k in i),
+        B=data.B[:, i], Cq=data.Cq[o], Cv=data.Cv[o], Ca=data.Ca[o], D=data.D[o][:, i],
+        state_space=data.state_space.with_ports([data.outputs[k] for k in o], [data.inputs[k] for k in i]),
+    )  # fmt: skip
 
 
 def data_of(source: object, realization: str, caller: str) -> SystemData | StateSpace:

@@ -23,46 +23,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.state_space import StateSpace
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.consistency import consistent
-from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
-from mbsvib_export.neutral import (
-    ERROR_BOUND,
-    FIRST_ORDER,
-    SECOND_ORDER,
-    THROUGH,
-    SystemData,
-    checked,
-    data_of,
-    first_order,
-)
+from mbsvib_export.neutral import data_of, with_ports
 from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
-from mbsvib_export.selection import with_ports
+from mbsvib_export.record import (
+    KEYS,
+    STATE_TEXTS,
+    TEXTS,
+    check_version,
+    data_from,
+    needed_keys,
+    optional_key,
+    record_of,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.responses.state_space import StateSpace as FirstOrder
-
-PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
-TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
-STATE_TEXTS = ("states", "state_units")
-# All that is read of a file.
-KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
-        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)))  # fmt: skip
-
+    from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import Source, SystemData
 
 def to_npz(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    system: Source, path: str | os.PathLike[str],
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
@@ -96,26 +83,11 @@ def to_npz(
     return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
-def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
-    """Return everything that a file keeps of a system as arrays by the keys of the file; the inverse of ``data_from``.
+def arrays_of(data: SystemData | StateSpace) -> dict[str, Any]:
+    """Return everything that a file keeps of a system as arrays by the keys of the file; the inverse of ``record_in``.
     """
-    texts: tuple[str, ...]
-    if isinstance(data, SystemData):
-        space, form, texts = data.state_space, FORMAT, TEXTS
-        matrices = {key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")}
-        states = first_order(space)
-    else:
-        space, form, texts, matrices = data, SPACE_FORMAT, PORT_TEXTS, {}
-        bound = {} if data.error_bound is None else {ERROR_BOUND: np.array(data.error_bound)}
-        states = {key: getattr(data, key) for key in "ABCD"} | bound
-    return {
-        "format": np.array(form), "version": np.array(VERSION), "name": np.array(data.name),
-        "realization": np.array(space.realization),
-        **{key: np.array(getattr(data, key), dtype=str) for key in texts},
-        **{key: np.array(getattr(space, key), dtype=str) for key in STATE_TEXTS},
-        **matrices,
-        **{f"state_space.{key}": array for key, array in states.items()},
-    }  # fmt: skip
+    return {key: np.array(value, dtype=str) if isinstance(value, tuple) else np.asarray(value)
+            for key, value in record_of(data).items()}  # fmt: skip
 
 
 def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
@@ -140,43 +112,25 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
     file = a_path(path, "from_npz", ExportError)
     content = content_of(file, ExportError, "a file of to_npz")
     with read_errors(file, ".npz file", "to_npz"):
-        entries = arrays_in(content, KEYS)
-        check_version(str(entries.get("format")), int(entries.get("version", 0)))
-        return data_from(entries)
+        return data_from(record_in(arrays_in(content, KEYS)))
 
 
-def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
-    """Return the system, or the state space, that arrays, by the keys of the file, describe."""
-    if str(arrays["format"]) != SPACE_FORMAT:
-        return system_data_from(arrays)
-    matrices = [f"state_space.{key}" for key in "ABCD"]
-    _check_keys(arrays, ("name", "realization", *PORT_TEXTS, *STATE_TEXTS, *matrices))
-    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*PORT_TEXTS, *STATE_TEXTS)}
-    bound = arrays.get(f"state_space.{ERROR_BOUND}")
-    return checked(StateSpace(
-        str(arrays["name"]), str(arrays["realization"]), **{key[-1]: arrays[key] for key in matrices}, **texts,
-        transform=np.zeros((0, len(texts["states"]))), error_bound=None if bound is None else float(bound.item()),
-    ))  # fmt: skip
-
-
-def system_data_from(arrays: dict[str, Any]) -> SystemData:
-    """Return the system that arrays, by the keys of the file, describe."""
-    expected = (*TEXTS, *STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
-                *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
-    _check_keys(arrays, expected)
-    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*TEXTS, *STATE_TEXTS)}
-    ports = {key: texts[key] for key in (*STATE_TEXTS, *TEXTS[2:6])}
-    first: dict[str, Any] = {
-        key: arrays[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH) if f"state_space.{key}" in arrays
-    }
-    second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
-    space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
-    return consistent(SystemData(name=space.name, state_space=space, **{key: texts[key] for key in TEXTS}, **second))
-
-
-def _check_keys(arrays: dict[str, Any], expected: tuple[str, ...]) -> None:
-    if missing := [key for key in expected if key not in arrays]:
+def record_in(arrays: dict[str, Any]) -> dict[str, Any]:
+    """Return the record that arrays, by the keys of the file, hold."""
+    form = str(arrays.get("format"))
+    check_version(form, int(arrays.get("version", 0)))
+    record: dict[str, Any] = {"format": form}
+    needed = needed_keys(form)
+    if missing := [key for key in needed if key not in arrays]:
         raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
-    words = (*TEXTS, *STATE_TEXTS, "name", "realization")
-    if wrong := [key for key in expected if key not in words and arrays[key].dtype != float]:
-        raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")
+    for key in (*needed, *arrays.keys() & {optional_key(form)}):
+        array = arrays[key]
+        if key in ("name", "realization"):
+            record[key] = str(array)
+        elif key in (*TEXTS, *STATE_TEXTS):
+            record[key] = tuple(map(str, array.tolist()))
+        elif array.dtype != float:
+            raise ExportError(f"the array '{key}' holds {array.dtype}; expected float64.")
+        else:
+            record[key] = array if array.ndim else float(array)
+    return record

@@ -19,19 +19,15 @@ from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import SystemData, data_of
-from mbsvib_export.selection import with_ports
+from mbsvib_export.neutral import SystemData, data_of, with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import Source
 
 
 NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
@@ -44,7 +40,7 @@ _PER_LINE, _FORMAT = 3, "1P,3E24.16"
 
 
 def to_op4(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    system: Source, path: str | os.PathLike[str],
     binary: bool = False,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib_export.neutral import state_space_of
+from mbsvib_export.neutral import state_space_of, with_ports
 from mbsvib_export.packages import need
-from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from scipy import signal
 
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source
 
 
 def to_scipy(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = "physical",
+    system: Source, realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
 ) -> signal.StateSpace:
     """Return a system as a state space of scipy.signal.

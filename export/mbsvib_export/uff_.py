@@ -20,9 +20,8 @@ from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError, LeftOutWarning
 from mbsvib.responses.frequency_grid import resonant_grid
-from mbsvib_export.neutral import SystemData, linear_of, refuse_many
+from mbsvib_export.neutral import SystemData, linear_of, refuse_many, with_ports
 from mbsvib_export.responses import second_order_response
-from mbsvib_export.selection import with_ports
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
 from mbsvib_export.uff_points import geometry_of
@@ -35,10 +34,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement, Point
-    from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import Source
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -47,7 +44,7 @@ LINE = 80
 
 
 def to_uff(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    system: Source, path: str | os.PathLike[str],
     omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip

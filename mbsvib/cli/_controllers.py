@@ -66,7 +66,7 @@ def read_controller(
 def _content(path: Path) -> Any:
     """The fields of a file by name, or the state space of one that mbsvib has written."""
     import mbsvib_export as mx
-    from mbsvib_export.format_version import FORMAT, SPACE_FORMAT
+    from mbsvib_export.record import FORMAT, SPACE_FORMAT
 
     read: Callable[[Path], Any]
     raw, suffix = content_of(path, ModelError, "a controller"), path.suffix.lower()

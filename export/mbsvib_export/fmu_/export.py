@@ -6,7 +6,7 @@ import os
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, TypeAlias, overload
+from typing import IO, TYPE_CHECKING, overload
 
 from mbsvib import __version__
 from mbsvib.common.atomic_file import write_atomic
@@ -21,22 +21,15 @@ from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.sources import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
-from mbsvib_export.selection import with_ports
+from mbsvib_export.neutral import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import control
-
-    from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
-    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.neutral import Source
 
-    Source: TypeAlias = System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace
 
 VERSIONS = {"2.0": description_2, "3.0": description_3}
 # Bytes of a description in which its attributes are looked for.

@@ -1,0 +1,79 @@
+"""What files keep of a system, by key: the record that each exporter writes, and from which each reader makes it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.state_space import StateSpace
+from mbsvib.errors import ExportError
+from mbsvib_export.consistency import consistent
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, first_order
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.responses.state_space import StateSpace as FirstOrder
+
+FORMAT = "mbsvib-system"
+SPACE_FORMAT = "mbsvib-state-space"  # first-order equations alone
+VERSION = 1  # counts up when a key changes its meaning or goes; readers skip keys they do not know
+PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
+TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
+STATE_TEXTS = ("states", "state_units")
+# All that is read of a file.
+KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
+        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)))  # fmt: skip
+
+
+def check_version(name: Any, version: Any) -> None:
+    """Refuse a file of another format, or of a version this release does not know."""
+    if name not in (FORMAT, SPACE_FORMAT):
+        raise ExportError(f"format = {name!r}; expected {FORMAT!r} or {SPACE_FORMAT!r}. This is not a system written "
+                          f"by mbsvib.")  # fmt: skip
+    if version != VERSION or isinstance(version, bool):
+        raise ExportError(f"version = {version!r}; this release of mbsvib reads version {VERSION}. A later release "
+                          f"wrote it: upgrade mbsvib (pip install -U mbsvib), or export it again.")  # fmt: skip
+
+
+def needed_keys(form: str) -> tuple[str, ...]:
+    """Return the keys without which a record of a format is incomplete."""
+    if form == SPACE_FORMAT:
+        return ("name", "realization", *PORT_TEXTS, *STATE_TEXTS, *(f"state_space.{key}" for key in "ABCD"))
+    return ("name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
+            *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
+
+
+def optional_key(form: str) -> str:
+    """Return the key that only some records of a format have."""
+    return f"state_space.{ERROR_BOUND if form == SPACE_FORMAT else THROUGH}"
+
+
+def record_of(data: SystemData | FirstOrder) -> dict[str, Any]:
+    """Return all that a file keeps of a system: texts, tuples of texts and arrays; the inverse of ``data_from``."""
+    texts: tuple[str, ...]
+    if isinstance(data, SystemData):
+        space, form, texts = data.state_space, FORMAT, TEXTS
+        matrices = {key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")}
+        states: dict[str, Any] = first_order(space)
+    else:
+        space, form, texts, matrices = data, SPACE_FORMAT, PORT_TEXTS, {}
+        bound = {} if data.error_bound is None else {ERROR_BOUND: data.error_bound}
+        states = {key: getattr(data, key) for key in "ABCD"} | bound
+    return {
+        "format": form, "version": VERSION, "name": data.name, "realization": space.realization,
+        **{key: getattr(data, key) for key in texts}, **{key: getattr(space, key) for key in STATE_TEXTS},
+        **matrices, **{f"state_space.{key}": array for key, array in states.items()},
+    }  # fmt: skip
+
+
+def data_from(record: Mapping[str, Any]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that a record describes; refused if it contradicts itself."""
+    of_space: dict[str, Any] = {key: record[key] for key in ("name", "realization", *PORT_TEXTS, *STATE_TEXTS)}
+    of_space |= {key: record[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)
+                 if f"state_space.{key}" in record}  # fmt: skip
+    if record["format"] == SPACE_FORMAT:
+        return checked(StateSpace(transform=np.zeros((0, len(record["states"]))), **of_space))
+    second: dict[str, Any] = {key: record[key] for key in ("name", *TEXTS, *SECOND_ORDER, "body_motion")}
+    return consistent(SystemData(state_space=StateSpace(**of_space), **second))
