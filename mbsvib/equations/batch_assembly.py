@@ -22,12 +22,14 @@ from mbsvib.equations.batch_tangents import closure_along
 from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
+from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.massless_tangents import condensed_along
 from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.reactions import reactions
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.changes import Slots
@@ -126,13 +129,26 @@ class BatchPlan:
         return self.loaded or self.nominal.provenance.separation is not None
 
     @cached_property
+    def stress(self) -> tuple[SelfStress, ...]:
+        """States of self-stress of the model, where forces in joints of redundant loops are asked for."""
+        scene, reduction = self.scene, self.nominal.provenance.reduction
+        redundant = any(group.surplus for group in reduction.groups)
+        if not redundant or not any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
+            return ()
+        _, phi = _displacements(scene)
+        paths = force_paths(scene.topology, np.concatenate((scene.position, np.zeros((1, 3)))).T)
+        return reactions(paths, scene.coordinates, scene.cuts, reduction, phi).stress
+
+    @cached_property
     def one_by_one(self) -> bool:
         """Whether elements or fields that vary make it necessary to compute one variant after the other."""
         scene = self.scene
         curved = any(coupler.curvatures for coupler in scene.couplers)
-        shared = scene.shared is not None and bool(scene.shared.base)
-        redundant = any(group.surplus for group in self.nominal.provenance.reduction.groups)
-        forces = redundant and any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs)
+        # tension of beams follows the loads, and inertia that bodies share acts on sums of forces
+        shared = scene.shared is not None and bool(scene.shared.base) and (
+            self.loaded or any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs))
+        # states of self-stress change with the geometry, and forces of least norm at the pose with them
+        forces = bool(self.stress) and (self.loaded or not self.geometry.constant)
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         return bool(shared or forces or curved or varies)
@@ -146,6 +162,8 @@ class BatchPlan:
         rows, n = scene.coordinates.path.shape
         if scene.loads is not None:
             rows += len(scene.loads[0].names) + n
+        if scene.shared is not None:
+            rows += sum(len(part.first) for part in scene.shared.base)
         return int(max(16, CHUNK // max(1, rows * n * 6)))
 
     def at_once(self, variants: Values) -> bool:
@@ -336,7 +354,8 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     spin = spin_of_variants(model, scene, values) if model.derived(has_antisymmetric_forces) else ([], [])
     if scene.port.wrench_outputs:
         axes, _ = joint_axes(scene.topology.joints, values)
-        terms = with_forces_in_joints(model, scene, (relative, phi, reduction, pivots.kept), terms, loaded, spin, axes)
+        loops = relative, phi, reduction, pivots.kept
+        terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, axes, plan.stress)
     if any(spin):
         terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
     return _Assembled(plan, scene, reduction, terms, first, lost, decided)

@@ -177,10 +177,9 @@ class BatchEquations(Matrices):
 
             variant = nominal.origin.with_values({name: float(array[k]) for name, array in values.by_name.items()})
             return linearized(variant, self.nominal.coordinates, self.nominal.cut_joints or None).provenance
-        parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in nominal.parts)
+        parts = tuple(values.of_variant(part, k) for part in nominal.parts)
         topology, reduction = nominal.topology, nominal.reduction
-        joints = tuple([values.part(joint.name, k) for joint in topology.joints])
-        topology = replace(topology, joints=joints)  # type: ignore[arg-type]  # of the same names
+        topology = replace(topology, joints=tuple([values.of_variant(joint, k) for joint in topology.joints]))
         if self.closure is not None:
             reduction = replace(reduction, matrix=self.closure[k])
         return replace(nominal, topology=topology, reduction=reduction, parts=parts)

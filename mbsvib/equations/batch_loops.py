@@ -243,8 +243,7 @@ def _single_decision(
     assert cuts is not None
     names = [coordinates.names[k] for k in nominal.independent]
     reduction = replace(nominal, matrix=matrix)
-    joints = tuple([values.part(joint.name, i) for joint in scene.topology.joints])
-    topology = replace(scene.topology, joints=joints)  # type: ignore[arg-type]  # of the same names
+    topology = replace(scene.topology, joints=tuple([values.of_variant(joint, i) for joint in scene.topology.joints]))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:

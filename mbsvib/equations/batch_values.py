@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
+from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import Slots, resolved, variant
 
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
 
     Mask = NDArray[np.bool_]
 
+
+P = TypeVar("P", bound=Part)
 
 # Imaginary steps are this small: their squares are far below rounding, and small units stay far above the least number.
 STEP = 2.0**-100
@@ -95,10 +97,9 @@ class Values:
         result[:] = array
         return result
 
-    def part(self, name: str, i: int) -> Part:
-        """Return a part of variant ``i``."""
-        part = self.parameters.parts[name]
-        return variant(part, self.fields[name], i) if name in self.index else part
+    def of_variant(self, part: P, i: int) -> P:
+        """Return a part as it is in variant ``i``; also parts of the equations that no parameter changes."""
+        return variant(part, self.fields[part.name], i) if part.name in self.index else part
 
     def slice(self, start: int, stop: int) -> Values:
         """Return the variants start..stop."""
@@ -161,7 +162,7 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
         result |= fields.get("mass", np.ones(1)) == 0.0
         for i in variants.suspects(name):
             try:
-                variants.part(name, i)
+                variants.of_variant(variants.parameters.parts[name], i)
             except ModelError:
                 result[i] = True
     return result
@@ -189,7 +190,7 @@ def _check_part(values: Values, name: str) -> None:
     """Check every suspect variant of a part by building the part."""
     for i in values.suspects(name):
         try:
-            values.part(name, i)
+            values.of_variant(values.parameters.parts[name], i)
         except ModelError as error:
             own_parameters = [p for p in values.by_name if values.parameters.entry(p).part == name]
             causes = [p for p in own_parameters if values.parameters.entry(p).field == error.field] or own_parameters

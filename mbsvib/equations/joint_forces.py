@@ -77,12 +77,13 @@ def with_joint_forces(draft: Draft) -> Draft:
 
 def with_forces_in_joints(
     model: Mechanism, scene: Scene, loops: tuple[Triplets, Array, Reduction, Kept], terms: Terms,
-    loaded: tuple[LoadedPairs, Array] | None, spin: Spin, axes: Mapping[str, Array],
+    loaded: tuple[LoadedPairs, Array] | None, spin: Spin, axes: Mapping[str, Array], stress: Sequence[SelfStress] = (),
 ) -> Terms:  # fmt: skip
-    """Return the terms of variants with the rows of outputs that are forces in joints, in loops without redundancy.
+    """Return the terms of variants with the rows of outputs that are forces in joints.
 
     ``loops``: relative displacements, Phi, minimal coordinates, kept rows and dependent coordinates. ``loaded``: pairs
     and multipliers of forces at the pose. ``axes`` (variants, 3, 3): of joints by name, where variants differ in them.
+    ``stress``: states of self-stress of redundant loops, which are the same in all variants.
     """
     relative, phi, reduction, kept = loops
     outputs = [item for item in scene.port.wrench_outputs if item[1] == "joint"]
@@ -90,23 +91,30 @@ def with_forces_in_joints(
         terms = with_sums(scene, terms, spin[0])
     if not outputs:
         return terms
-    asked = sorted({number for _, _, number, _ in outputs})
+    wanted = {number for _, _, number, _ in outputs}
+    stress = [part for part in stress if wanted & set(part.joints.tolist())]
+    asked = sorted(wanted.union(*(part.joints.tolist() for part in stress)))
     points = _points(scene, asked)
     work = VirtualWork(scene, reduction, phi, kept, virtual_motions(scene, asked, axes, points))
     rows = work.at_rest(*_rows(scene, relative), *spin, terms)
     q = rows.q if loaded is None else rows.q + work.of_forces(loaded[0], *all_pairs(scene, *loaded))
     result: dict[str, Any] = {}
+    place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(asked)}
+    local = [_Local(part, place, {k: np.array(scene.topology.joints[k].axes) for k in part.joints.tolist()})
+             for part in stress]  # fmt: skip
     for key, values in (("Cq", q), ("Cv", rows.v), ("Ca", rows.a), ("D", rows.u)):
+        for part in local:
+            values = part.minimum_norm(values, 0.0)
         matrix = getattr(terms, key)
         lead = np.broadcast_shapes(matrix.shape[:-2], values.shape[:-2])
         kind = np.result_type(matrix, values)
         result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
         for row, _, number, wrench in outputs:
-            joint, k = scene.topology.joints[number], 6 * asked.index(number)
+            joint = scene.topology.joints[number]
             frame = np.array(joint.axes)
             direction = np.concatenate((frame @ wrench[:3], frame @ wrench[3:]))
             zero = carries_nothing(joint, direction, model, loaded=loaded is not None)
-            result[key][..., row, :] = 0.0 if zero else -(wrench @ values[..., k : k + 6, :])
+            result[key][..., row, :] = 0.0 if zero else -(wrench @ values[..., place[number], :])
     return replace(terms, **result)
 
 
@@ -226,14 +234,15 @@ class _Local:
                                for i, k in enumerate(self.stress.joints.tolist())])  # fmt: skip
 
     def minimum_norm(self, values: Array, added: Array | float) -> Array:
-        """Wrenches (v, ...) of all joints without their part along the states."""
+        """Wrenches (..., v, k) of all joints without their part along the states."""
         rows, states = self.rows, self.in_axes(self.stress.states)
-        before = values[rows].reshape(len(self.stress.joints), 6, -1).transpose(1, 0, 2)
+        own = np.moveaxis(values[..., rows, :], -2, 0)
+        before = own.reshape(len(self.stress.joints), 6, -1).transpose(1, 0, 2)
         whole = replace(self.stress, joints=np.arange(len(self.stress.joints)),
                         states=states.reshape(len(self.stress.joints), 6, -1).transpose(1, 0, 2))  # fmt: skip
         after = whole.minimum_norm(before, None if isinstance(added, float) else added)
         result = values.copy()
-        result[rows] = after.transpose(1, 0, 2).reshape(len(rows), -1)
+        result[..., rows, :] = np.moveaxis(after.transpose(1, 0, 2).reshape(own.shape), 0, -2)
         return result
 
 

@@ -97,8 +97,8 @@ class SelfStress:
         if added_amount is not None:
             amount += added_amount
         after = before - np.einsum("cjr,rn->cjn", self.states, amount)
-        size = np.sqrt(np.square(unit * before).sum(axis=(0, 1)) + np.square(amount).sum(axis=0))
-        after[np.abs(unit * after) <= ZERO_FORM * size] = 0.0
+        size = np.sqrt(np.square(np.abs(unit * before)).sum(axis=(0, 1)) + np.square(np.abs(amount)).sum(axis=0))
+        after.real[np.abs(unit * after) <= ZERO_FORM * size] = 0.0
         result = wrench.copy()
         result[:, self.joints] = after
         return result

@@ -219,13 +219,13 @@ class VirtualWork:
         if scene.shared is not None and scene.shared.base:
             mine = [len(part.first) for part in scene.shared.base]
             parts = zip(scene.shared.base, np.split(base, np.cumsum(mine)[:-1], axis=-2), strict=True)
-            moved = np.concatenate([self.along(own, part) for own, part in parts])
+            moved = concatenated([self.along(own, part) for own, part in parts], -2)
             factor = scene.shared.inertia_rows(factor, moved)
             if scene.shared.elastic is not None:
                 elastic, start = scene.shared.elastic, 0 if scene.shared.mass is None else mine[0]
-                rows = elastic.composite.of(reduction.apply(base)[start:])
+                rows = elastic.composite.of(reduction.apply(base)[..., start:, :])
                 for order, value in enumerate((elastic.stiffness, elastic.damping)):
-                    sums[order].add(elastic.composite.of(moved[start:]), value[:, None] * rows)
+                    sums[order].add(elastic.composite.of(moved[..., start:, :]), value[:, None] * rows)
         inertial = factor.shape[-2]
         sums[2].add(factor, terms.inertia_factor[..., :inertial, :])
         for body, momentum in momenta:

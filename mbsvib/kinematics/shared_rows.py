@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.rows import Rows
+from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,20 +44,23 @@ class Composite:
         return sum(matrix.shape[0] * matrix.shape[1] for _, matrix in self.blocks)
 
     def of(self, base: Array) -> Array:
-        """Return the composite rows (rows, m) of the base rows (base, m)."""
-        parts = [np.matmul(matrix, base[index]).reshape(len(index) * matrix.shape[1], base.shape[1])
+        """Return the composite rows (..., rows, m) of the base rows (..., base, m)."""
+        *lead, _, m = base.shape
+        parts = [np.matmul(matrix, base[..., index, :]).reshape(*lead, len(index) * matrix.shape[1], m)
                  for index, matrix in self.blocks]  # fmt: skip
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-2)
 
     def back(self, forces: Array) -> Array:
-        """Return the forces (base, n) along the base rows of forces (rows, n) along the composite rows."""
-        result, start = np.zeros((len(self.rows.first), forces.shape[1])), 0
+        """Return the forces (..., base, n) along the base rows of forces (..., rows, n) along the composite rows."""
+        *lead, _, n = forces.shape
+        result, start = np.zeros((len(self.rows.first), *lead, n), forces.dtype), 0
         for index, matrix in self.blocks:
             e, r, b = matrix.shape
-            part = np.einsum("erb,ern->ebn", matrix, forces[start : start + e * r].reshape(e, r, -1))
-            np.add.at(result, index.reshape(-1), part.reshape(e * b, -1))
+            own = forces[..., start : start + e * r, :].reshape(*lead, e, r, n)
+            part = np.einsum("erb,...ern->eb...n", matrix, own)
+            np.add.at(result, index.reshape(-1), part.reshape(e * b, *lead, n))
             start += e * r
-        return result
+        return np.moveaxis(result, 0, -2)
 
     def of_sparse(self, base: csr_matrix) -> csr_matrix:
         """Return the composite rows of sparse base rows."""
@@ -149,13 +153,13 @@ class Shared:
         """Return W with the shared rows below those of the bodies."""
         if self.mass is None:
             return factor
-        return np.concatenate((factor, self.mass.of(base[: len(self.mass.rows.first)])))
+        return np.asarray(concatenated((factor, self.mass.of(base[..., : len(self.mass.rows.first), :])), -2))
 
     def of_ground_motion(self, factor: Array, linear: Array, angular: Array, origin: Array) -> Array:
         """Return W u of a rigid motion u with the ground: ``factor`` of the bodies, then the shared rows."""
         if self.mass is None:
             return factor
-        return np.concatenate((factor, self.mass.of_ground_motion(linear, angular, origin)))
+        return np.asarray(concatenated((factor, self.mass.of_ground_motion(linear, angular, origin)), -2))
 
     def elastic_rows(
         self, base: Array, above: Array, stiffness: Array, damping: Array, owner: Index
@@ -164,13 +168,13 @@ class Shared:
         if self.elastic is None:
             return above, stiffness, damping, owner
         start = 0 if self.mass is None else len(self.mass.rows.first)
-        rows = self.elastic.composite.of(base[start:])
+        rows = self.elastic.composite.of(base[..., start:, :])
         number = {name: self.first + i for i, name in enumerate(self.names)}
         owners = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
-        acts = np.asarray(rows.any(axis=1))
-        return (np.concatenate((above, rows[acts])), np.concatenate((stiffness, self.elastic.stiffness[acts])),
-                np.concatenate((damping, self.elastic.damping[acts])),
-                np.concatenate((owner, owners[acts])))  # fmt: skip
+        acts = rows.any(axis=(*range(rows.ndim - 2), rows.ndim - 1)).nonzero()[0]
+        k, c = self.elastic.stiffness[acts], self.elastic.damping[acts]
+        return (concatenated((above, rows[..., acts, :]), -2), concatenated((stiffness, k), -1),
+                concatenated((damping, c), -1), np.concatenate((owner, owners[acts])))  # fmt: skip
 
 
 def shared_rows(expansion: Expansion, number: Mapping[str, int], first: int) -> Shared:

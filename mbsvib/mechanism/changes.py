@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
 
+
+P = TypeVar("P", bound=Part)
 
 # Fields by which connections have a row, or none.
 COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
@@ -175,7 +177,7 @@ class Slots:
         return {part: {field: numbers[rows] for field, rows in fields.items()} for part, fields in self.index.items()}
 
 
-def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:
+def variant(part: P, fields: Mapping[str, Array], i: int) -> P:
     """Return a part with other values, checked like a new part.
 
     ``fields`` are those of ``Slots``, ``i`` is the index along their last axis.
