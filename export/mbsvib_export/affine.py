@@ -16,7 +16,7 @@ from mbsvib.equations.assembly import linearized
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
-from mbsvib_export.neutral import refuse_many
+from mbsvib_export.neutral import refusal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -60,9 +60,8 @@ def physical_affine(source: object, parameters: Sequence[str], realization: str,
     """Return ``affine`` of an exporter's source in physical states; ``argument``: name of the parameters' argument."""
     request = f"{argument} = {', '.join(parameters)}"
     if not isinstance(source, System):
-        refuse_many(source, caller)
-        raise ExportError(f"{caller}: {request}, but {type(source).__name__} knows no parameters; give a System "
-                          f"(model.linearize()).")  # fmt: skip
+        raise refusal(source, caller, "a System (model.linearize())",
+                      f"{request}, but {type(source).__name__} knows no parameters")  # fmt: skip
     if realization != "physical":
         raise ExportError(f"{caller}: realization = {realization!r} with {request}, which would change what the states "
                           f"are; leave it out: they are physical.")  # fmt: skip

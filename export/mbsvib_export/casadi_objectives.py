@@ -18,7 +18,7 @@ from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib_export.affine import origin_of
 from mbsvib_export.casadi_ import INSTALL
-from mbsvib_export.neutral import refuse_many
+from mbsvib_export.neutral import only_port, refusal
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
@@ -101,9 +101,10 @@ def to_casadi_response(
         If a frequency is not finite, or a port is unknown.
     """
     names = _names(system, parameters, "to_casadi_response")
-    row, column = _port(system, output, "output"), _port(system, input, "input")
+    output_name, input_name = (only_port(system, name, kind, "to_casadi_response")
+                               for name, kind in ((output, "output"), (input, "input")))  # fmt: skip
+    row, column = system.outputs.index(output_name), system.inputs.index(input_name)
     w = np.atleast_1d(np.asarray(omega, dtype=float))
-    input_name, output_name = system.inputs[column], system.outputs[row]
 
     def response(variant: System) -> Complex:
         result: Complex = variant.frequency_response(w)[row, column]
@@ -118,23 +119,10 @@ def to_casadi_response(
 def _names(system: System, parameters: str | Sequence[str], caller: str) -> tuple[str, ...]:
     need("casadi", caller, INSTALL)
     if not isinstance(system, System):
-        refuse_many(system, caller)
-        raise ExportError(f"{caller}: system = {type(system).__name__}; expected a System (model.linearize()).")
+        raise refusal(system, caller, "a System (model.linearize())")
     known = origin_of(system, caller).parameters
     patterns = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     return tuple(dict.fromkeys(name for pattern in patterns for name in known.matching(pattern)))
-
-
-def _port(system: System, name: str | None, kind: str) -> int:
-    known = getattr(system, f"{kind}s")
-    if name is None and len(known) != 1:
-        raise ExportError(f"to_casadi_response: '{system.name}' has {len(known)} {kind}s; expected the name of one: "
-                          f"{kind}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
-    if name is not None and name not in known:
-        from mbsvib.errors import ResponseError, nearest
-
-        raise ResponseError(f"to_casadi_response: there is no {kind} '{name}'.{nearest(str(name), known)}")
-    return int(known.index(name)) if name is not None else 0
 
 
 def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, derivatives: Ask) -> Any:

@@ -20,10 +20,9 @@ from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.neutral import SystemData, data_of
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
+from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.measurement import Measurement
     from mbsvib_export.neutral import Source
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 LIMIT = 1e-6  # relative difference of responses: files with seven digits and transfer functions keep it
 _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes
-SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".pch", ".fmu")
+SUFFIXES = tuple([suffix for suffix, target in BY_SUFFIX.items() if target.checked])
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -114,16 +113,19 @@ def check_export(
     file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
     model = None if system is None else _model(system, suffix)
-    if suffix in _READERS:
-        return ExportCheck(file, _of_equations(_READERS[suffix](file), model, limit))
     if suffix not in SUFFIXES:
         raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
                           f"{', '.join(SUFFIXES)}.")  # fmt: skip
+    target = BY_SUFFIX[suffix]
+    if target.checked == "equations":
+        return ExportCheck(file, _of_equations(target.read(file), model, limit))
     if model is None:
         raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the system as well.")
-    if suffix == ".fmu":
+    if target.checked == "unit":
         return _of_unit(file, model, limit, run)
-    return ExportCheck(file, _PARTS[suffix](file, model, limit))
+    if target.checked == "responses":
+        return ExportCheck(file, _of_responses(target.read(file), model, limit))
+    return ExportCheck(file, _of_matrices(file, model, limit))
 
 
 def _model(system: object, suffix: str) -> Model:
@@ -135,35 +137,6 @@ def _model(system: object, suffix: str) -> Model:
     # modal states keep most digits; matrices are compared entry by entry, in the states in which they are written
     states = "modal" if kind_of(system) == "closed loop" and suffix != ".op4" else "physical"
     return data_of(system, states, "check_export")
-
-
-def _read_json(path: Path) -> SystemData | StateSpace:
-    from mbsvib_export.json_ import from_json
-
-    return from_json(path)
-
-
-def _read_npz(path: Path) -> SystemData | StateSpace:
-    from mbsvib_export.npz_ import from_npz
-
-    return from_npz(path)
-
-
-def _read_mat(path: Path) -> SystemData | StateSpace:
-    from mbsvib_export.mat_ import from_mat
-
-    return from_mat(path)
-
-
-def _read_hdf5(path: Path) -> SystemData | StateSpace:
-    from mbsvib_export.hdf5_ import from_hdf5
-
-    return from_hdf5(path)
-
-
-_READERS: dict[str, Callable[[Path], SystemData | StateSpace]] = {
-    ".json": _read_json, ".npz": _read_npz, ".mat": _read_mat, ".h5": _read_hdf5, ".hdf5": _read_hdf5,
-}  # fmt: skip
 
 
 def _of_equations(data: SystemData | StateSpace, model: Model | None, limit: float) -> tuple[Comparison, ...]:
@@ -214,10 +187,7 @@ def _bodies(model: System | SystemData, omega: Array) -> Complex:
     return result
 
 
-def _of_responses(path: Path, model: Model, limit: float) -> tuple[Comparison, ...]:
-    from mbsvib_export.uff_ import from_uff
-
-    data = from_uff(path)
+def _of_responses(data: Measurement, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(data, model)
     error = response_error(data.responses, _response(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
@@ -265,9 +235,6 @@ def _of_space(space: StateSpace, source: str, model: Model, limit: float) -> tup
         Comparison(f"response of {source}", "the model", error, limit),
         Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
     )
-
-
-_PARTS = {".uff": _of_responses, ".unv": _of_responses, ".op4": _of_matrices, ".pch": _of_matrices}
 
 
 def _response(model: Model, omega: Array) -> Complex:

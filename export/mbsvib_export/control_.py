@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import linear_of, refuse_many, state_space_of
+from mbsvib_export.neutral import linear_of, refusal, state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import discretised
 
@@ -179,9 +179,8 @@ def to_frd(
     control = need("control", "to_frd", _INSTALL)
     linear = linear_of(system)
     if linear is None:
-        refuse_many(system, "to_frd")
-        raise ExportError(f"to_frd: system = {type(system).__name__}; expected a System (model.linearize()), a closed "
-                          f"loop or a state space, which have a frequency response.")  # fmt: skip
+        raise refusal(system, "to_frd", "a System (model.linearize()), a closed loop or a state space, which have a "
+                      "frequency response")  # fmt: skip
     if outputs is not None or inputs is not None:
         linear = linear.with_ports(outputs, inputs)
     return control.FrequencyResponseData(

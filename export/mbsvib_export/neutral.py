@@ -11,7 +11,7 @@ from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import port_numbers
-from mbsvib.errors import ExportError, counted
+from mbsvib.errors import ExportError, ResponseError, counted, nearest
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.arrays_and_names import check_arrays, check_names
@@ -168,9 +168,8 @@ def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
         return source.state_space(realization)
     ready = source.state_space if isinstance(source, SystemData) else space_of(source, realization)
     if not isinstance(ready, StateSpace):
-        refuse_many(source, caller)
-        raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System (model.linearize()), a "
-                          f"StateSpace (system.state_space()) or SystemData (from_json, from_npz).")  # fmt: skip
+        raise refusal(source, caller, "a System (model.linearize()), a StateSpace (system.state_space()) or SystemData "
+                      "(from_json, from_npz)")  # fmt: skip
     if realization not in ("physical", ready.realization) and ready.realization not in READY:
         raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
                           f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
@@ -207,18 +206,31 @@ def linear_of(source: object) -> Any:
     return ready if isinstance(ready, StateSpace) else None
 
 
-def refuse_many(source: object, caller: str) -> None:
-    """Refuse objects other than a dense system, with advice."""
-    kind = type(source).__name__
+def refusal(source: object, caller: str, expected: str, fault: str = "") -> ExportError:
+    """Return the error of an exporter for what it cannot take, with advice.
+
+    ``expected``: what it takes. ``fault``: what is wrong, if that is not the kind of the object alone.
+    """
+    kind, name = type(source).__name__, getattr(source, "name", "")
     if kind == "SparseSystem":
-        name, dof = getattr(source, "name", ""), getattr(source, "dof", 0)
-        raise ExportError(f"{caller}: '{name}' has {dof} degrees of freedom and is held sparse; export some of its "
-                          f"modes, {caller}(system.reduced(20, correction=True)). system.truncation_error tells what "
-                          f"is missing then.")  # fmt: skip
+        return ExportError(f"{caller}: '{name}' has {getattr(source, 'dof', 0)} degrees of freedom and is held sparse; "
+                           f"export some of its modes, {caller}(system.reduced(20, correction=True)). "
+                           f"system.truncation_error tells what is missing then.")  # fmt: skip
     if kind == "Batch":
-        name, count = getattr(source, "name", ""), len(source)  # type: ignore[arg-type]
-        raise ExportError(f"{caller}: '{name}' is a batch of {count} variants; export them one by one, "
-                          f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
+        return ExportError(f"{caller}: '{name}' is a batch of {len(source)} variants; export them one by one, "  # type: ignore[arg-type]
+                           f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
+    return ExportError(f"{caller}: {fault or f'system = {kind}'}; expected {expected}.")
+
+
+def only_port(system: Any, name: str | None, kind: str, caller: str) -> str:
+    """Return the name of an output or input (``kind``) of a system, which may be left out (None) where there is one."""
+    known: tuple[str, ...] = getattr(system, f"{kind}s")
+    if name is None and len(known) != 1:
+        raise ExportError(f"{caller}: '{system.name}' has {len(known)} {kind}s; expected the name of one: {kind}=... "
+                          f"of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
+    if name is not None and name not in known:
+        raise ResponseError(f"{caller}: there is no {kind} '{name}'.{nearest(str(name), known)}")
+    return known[0] if name is None else name
 
 
 def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import linear_of, refuse_many
+from mbsvib_export.neutral import linear_of, only_port, refusal
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
@@ -61,13 +61,12 @@ def to_transfer_function(
         If a name is unknown.
     """
     control = need("control", "to_transfer_function", "control>=0.10.1")
-    if linear_of(system) is None or kind_of(system) == "sparse system":
-        refuse_many(system, "to_transfer_function")
-        raise ExportError(f"to_transfer_function: system = {type(system).__name__}; expected a System "
-                          f"(model.linearize()), whose poles and zeros are computed from its factors.")  # fmt: skip
     linear = linear_of(system)
-    source = _only(input, linear.inputs, "input", linear.name)
-    target = _only(output, linear.outputs, "output", linear.name)
+    if linear is None or kind_of(system) == "sparse system":
+        raise refusal(system, "to_transfer_function", "a System (model.linearize()), whose poles and zeros are "
+                      "computed from its factors")  # fmt: skip
+    source, target = (only_port(linear, name, kind, "to_transfer_function")
+                      for name, kind in ((input, "input"), (output, "output")))  # fmt: skip
     omega = _grid(linear, source, target)
     exact = linear.frequency_response(omega)[linear.outputs.index(target), linear.inputs.index(source)]
     poles, zeros = _without_common(linear.poles(), linear.transmission_zeros(outputs=target, inputs=source))
@@ -86,17 +85,6 @@ def to_transfer_function(
         name=SignalNames.system_to_control(linear.name, (source, target)),
     )  # fmt: skip
     return result, error
-
-
-def _only(name: str | None, known: tuple[str, ...], kind: str, owner: str) -> str:
-    if name is None and len(known) != 1:
-        raise ExportError(f"to_transfer_function: '{owner}' has {len(known)} {kind}s; expected the name of one: "
-                          f"{kind}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
-    if name is not None and name not in known:
-        from mbsvib.errors import ResponseError, nearest
-
-        raise ResponseError(f"to_transfer_function: there is no {kind} '{name}'.{nearest(str(name), known)}")
-    return known[0] if name is None else name
 
 
 def _grid(system: Any, source: str, target: str) -> Array:

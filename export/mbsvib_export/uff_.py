@@ -20,7 +20,7 @@ from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError, LeftOutWarning
 from mbsvib.responses.frequency_grid import resonant_grid
-from mbsvib_export.neutral import SystemData, linear_of, refuse_many, with_ports
+from mbsvib_export.neutral import SystemData, linear_of, refusal, with_ports
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
@@ -90,9 +90,8 @@ def to_uff(
     system = with_ports(system, outputs, inputs)
     linear: Any = system if isinstance(system, SystemData) else linear_of(system)
     if linear is None or kind_of(system) == "sparse system":
-        refuse_many(system, "to_uff")
-        raise ExportError(f"to_uff: system = {type(system).__name__}; expected a System (model.linearize()), a closed "
-                          f"loop, a state space or what was read from a file.")  # fmt: skip
+        raise refusal(system, "to_uff", "a System (model.linearize()), a closed loop, a state space or what was read "
+                      "from a file")  # fmt: skip
     if not (linear.inputs and linear.outputs):
         raise ExportError(f"to_uff: '{linear.name}' has {len(linear.inputs)} inputs and {len(linear.outputs)} outputs; "
                           f"expected one of each at least (model.add_input, model.add_output).")  # fmt: skip

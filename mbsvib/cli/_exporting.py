@@ -9,37 +9,18 @@ from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, number, option
 from mbsvib.cli._lookup import model_of
 from mbsvib.errors import nearest
+from mbsvib_export.targets import BY_SUFFIX, TARGETS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.api.system import System
 
-KINDS = {
-    ".json": "the linear system with names and units as JSON",
-    ".npz": "the linear system with names and units as numpy arrays",
-    ".mat": "the linear system for MATLAB and Octave, and a script that loads it",
-    ".h5": "the linear system with names and units as HDF5",
-    ".uff": "frequency responses and geometry as universal file",
-    ".op4": "M, C, K and the other matrices for Nastran",
-    ".pch": "M, C, K as DMIG cards for Nastran",
-    ".fmu": "an FMU, for model exchange and co-simulation",
-    ".mo": "the state space as a model in Modelica",
-    ".c": "the discrete-time state space as C source, with header and test program beside it",
-    ".yaml": "the model itself, to be edited",
-}
+KINDS = {target.suffixes[0]: target.contents for target in TARGETS} | {".yaml": "the model itself, to be edited"}
 STEP = 1e-4  # s between samples of .c
-# options that some formats have: the argument of the exporter, and which formats
+# options that some formats have, and the argument of the exporter
 CHOICES = {
-    "--realization": ("realization", (".json", ".npz", ".mat", ".h5", ".mo", ".fmu", ".c")),
-    "--step": ("step", (".c",)),
-    "--method": ("method", (".c",)),
-    "--fmi": ("version", (".fmu",)),
-    "--platforms": ("platforms", (".fmu",)),
-    "--tunable": ("tunable", (".fmu",)),
-    "--input": ("inputs", tuple(kind for kind in KINDS if kind != ".yaml")),
-    "--output": ("outputs", tuple(kind for kind in KINDS if kind != ".yaml")),
-}
+    "--realization": "realization", "--step": "step", "--method": "method", "--fmi": "version",
+    "--platforms": "platforms", "--tunable": "tunable", "--input": "inputs", "--output": "outputs",
+}  # fmt: skip
 
 
 def export(
@@ -58,7 +39,9 @@ def export(
         "platforms": platforms if platforms in (None, "all") else tuple(platforms.split(",")),
         "inputs": inputs, "outputs": outputs,
     }  # fmt: skip
-    for name, (argument, kinds) in CHOICES.items():
+    for name, argument in CHOICES.items():
+        kinds = [kind for kind in KINDS if kind in BY_SUFFIX
+                 and argument in ("inputs", "outputs", *BY_SUFFIX[kind].options)]  # fmt: skip
         if values[argument] is not None and suffix not in kinds:
             raise shell.UsageProblem(f"{name}: '{file}' has no such choice; give {name} with a file that ends in "
                                      f"{' or '.join(kinds)}.")  # fmt: skip
@@ -81,24 +64,17 @@ def export(
 
 def _write(system: System, file: Path, choices: dict[str, Any]) -> str:
     """Write a system by the suffix of a file; return what it contains."""
-    import mbsvib_export as mx
-
     suffix = file.suffix.lower()
+    target = BY_SUFFIX[suffix]
     if suffix == ".c":
         step = choices.pop("step", STEP)
-        mx.to_c(system, file.parent, step, name=file.stem, **choices)
-        return f"{KINDS[suffix]}; a step every {step:g} s"
-    elif suffix == ".fmu":
-        written = mx.to_fmu(system, file, **choices)
+        target.write(system, file.parent, step, name=file.stem, **choices)
+        return f"{target.contents}; a step every {step:g} s"
+    written = target.write(system, file, **choices)
+    if suffix == ".fmu":
         more = "; others by --platforms all" if written.other_platforms else ""
         return f"an FMU (FMI {written.version}) that runs on {', '.join(written.platforms)}{more}"
-    else:
-        writers: dict[str, Callable[..., object]] = {
-            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".mo": mx.to_modelica,
-            ".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig,
-        }  # fmt: skip
-        writers[suffix](system, file, **choices)
-    return KINDS[suffix]
+    return target.contents
 
 
 COMMANDS = {"export": Command(export, (

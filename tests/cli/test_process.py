@@ -47,7 +47,7 @@ def test_help_imports_nothing_heavy():
         "print(json.dumps(sorted(m for m in sys.modules if '.' not in m)))\n"
     )
     modules = set(json.loads(mbsvib("--help", code=code).stdout.splitlines()[-1]))
-    assert not modules & {"matplotlib", "control", "scipy", "numpy", "ruamel", "mbsvib_export"}
+    assert not modules & {"matplotlib", "control", "scipy", "numpy", "ruamel"}
 
 
 @pytest.mark.slow
