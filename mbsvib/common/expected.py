@@ -148,6 +148,19 @@ def angular(omega: Any) -> NDArray[np.float64]:
     return w
 
 
+def hertz(frequencies: Any) -> NDArray[np.float64]:
+    """Return a copy of ascending ``frequencies`` (n,) [Hz], from 0 Hz on."""
+    try:
+        f = np.array(frequencies, dtype=float, ndmin=1)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"isolation: frequencies = {frequencies!r}; expected numbers [Hz].") from error
+    if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
+        reason = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
+        raise ResponseError(f"isolation: frequencies: {reason}; expected at least one frequency from 0 Hz on, each "
+                            f"higher than the one before.")  # fmt: skip
+    return f
+
+
 def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:
     """Return ``value`` as a path; a number is refused, as ``open`` would take it for a file descriptor."""
     if isinstance(value, (str, os.PathLike)):

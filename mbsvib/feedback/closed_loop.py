@@ -184,49 +184,10 @@ class ClosedLoop(FeedbackLoop):
             return np.asarray(self.second_order.frequency_response(w))
         return super().response(w)
 
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
-        inputs: Names = None,
-    ) -> Array:  # fmt: skip
-        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
-
-        Parameters
-        ----------
-        t : array-like, shape (n,)
-            Ascending times [s].
-        u : array-like, shape (inputs, n), or (n,) for a single input
-            Inputs w at these times, which add to what the controllers demand.
-        hold : str
-            "first": linear between samples; "zero": constant from each sample to the next.
-        initial : array-like, optional
-            At t[0]: q and q' where the loop is of second order, else the states of ``state_space()``; default: rest.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
-
-        Returns
-        -------
-        array, shape (outputs, n)
-            Outputs at these times.
-
-        Raises
-        ------
-        ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown.
-        """
-        part = self.with_ports(outputs, inputs)
-        source = part.state_space() if part.second_order is None else part.second_order
-        result: Array = source.time_response(t, u, hold, initial)
-        return result
-
-    def modes(self) -> Any:
-        """Return the modes of the closed loop: ``Modes`` where it is of second order, else those of its states.
-
-        Returns
-        -------
-        Modes or StateModes
-            Printed as a table.
-        """
-        return self.state_space().modes() if self.second_order is None else self.second_order.modes()
+    @property
+    def equations(self) -> Any:
+        """The loop as a system where it is of second order, else its first-order equations."""
+        return self.state_space() if self.second_order is None else self.second_order
 
     def poles(self) -> Complex:
         """Return the poles of the closed loop.

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.modes.state_modes import StateModes
 
 SAME = 1e-9  # share of a sample time by which two of them may differ and be one
 
@@ -129,10 +128,6 @@ class Controller(LinearVerbs, Displayed):
                           np.zeros((0, n)), tuple([f"{self.name}{i + 1}" for i in range(n)]), ("",) * n, self.inputs,
                           self.input_units, self.outputs, self.output_units)  # fmt: skip
 
-    def modes(self) -> StateModes:
-        """Return the eigenvalues of A mode by mode, printed as a table."""
-        return self.state_space().modes()
-
     def poles(self) -> Complex:
         """Return the eigenvalues of A [1/s], shape (states,), in ascending magnitude."""
         return self.state_space().poles()
@@ -158,37 +153,6 @@ class Controller(LinearVerbs, Displayed):
             If a frequency is not finite or is a pole, or a name is unknown.
         """
         return self.state_space().frequency_response(omega, outputs, inputs)
-
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None, outputs: Names = None,
-        inputs: Names = None,
-    ) -> Array:  # fmt: skip
-        """Return what it demands of its actuators when its sensors measure a record.
-
-        Parameters
-        ----------
-        t : array-like, shape (n,)
-            Ascending times [s].
-        u : array-like, shape (inputs, n), or (n,) for a single input
-            What the sensors measure at these times.
-        hold : str
-            "first": linear between samples; "zero": constant from each sample to the next.
-        initial : array-like, shape (states,), optional
-            States at t[0]; default: 0.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other sensors measure 0.
-
-        Returns
-        -------
-        array, shape (outputs, n)
-            Outputs at these times.
-
-        Raises
-        ------
-        ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown.
-        """
-        return self.state_space().time_response(t, u, hold, initial, outputs, inputs)
 
     def __repr__(self) -> str:
         counts = (self.inputs, "sensor"), (self.outputs, "actuator"), (self.A, "state")

@@ -92,14 +92,12 @@ class Loop(Displayed, ABC):
     @property
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs."""
-        system = self.plant.system
-        return tuple([system.output_units[system.outputs.index(name)] for name in self.outputs])
+        return tuple([self.plant.system.output_units[k] for k in self.selected_ports[0]])
 
     @property
     def input_units(self) -> tuple[str, ...]:
         """Units of the inputs."""
-        system = self.plant.system
-        return tuple([system.input_units[system.inputs.index(name)] for name in self.inputs])
+        return tuple([self.plant.system.input_units[k] for k in self.selected_ports[1]])
 
     def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.frequencies import checked
 from mbsvib.feedback.loop_rounding import evaluated
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, excited, panels
@@ -115,7 +115,7 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
             size = np.array([min(UNIT, 0.5 * period)])
         low, high = LOWEST * float(size.min()), min(HIGHEST * float(size.max()), 0.5 * period)
     else:
-        f = checked(frequencies)
+        f = hertz(frequencies)
         low, high = float(f[0]), float(f[-1])
         if low == high:
             raise ResponseError(f"margins: frequencies: only {low:g} Hz; expected the first and the last of a band.")

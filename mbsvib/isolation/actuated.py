@@ -176,26 +176,19 @@ def _with_tensions(system: System, legs: Sequence[ActiveLeg]) -> System:
     """The system whose outputs ``LEG.tension`` are the force of the whole leg, as a sensor in series measures it: the
     sum over its elements less the force of its actuator.
     """
-    outputs, units = list(system.outputs), list(system.output_units)
-    rows = {name: list(getattr(system, name)) for name in ("Cq", "Cv", "Ca", "D")}
+    outputs = tuple(dict.fromkeys([*system.outputs, *(f"{leg.name}.tension" for leg in legs)]))
+    units = dict.fromkeys(outputs, "N") | dict(zip(system.outputs, system.output_units, strict=True))
+    sums, direct = np.eye(len(outputs), len(system.outputs)), np.zeros((len(outputs), len(system.inputs)))
     for leg in legs:
-        parts = [(system.outputs.index(_part(leg, name)), factor) for name, _, factor in leg.forces]
-        sums = {key: sum((factor * matrix[i] for i, factor in parts), np.zeros(matrix.shape[1]))
-                for key, matrix in ((key, getattr(system, key)) for key in rows)}  # fmt: skip
-        sums["D"] = sums["D"].copy()
-        sums["D"][system.inputs.index(f"{leg.name}.actuator")] -= 1.0
-        if len(parts) == 1:
-            for key, row in sums.items():
-                rows[key][parts[0][0]] = row
-            continue
-        for key, row in sums.items():
-            rows[key].append(row)
-        outputs.append(f"{leg.name}.tension")
-        units.append("N")
-    cq, cv, ca, d = (np.array(rows[key]).reshape(len(outputs), -1) for key in ("Cq", "Cv", "Ca", "D"))
-    with_forces = replace(system, outputs=tuple(outputs), output_units=tuple(units), Cq=cq, Cv=cv, Ca=ca, D=d)
+        row = outputs.index(f"{leg.name}.tension")
+        sums[row] = 0.0
+        for name, _, factor in leg.forces:
+            sums[row, system.outputs.index(_part(leg, name))] = factor
+        direct[row, system.inputs.index(f"{leg.name}.actuator")] = 1.0
+    rows = {key: sums @ getattr(system, key) for key in ("Cq", "Cv", "Ca")}
+    result = replace(system, outputs=outputs, output_units=tuple(units.values()), D=sums @ system.D - direct, **rows)
     inner = {_part(leg, name) for leg in legs if len(leg.forces) > 1 for name, _, _ in leg.forces}
-    return with_forces.with_ports([name for name in outputs if name not in inner]) if inner else with_forces
+    return result.with_ports([name for name in outputs if name not in inner]) if inner else result
 
 
 def _attached_bodies(model: Model, body: str, legs: set[str]) -> set[str]:

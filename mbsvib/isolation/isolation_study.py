@@ -9,8 +9,8 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.frequencies import checked
 from mbsvib.feedback.loop import resolution
 from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.linear import numbers
@@ -121,7 +121,7 @@ def study(
 
 def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene at ascending ``frequencies`` (n,) [Hz], with its loops open or closed."""
-    f = _resolving(linear) if frequencies is None else checked(frequencies)
+    f = _resolving(linear) if frequencies is None else hertz(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)
     shaken, loaded = (response[np.ix_(*numbers(linear, *ports))] for ports in
                       ((ACCELERATIONS, study_scene.inputs), (DISPLACEMENTS, LOADS)))  # fmt: skip

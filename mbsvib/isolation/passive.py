@@ -12,8 +12,8 @@ import numpy as np
 from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import hertz
 from mbsvib.errors import ModelError, nearest
-from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.design import Design, Front, front
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
@@ -74,7 +74,7 @@ class Passive(Displayed):
         Quantity
             ||T||_F / sqrt(base directions) at each.
         """
-        f, ports = checked(frequencies), self._ports(self._base_weights, "index")
+        f, ports = hertz(frequencies), self._ports(self._base_weights, "index")
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
         return Leaf(f"index at {span} [1]", lambda point: ports.size(point, 2.0 * np.pi * f))
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from mbsvib.common.csv_columns import write_columns
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation import octaves
 from mbsvib.isolation.linear import responses
 from mbsvib.isolation.mean_square import integrals, moments, panels
@@ -70,13 +70,17 @@ class Vibration(Displayed):
         ResponseError
             If frequencies do not ascend.
         """
-        f = checked(self.study.frequencies if frequencies is None else frequencies)
+        f = hertz(self.study.frequencies if frequencies is None else frequencies)
         low, high = _span(self.noise, self.band, float(f[-1]))
         inside = np.clip(f, low, high)
-        ends = panels(self.study.linear, self.noise, (low, high), inside)
-        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends)
+        return np.sqrt(self._below(inside, (low, high)))
+
+    def _below(self, frequencies: Array, band: tuple[float, float], power: int = 0) -> Array:
+        """Mean squares (6, n) of what a band contributes below frequencies in it [Hz]; ``power``: of ``integrals``."""
+        ends = panels(self.study.linear, self.noise, band, frequencies)
+        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends, power)
         total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
-        return np.sqrt(total[:, np.searchsorted(ends, inside)])
+        return np.asarray(total[:, np.searchsorted(ends, frequencies)])
 
     def density(self, frequencies: ArrayLike | None = None) -> Array:
         """Return the one-sided power spectral density of the body's acceleration.
@@ -91,7 +95,7 @@ class Vibration(Displayed):
         array, shape (6, n)
             Densities [(m/s^2)^2/Hz, (rad/s^2)^2/Hz].
         """
-        f = checked(self.study.frequencies if frequencies is None else frequencies)
+        f = hertz(self.study.frequencies if frequencies is None else frequencies)
         g = responses(self.study.linear, 2.0 * np.pi * f, ACCELERATIONS, self._inputs)
         return np.asarray(np.einsum("oin,nij,ojn->on", g, self.noise.at(f), g.conj()).real)
 
@@ -108,16 +112,14 @@ class Vibration(Displayed):
         array, shape (6, bands)
             Velocities [m/s, rad/s].
         """
-        middle = octaves.centres() if centres is None else checked(centres)
+        middle = octaves.centres() if centres is None else hertz(centres)
         limits = octaves.edges(middle)
         if self.band is not None:
             limits = np.clip(limits, *self.band)
         if limits[0] == limits[-1]:
             return np.zeros((6, len(middle)))
-        ends = panels(self.study.linear, self.noise, (float(limits[0]), float(limits[-1])), limits)
-        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends, power=-2)
-        total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
-        return np.sqrt(np.maximum(np.diff(total[:, np.searchsorted(ends, limits)], axis=1), 0.0))
+        below = self._below(limits, (float(limits[0]), float(limits[-1])), power=-2)
+        return np.sqrt(np.maximum(np.diff(below, axis=1), 0.0))
 
     @cached_property
     def criterion(self) -> str:

@@ -70,6 +70,53 @@ class LinearVerbs(StepVerbs):
         """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
         return self.with_ports(*key_ports(key, self.name))
 
+    @property
+    def equations(self) -> Any:
+        """The first-order equations, or a system of second order, which modes and time responses are those of."""
+        return self.state_space()
+
+    def modes(self) -> Any:
+        """Return the modes, natural frequencies, damping ratios and shapes.
+
+        Returns
+        -------
+        Modes or StateModes
+            Those of a system where the equations are of second order, else those of the states; printed as a table.
+        """
+        return self.equations.modes()
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
+        inputs: Names = None,
+    ) -> Array:  # fmt: skip
+        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times; of a loop they add to what the controllers demand.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : array-like, optional
+            At t[0]: q and q' where the equations are of second order, else the states of ``state_space()``; default: 0.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold or a name is unknown.
+        """
+        result: Array = self.with_ports(outputs, inputs).equations.time_response(t, u, hold, initial)
+        return result
+
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
