@@ -125,16 +125,17 @@ def port_matrices(
             zero = np.abs(value) <= ZERO_SUM * np.abs(terms).sum(axis=-1)  # the directions are perpendicular
             d[..., row, column] = np.where(zero, value - value.real, value)
     variants = port_rows.shape[:-2]
+    weights_of = springs.weights if port.force_outputs else ()
     if port.force_outputs:
-        variants = max(variants, elastic.shape[:-2], springs.stiffness.shape[:-1], springs.damping.shape[:-1],
-                       springs.unit.shape[:-2])  # fmt: skip
-    kind = np.result_type(port_rows, elastic, springs.stiffness, springs.damping, springs.unit)
+        variants = max(variants, elastic.shape[:-2], springs.unit.shape[:-2],
+                       *(value.shape[:-1] for _, value in weights_of))  # fmt: skip
+    kind = np.result_type(port_rows, elastic, springs.unit, *(value for _, value in weights_of))
     c = np.zeros((*variants, 3, len(port.output_units), m), kind)
     c[..., port.derivative, port.motion_outputs, :] = port_rows[..., forces:, :]
     for row, owner, wrench in port.force_outputs:
         which = np.nonzero(springs.owner == owner)[0]
         factors = springs.unit[..., which, :] @ wrench
-        for order, value in springs.weights:
+        for order, value in weights_of:
             weights = (factors * value[..., which])[..., None, :]
             c[..., order, row, :] = (weights @ elastic[..., which, :])[..., 0, :]
     return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}

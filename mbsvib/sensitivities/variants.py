@@ -6,19 +6,23 @@ the equilibrium gives way, with the forces R that are left over along them:
 
 dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
 
-The partial derivatives are extrapolated differences (11 digits); variants need not balance. Where a model had to find
-its equilibrium far from where it is described, each variant finds its own.
+Where the pose stays, the derivatives are complex steps of a batch, as exact as the equations. Others are extrapolated
+differences (11 digits), whose variants need not balance. Where a model had to find its equilibrium far from where it is
+described, each variant finds its own.
 """
 
 from __future__ import annotations
 
 import warnings
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.equations.assembly import assembled, linearized
+from mbsvib.equations.batch_assembly import batch_plan
+from mbsvib.equations.batch_equations import BatchEquations
+from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
@@ -72,6 +76,7 @@ class Variants:
         nothing holds, an error is raised, unless these are all parameters there are (``every``): then the derivatives
         are not a number.
         """
+        self._add_exact([direction for direction in directions if direction.rates not in self._slopes])
         for direction in directions:
             key = direction.rates
             if key not in self._slopes:
@@ -85,6 +90,24 @@ class Variants:
         shapes = [getattr(self.system, key).shape for key in MATRICES]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
+
+    def _add_exact(self, directions: Sequence[Direction]) -> None:
+        """Compute the derivatives along directions in which the pose stays, and the parts are those of a batch."""
+        system, names = self.system, list(dict.fromkeys(name for one in directions for name, _ in one.rates))
+        provenance = system.provenance
+        if not names or provenance.origin is None or provenance.moved_to_equilibrium or self._poses is not None:
+            return
+        model, rates = self._model, [dict(direction.rates) for direction in directions]
+        values = checked(model.parameters, {name: np.array([model.parameters[name]]) for name in names})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            plan = batch_plan(model, values.slots, system.coordinates, self._cut)
+            if plan.at_once(values) and plan.nominal.coordinates == system.coordinates:
+                slopes = plan.derivatives(plan.equations(values, BatchEquations), {
+                    name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names})  # fmt: skip
+                for k, direction in enumerate(directions):
+                    parts: Any = [slopes[key] for key in MATRICES]
+                    self._slopes[direction.rates] = np.concatenate([part[0, k].reshape(-1) for part in parts])
 
     @cached_property
     def unreduced(self) -> Equations | None:

@@ -96,8 +96,13 @@ def everything():
     model.add_rotor("wheel", "a", 30.0, (0, 0, 1), inertia=0.2)
     model.add_load("push", "a", force=(0, 0, 1.0))
     model.add_load("pull", "a", force=(0, 0, -1.0))
+    model.add_maxwell("oil", "ground", "a", (1, 0, 0), (0, 0, 1), 300.0, 20.0, static_stiffness=40.0)
     model.add_input("F", "b", "y")
+    model.add_base_motion("quake", "y")
     model.add_output("y", "b", "y")
+    model.add_output("acceleration", "b", "y", quantity="acceleration")
+    for element in ("foot", "back", "twist", "stay", "flywheel", "oil", "hinge", "slider", "a", "ground"):
+        model.add_force_output(f"force in {element}", element, "rx" if element in ("back", "twist") else "z")
     return model
 
 

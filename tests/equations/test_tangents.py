@@ -9,6 +9,7 @@ import mbsvib as mv
 from mbsvib.equations import batch_assembly, batch_loads, loaded
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_values import checked
+from tests.equations.test_batch_golden import everything
 from tests.golden.store import scenes
 
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
@@ -63,6 +64,29 @@ def test_derivatives_are_limits_of_differences(name):
             expected = np.tensordot(WEIGHTS / step, matrix, 1)
             scale = np.abs(matrix).max(initial=0.0) / size + np.abs(expected).max(initial=0.0)
             assert np.abs(slope - expected).max(initial=0.0) <= 2e-7 * scale, (item, key)
+
+
+def single_fields():
+    """A parameter of each field of the scene with one element of each kind."""
+    parameters = everything().parameters
+    return list({(entry.part, entry.field): entry.name for entry in parameters.entries}.values())
+
+
+@pytest.mark.few(16)
+@pytest.mark.parametrize("name", single_fields())
+@pytest.mark.usefixtures("unbalanced")
+def test_one_parameter_alone(name):
+    """Arrays that nothing else varies keep no axis of variants: each output and matrix takes what there is."""
+    model = everything()
+    value = model.parameters[name]
+    step = STEP * (abs(value) or 0.1)
+    tangent = model.compile(name).tangent([value], [1.0])
+    near = model.linearize(values={name: value + step * POINTS})
+    for key in KEYS:
+        matrix = getattr(near, key)
+        expected = np.tensordot(WEIGHTS / step, matrix, 1)
+        scale = np.abs(matrix).max(initial=0.0) / (abs(value) or 1.0) + np.abs(expected).max(initial=0.0)
+        assert np.abs(getattr(tangent, key) - expected).max(initial=0.0) <= 2e-7 * scale, key
 
 
 @pytest.mark.few(12)
