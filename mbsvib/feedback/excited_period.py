@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.sampled_period import period
+from mbsvib.feedback.sampled_period import doubled, period, short_time
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import EPS, ZERO_RESPONSE
 from mbsvib.linalg.spectrum import spectrum
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.feedback.sampled_period import Period
     from mbsvib.responses.first_order_solver import FirstOrderSolver
 
-# Integrals over times of at most this many radians and time constants, by Gauss's rule with so many nodes, are exact to
-# rounding.
-SHORT, NODES = 0.5, 8
 # A response is taken from a circle about its frequency if this lies closer to a pole on the unit circle, where the loop
 # may not decay but the response need not contain it: others lose digits to rounding there.
 BESIDE = 1e-6
@@ -90,10 +87,7 @@ def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array
     from scipy.linalg import expm
 
     fastest = max(float(np.linalg.norm(a, 2)) if len(a) else 0.0, float(np.abs(w).max(initial=0.0)))
-    doublings = max(int(np.frexp(fastest * time / SHORT)[1]), 0)
-    step = float(np.ldexp(time, -doublings))
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    s, share = 0.5 * step * (nodes + 1.0), 0.5 * step * weights
+    doublings, step, s, share = short_time(time, fastest)
     flow = expm(a * s[:, None, None])
     reached, shown = share[:, None, None] * (flow @ b), share[:, None, None] * (c @ flow)
     back = np.exp(-1j * w * s[:, None])
@@ -101,9 +95,7 @@ def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array
     seen = _sum(shown.transpose(0, 2, 1), back)
     direct = _sum((step - s)[:, None, None] * (c @ reached), back) + step * d[:, :, None]
     change = a @ np.tensordot(share, flow, axes=1)  # exp(A t) - 1
-    result = Excited(np.eye(len(a)), change, driven, seen, direct, np.exp(1j * w * step))
-    for _ in range(doublings):
-        result = result.then(result)
+    result = doubled(Excited(np.eye(len(a)), change, driven, seen, direct, np.exp(1j * w * step)), doublings)
     return result._replace(turn=np.exp(1j * w * time))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.sampled_period import period
+from mbsvib.feedback.sampled_period import doubled, period, short_time
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.feedback.sampled_equations import SampledEquations
 
-# Integrals over times of at most this many time constants, by Gauss's rule with so many nodes, are exact to rounding.
-SHORT, NODES = 0.5, 8
 LONGEST = 60  # doublings, after which a pole that is less than 1 by a rounding has decayed
 
 
@@ -57,20 +55,14 @@ def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float) -> St
     """
     from scipy.linalg import expm
 
-    _, doublings = np.frexp(float(np.linalg.norm(a, 2)) * time / SHORT)
-    doublings = max(int(doublings), 0)
-    step = np.ldexp(time, -doublings)
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    doublings, step, nodes, shares = short_time(time, float(np.linalg.norm(a, 2)))
     noise, weight, own = np.zeros_like(a), np.zeros_like(a), 0.0
-    for s, share in zip(0.5 * step * (nodes + 1.0), 0.5 * step * weights, strict=True):
+    for s, share in zip(nodes, shares, strict=True):
         turn = expm(a * s)
         reached, seen = turn @ b, c @ turn
         noise, weight = noise + share * reached @ reached.T, weight + share * seen.T @ seen
         own += share * (step - s) * float(np.sum((c @ reached) ** 2))
-    result = Stretch(expm(a * step), noise, weight, own)
-    for _ in range(doublings):
-        result = result.then(result)
-    return result
+    return doubled(Stretch(expm(a * step), noise, weight, own), doublings)
 
 
 def h2_norm(loop: SampledEquations) -> float:

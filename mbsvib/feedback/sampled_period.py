@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from mbsvib.feedback.sampled_equations import SampledEquations
 
 
+# Integrals over times of at most this many radians and time constants, by Gauss's rule with so many nodes, are exact to
+# rounding.
+SHORT, NODES = 0.5, 8
+
+
 class Part(Protocol):
     """A stretch of time, or an event."""
 
@@ -25,6 +30,24 @@ class Part(Protocol):
 
 
 S = TypeVar("S", bound=Part)
+
+
+def short_time(time: float, fastest: float) -> tuple[int, float, Array, Array]:
+    """Return how often a short time is doubled to be ``time`` [s], this time, and nodes and weights of Gauss's rule.
+
+    ``fastest``: highest frequency, or rate of decay, of what is integrated [1/s].
+    """
+    doublings = max(int(np.frexp(fastest * time / SHORT)[1]), 0)
+    step = float(np.ldexp(time, -doublings))
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    return doublings, step, 0.5 * step * (nodes + 1.0), 0.5 * step * weights
+
+
+def doubled(part: S, doublings: int) -> S:
+    """Return a part of a period, so often in a row with itself."""
+    for _ in range(doublings):
+        part = part.then(part)
+    return part
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -55,12 +55,12 @@ def lqg(
         If a weight is not positive, a name unknown, or no stabilising controller exists.
     """
     _check_positive("lqg", effort=effort, base=base, noise=noise)
-    a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
+    a, b, bw, c, d, dw, z, zd, _, rate = _weighted(plant, sensors, performance)
     m, n = b.shape[1], len(c)
     back = _feedback(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)
     inject = _feedback(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T).T
     law = a - b @ back - inject @ c + inject @ d @ back
-    return Controller("LQG", law * scale, inject * scale, -back, np.zeros((m, n)), tuple(sensors),
+    return Controller("LQG", law * rate, inject * rate, -back, np.zeros((m, n)), tuple(sensors),
                       plant.names("actuator")).for_plant(plant.system)  # fmt: skip
 
 
@@ -107,8 +107,7 @@ def hinf(
     _check_positive("hinf", effort=effort, noise=noise)
     if not 1.0 <= relaxation < np.inf:
         raise ResponseError(f"hinf: relaxation = {relaxation!r}; expected a number from 1 on.")
-    a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
-    zw = _through(plant, performance)
+    a, b, bw, c, d, dw, z, zd, zw, rate = _weighted(plant, sensors, performance)
     m, n, k = b.shape[1], len(c), bw.shape[1]
     generalized_plant = (
         a, np.hstack((bw, np.zeros((len(a), n)), b)), np.vstack((z, np.zeros((m, len(a))), c)),
@@ -116,7 +115,7 @@ def hinf(
                   [dw, noise * np.eye(n), d]]),
     )  # fmt: skip
     synthesis = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
-    law = Controller("Hinf", synthesis.A * scale, synthesis.B * scale, synthesis.C, synthesis.D, tuple(sensors),
+    law = Controller("Hinf", synthesis.A * rate, synthesis.B * rate, synthesis.C, synthesis.D, tuple(sensors),
                      plant.names("actuator")).for_plant(plant.system)  # fmt: skip
     return law, float(synthesis.norm or 0.0)
 
@@ -158,31 +157,36 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> 
     return np.asarray(gain)
 
 
-def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
-    """Matrices of the plant in time units of its highest frequency, balanced, rotations times the length."""
+class _Weighted(NamedTuple):
+    """x' = a x + b u + bw w,  y = c x + d u + dw w,  z = e x + f u + g w, time in parts of a second: ``rate`` [1/s]."""
+
+    a: Array
+    b: Array
+    bw: Array
+    c: Array
+    d: Array
+    dw: Array
+    e: Array
+    f: Array
+    g: Array
+    rate: float
+
+
+def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> _Weighted:
+    """The plant in time units of its highest frequency, balanced, rotations times the length."""
     from mbsvib.responses.transmission_zeros import numbers
 
     space, scene = plant.space, plant.scene
     u, w = ([space.inputs.index(name) for name in names] for names in (plant.names("actuator"), scene.inputs))
     y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)
-    size = _sizes(plant, performance)
-    scale = float(np.abs(plant.system.poles()).max())
-    a, b, c = scaled(space.A / scale, space.B / scale, space.C)
+    units = [plant.system.output_units[k] for k in z]
+    size = np.array([scene.length if unit.startswith("rad") else 1.0 for unit in units])[:, None]
     weights = 1.0 / scene.scale(scene.base_directions)
-    d = space.D
+    rate = float(np.abs(plant.system.poles()).max())
+    a, b, c = scaled(space.A / rate, space.B / rate, space.C)
+    through = space.D
     # noise and cost are densities over time too: a change of its unit scales all of them equally
-    return (a, b[:, u], b[:, w] * weights, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * weights, size[:, None] * c[z],
-            size[:, None] * d[np.ix_(z, u)], np.array(scale))  # fmt: skip
-
-
-def _sizes(plant: Plant, names: Sequence[str]) -> Array:
-    """The length for rotations, 1 for the rest."""
-    units = dict(zip(plant.system.outputs, plant.system.output_units, strict=True))
-    return np.array([plant.scene.length if units[name].startswith("rad") else 1.0 for name in names])
-
-
-def _through(plant: Plant, performance: Sequence[str]) -> Array:
-    scene, space = plant.scene, plant.space
-    w = [space.inputs.index(name) for name in scene.inputs]
-    z = [space.outputs.index(name) for name in performance]
-    return np.asarray(_sizes(plant, performance)[:, None] * space.D[np.ix_(z, w)] / scene.scale(scene.base_directions))
+    return _Weighted(
+        a, b[:, u], b[:, w] * weights, c[y], through[np.ix_(y, u)], through[np.ix_(y, w)] * weights,
+        size * c[z], size * through[np.ix_(z, u)], size * through[np.ix_(z, w)] * weights, rate,
+    )  # fmt: skip
