@@ -40,6 +40,7 @@ class Body(Part):
 
     symbol = "body"
     batched_fields = frozenset({"mass", "inertia", "position", "orientation"})
+    signed_fields = frozenset({"mass", "position", "orientation"})
 
     mass: float
     inertia: tuple[float, float, float, float, float, float]

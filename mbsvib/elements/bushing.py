@@ -93,6 +93,7 @@ class Bushing(Connection):
         return stiffness, damping
 
     batched_fields = frozenset({"position", "orientation", "preload", "stiffness", "damping"})
+    signed_fields = batched_fields
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in

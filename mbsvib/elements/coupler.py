@@ -96,6 +96,7 @@ class Coupler(Coupling):
                 "curvature": None if self.curvature is None else dict(self.curvature)}  # fmt: skip
 
     batched_fields = frozenset({"coefficient"})
+    signed_fields = batched_fields
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         suffixes = tuple(str(i + 1) for i in range(len(self.coefficients)))
@@ -121,6 +122,10 @@ class Transmission(Coupling):
     @property
     def batched_fields(self) -> frozenset[str]:
         return frozenset({_names(type(self))[2]})
+
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        return self.batched_fields
 
     def coefficients_of(self, values: Mapping[str, Array]) -> Array:
         factor = values[_names(type(self))[2]]

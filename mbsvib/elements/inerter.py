@@ -54,6 +54,7 @@ class Inerter(Connection):
         return make(**self._arguments_with(values))
 
     batched_fields = frozenset({"start", "end", "inertance"})
+    signed_fields = frozenset({"inertance"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return np.asarray(no_line(self, values) | (values.get("inertance", np.ones(1)) <= 0.0))

@@ -105,6 +105,11 @@ class Joint(Part):
         """Fields whose values many variants can have at once."""
         return frozenset({"position", "end"} if self.is_rod else {"position", "orientation", "pitch"})
 
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        """Fields of which all values with the signs of its own are accepted."""
+        return frozenset() if self.is_rod else self.batched_fields
+
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return self.is_rod and no_line(self, values, ("position", "end"))
 

@@ -46,6 +46,7 @@ class Load(Part):
         return make(**self._arguments_with(values))
 
     batched_fields = frozenset({"force", "torque", "position"})
+    signed_fields = batched_fields
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         idle = [~np.any(values.get(field, np.array(getattr(self, field))[:, None]), axis=0)
@@ -67,6 +68,7 @@ class Gravity(Part):
 
     acceleration: Vector
     batched_fields = frozenset({""})
+    signed_fields = batched_fields
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return False

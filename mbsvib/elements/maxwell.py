@@ -96,6 +96,7 @@ class Maxwell(Connection):
         return make(**self._arguments_with(values))
 
     batched_fields = frozenset({"stiffness", "damping", "static_stiffness", "preload"})
+    signed_fields = frozenset({"stiffness", "damping"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         k, c = (values.get(field, np.full(1, getattr(self, field))) for field in ("stiffness", "damping"))

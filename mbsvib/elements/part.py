@@ -131,6 +131,11 @@ class Part:
         """Fields whose values many variants can have at once; with others they are linearized one by one."""
         return frozenset()
 
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        """Fields of which the part accepts all values that have the signs of its own; others are checked each time."""
+        return frozenset()
+
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         """Return which variants have values that such a part might refuse, so that it is to be built with them.
 

@@ -40,6 +40,7 @@ class Rotor(Part):
         return replace(self, speed=part.speed, inertia=part.inertia)
 
     batched_fields = frozenset({"speed", "inertia"})
+    signed_fields = batched_fields
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return np.asarray(values.get("inertia", np.ones(1)) <= 0.0)

@@ -74,6 +74,7 @@ class Spring(Connection):
         return line_force(self.tension, self.line)
 
     batched_fields = frozenset({"start", "end", "stiffness", "damping", "preload", "free_length"})
+    signed_fields = frozenset({"stiffness", "damping", "preload", "free_length"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         idle = [values.get(field, getattr(self, field)) == 0.0 for field in ("stiffness", "damping")]

@@ -66,6 +66,7 @@ class TorsionSpring(Connection):
         return make(**self._arguments_with(values))
 
     batched_fields = frozenset({"stiffness", "damping", "preload"})
+    signed_fields = batched_fields
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         idle = [np.equal(values.get(field, getattr(self, field) or 0.0), 0.0) for field in sorted(self.batched_fields)]

@@ -24,8 +24,6 @@ P = TypeVar("P", bound=Part)
 
 # Fields by which connections have a row, or none.
 COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
-# Fields that are checked by more than the signs of their numbers.
-OWN_CHECKS = frozenset({"inertia", "start", "end", "preload", "static_stiffness"})
 
 
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
@@ -133,14 +131,13 @@ class Slots:
     def checks(self) -> tuple[Index, tuple[str, ...], tuple[str, ...]]:
         """Rows (k,) of numbers that the parts (k,), by name, accept with the sign of the model's, and the other parts.
 
-        What a part accepts depends on no more than the signs of its numbers, but for lines between points, tensors and
-        nodes that forces hold.
+        What a part accepts of its ``signed_fields`` depends on no more than the signs of their numbers.
         """
         rows: list[int] = []
         owners: list[str] = []
         others = []
         for name, fields in self.index.items():
-            if fields.keys() & OWN_CHECKS or ("end" in self.others.get(name, {})):
+            if not fields.keys() <= self.parameters.parts[name].signed_fields:
                 others.append(name)
                 continue
             for numbers in fields.values():
