@@ -16,14 +16,12 @@ import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib_export import record
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import record_in
 from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.read_errors import read_errors
+from mbsvib_export.reading import content_read
 from mbsvib_export.record import KEYS, STATE_TEXTS, TEXTS
 
 if TYPE_CHECKING:
@@ -130,9 +128,7 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
     ExportError
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
-    file = a_path(path, "from_npz_batch", ExportError)
-    content = content_of(file, ExportError, "a file of to_npz_batch")
-    with read_errors(file, ".npz file", "to_npz_batch"):
+    with content_read(path, ".npz file", "npz_batch") as content:
         arrays = arrays_in(content, (*KEYS, "parameters", "values"))
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
         if (kind, version) != (FORMAT, VERSION):

@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import check_shape, content_of
+from mbsvib.common.file_content import check_shape
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import data_of, with_ports
 from mbsvib_export.npz_ import arrays_of, record_in
 from mbsvib_export.packages import need
-from mbsvib_export.read_errors import read_errors
+from mbsvib_export.reading import content_read
 from mbsvib_export.record import KEYS, data_from
 
 if TYPE_CHECKING:
@@ -101,9 +100,7 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData | StateSpace:
         If h5py is not installed, or the file cannot be read, is damaged, or is of a later version of the format.
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
-    file = a_path(path, "from_hdf5", ExportError)
-    raw = content_of(file, ExportError, "a file of to_hdf5")
-    with read_errors(file, "HDF5 file", "to_hdf5"):
+    with content_read(path, "HDF5 file", "hdf5") as raw:
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
         with h5py.File(BytesIO(raw), "r") as datasets:

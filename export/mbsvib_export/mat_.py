@@ -27,13 +27,12 @@ from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib_export.companion import check_companion
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import ERROR_BOUND, THROUGH, SystemData, data_of, with_ports
-from mbsvib_export.read_errors import read_errors
+from mbsvib_export.reading import content_read
 from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION, check_version, data_from
 from mbsvib_export.responses import (
     check_points,
@@ -148,9 +147,7 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData | StateSpace:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    file = a_path(path, "from_mat", ExportError)
-    raw = content_of(file, ExportError, "a file of to_mat")
-    with read_errors(file, ".mat file", "to_mat"):
+    with content_read(path, ".mat file", "mat") as raw:
         if raw[:TITLE] != title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
         arrays = read_mat_file(raw)

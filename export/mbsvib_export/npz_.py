@@ -24,12 +24,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import data_of, with_ports
 from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.read_errors import read_errors
+from mbsvib_export.reading import content_read
 from mbsvib_export.record import (
     KEYS,
     STATE_TEXTS,
@@ -109,9 +107,7 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    file = a_path(path, "from_npz", ExportError)
-    content = content_of(file, ExportError, "a file of to_npz")
-    with read_errors(file, ".npz file", "to_npz"):
+    with content_read(path, ".npz file", "npz") as content:
         return data_from(record_in(arrays_in(content, KEYS)))
 
 
