@@ -88,7 +88,7 @@ def loaded_pairs(
     assert scene.loads is not None
     topology, cuts, twists = scene.topology, scene.cuts, twists_at(scene.coordinates)
     order = motion_order(topology)
-    pairs, cut = _applied(scene.loads[0], scene.position), None
+    pairs, cut = applied_pairs(scene.loads[0], scene.position), None
     motion = twists.motion(pairs.first, pairs.second, pairs.point)
     gradient = np.einsum("...ip,...ipk->...k", pairs.wrench, motion)
     if cuts is not None and len(cuts.rows.first):
@@ -104,8 +104,11 @@ def loaded_pairs(
     return LoadedPairs(twists, order, pairs, cut, motion, gradient, curvature, axes, lengths)
 
 
-def _applied(applied: AppliedWrenches, position: Array) -> Pairs:
-    """The pairs of loads, weights and preloads; ``position`` (..., bodies, 3): centres of mass [m]."""
+def applied_pairs(applied: AppliedWrenches, position: Array) -> Pairs:
+    """Return the pairs of loads, weights (none, or one for each body) and preloads.
+
+    ``position`` (..., bodies, 3): centres of mass [m].
+    """
     pairs, loads, lines = applied.pairs, slice(applied.loads), slice(applied.loads, applied.loads + applied.lines)
     others = slice(lines.stop, None)
     start, end, force, torque = (leading(array) for array in (pairs.start, pairs.end, pairs.force, pairs.torque))

@@ -2,9 +2,7 @@
 
 A joint of the tree transmits the sum of all forces on the bodies behind it; one pass from the leaves to the root
 computes it. In loops this includes the forces of the cut joints: with Phi their independent rows per joint coordinate,
-Phi^T lambda = -B'^T W by sparse least squares, and the residual is the unbalanced force of the pose. The second-order
-terms are those of the dense path; as rows they contain rotations of bodies and joint coordinates, which are unknowns of
-the tableau.
+Phi^T lambda = -B'^T W by sparse least squares, and the residual is the unbalanced force of the pose.
 """
 
 from __future__ import annotations
@@ -14,10 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.contribution import Contribution
+from mbsvib.core.pairs import CutJoints, of_measured, opening_hessians
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.force_paths import joint_ends
+from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.equations.second_order_rows import second_order_rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.wrench_pairs import WrenchPairs
@@ -25,9 +24,7 @@ from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.geometric_terms import geometric_terms
-from mbsvib.sparse.load_terms import load_stiffness
-from mbsvib.sparse.statement import antisymmetric, signed_squares, unknown_rows
+from mbsvib.sparse.geometric_stiffness import Products, by_form, of_bodies, of_joints, of_pairs, stacked, twists_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -35,6 +32,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.core.geometric_stiffness import Pairs
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.wrenches import AppliedWrenches
@@ -90,30 +88,104 @@ def geometric(
     wrench, sizes = applied.on_bodies(position)
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
     subtree, size = _subtree_wrenches(tree, wrench, sizes + _rounding(springs, reach, position))
-    cut = _cut_joint_forces(tree, closure, subtree, size, (model.name, topology), reach)
+    multipliers = _multipliers(tree, closure, subtree, size, (model.name, topology), reach)
+    cut = _in_cut_joints(closure, multipliers)
     if cut is not None:
-        wrench = wrench + cut.on_bodies(position)[0]
-        subtree = _subtree_wrenches(tree, wrench, sizes)[0]
+        subtree = _subtree_wrenches(tree, wrench + cut.on_bodies(position)[0], sizes)[0]
     joints = topology.joints
     first, second, start, point, carrier = joint_ends(topology, position)
     joint_wrenches = _joint_wrenches(topology, closure, subtree, cut, position, point)
     for region in regions:
-        joint_wrenches[:, region.joints] = region.minimum_norm(joint_wrenches[:, region.joints])
+        least = region.minimum_norm(joint_wrenches[:, region.joints])
+        multipliers += _of_wrenches(topology, closure, region, least - joint_wrenches[:, region.joints])
+        joint_wrenches[:, region.joints] = least
     in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
-    pairs = WrenchPairs.join(applied.pairs, in_joints)
     names = (*applied.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     second_order = second_order_rows(applied, joints, number, coupled)
-    parts = [geometric_terms(pairs, applied, second_order, position).contribution(pairs.force, pairs.torque)]
-    unsymmetric = load_stiffness(applied, position)
-    if unsymmetric is not None:
-        parts.append(unsymmetric)
-    contribution = Contribution.join(parts)
-    displacements = unknown_rows(contribution, tree, layout)
-    rows, stiffness, owner = signed_squares(contribution.stiffness, displacements)
+    parts = _pairs(model, topology, tree, closure, applied, multipliers)
+    rows, stiffness, owner, circulatory = _stiffness(topology, tree, layout, parts, in_joints, len(applied.names))
     carrier = np.concatenate((applied.pairs.second, carrier))
-    circulatory = antisymmetric(contribution.circulatory, displacements)
-    return Geometric(rows, stiffness, owner, names, joint_wrenches, pairs, carrier, second_order, applied, circulatory)
+    return Geometric(rows, stiffness, owner, names, joint_wrenches, WrenchPairs.join(applied.pairs, in_joints), carrier,
+                     second_order, applied, circulatory)  # fmt: skip
+
+
+def _stiffness(
+    topology: Topology, tree: Tree, layout: Layout, parts: list[tuple[Pairs, Index, Array | None]],
+    in_joints: WrenchPairs, of_joints_from: int,
+) -> tuple[csr_matrix, Array, Index, csr_matrix | None]:  # fmt: skip
+    """Signed rows with their stiffness and owners, and the antisymmetric matrix of the forces at the pose."""
+    products, circulatory = [], None
+    branches = [branch for branch in topology.branches if branch.joint != FLOATS]
+    number = np.array([branch.joint for branch in branches], dtype=np.intp)
+    first, second = in_joints.first[number], in_joints.second[number]
+    force, moment = in_joints.force[:, number], in_joints.torque[:, number]
+    forces = [(second, in_joints.end[:, number], force), (first, in_joints.end[:, number], -force)]
+    joints = [(topology.joints[branch.joint], int(a), int(tree.first[branch.body]))
+              for branch, a in zip(branches, first, strict=True)]  # fmt: skip
+    for pairs, owner, twists in parts:
+        part, antisymmetric = of_pairs(tree, layout, pairs, owner, twists)
+        products.append(part)
+        circulatory = antisymmetric if circulatory is None else circulatory
+        forces += [(pairs.second, pairs.point, -pairs.wrench[3:]), (pairs.first, pairs.point, pairs.wrench[3:])]
+    products.append(of_joints(tree, layout, joints, np.concatenate((force, moment)), of_joints_from + number))
+    products.append(of_bodies(tree, layout, forces, of_joints_from + len(topology.joints)))
+    return *Products.join(products).squares(), circulatory
+
+
+def _pairs(
+    model: Mechanism, topology: Topology, tree: Tree, closure: Constraints, applied: AppliedWrenches, multipliers: Array
+) -> list[tuple[Pairs, Index, Array | None]]:
+    """The pairs of loads, preloads and cut joints with their owners, and the twists (p, 6, 6) that these allow."""
+    rows, count, of_joints_from = closure.rows, len(closure.rows.first), len(applied.names)
+    # weights act at the centres of mass, where they have no stiffness
+    result: list[tuple[Pairs, Index, Array | None]] = []
+    if applied.names:
+        pairs = applied_pairs(replace(applied, weight=np.zeros_like(applied.weight)), tree.position)
+        result.append((pairs, np.arange(of_joints_from), None))
+    if count:
+        numbers, start = np.unique(closure.loop[:count], return_index=True)
+        number = np.array(topology.cut, dtype=np.intp)[numbers]
+        joints = [topology.joints[k] for k in number.tolist()]
+        hessian = np.zeros((count, 6, 6))
+        for alike, which in by_form(joints):
+            own = start[which][:, None] + np.arange(len(alike[0].locked))
+            hessian[own] = stacked(alike, lambda joint, axes, length: opening_hessians(
+                [joint], {joint.name: axes}, {joint.name: length}))  # fmt: skip
+        cut = CutJoints(rows.first[start], rows.second[start], rows.point[:, start],
+                        np.concatenate((rows.moment, rows.force)), closure.loop[:count], start, hessian)  # fmt: skip
+        result.append((cut.pairs(-multipliers[:count]), of_joints_from + number, twists_of(joints)))
+    if closure.couplers is not None and len(closure.couplers.joint):
+        measured, number = closure.couplers.terms.measured, closure.couplers.joint
+        coupler, coefficient = closure.couplers.measured
+        known = set(tree.names)
+        names = [name.rpartition(".")[2] for part in model.couplers.values() for name, _ in part.terms
+                 if name not in known]  # fmt: skip
+        joints = [topology.joints[k] for k in number.tolist()]
+        pairs = of_measured((measured.first, measured.second), (measured.point, measured.force, measured.moment),
+                            list(zip(joints, names, strict=True)), -coefficient * multipliers[count + coupler], {}, {})
+        result.append((pairs, of_joints_from + number, twists_of(joints)))  # fmt: skip
+    return result
+
+
+def _of_wrenches(topology: Topology, closure: Constraints, region: Region, wrench: Array) -> Array:
+    """Multipliers of self-equilibrated wrenches (6, j) in the joints of a region."""
+    rows, couplers, result = closure.rows, closure.couplers, np.zeros(len(closure.names))
+    for k, point, six in zip(region.joints.tolist(), region.point.T, wrench.T, strict=True):
+        if k not in topology.cut:
+            continue
+        own = np.flatnonzero(closure.loop[: len(rows.first)] == topology.cut.index(k))
+        acts = rows.take(own)
+        if couplers is not None:
+            mine = np.flatnonzero(couplers.joint == k)
+            acts = Rows.join([acts, couplers.terms.measured.take(mine)])
+        moment = acts.moment + crossed_product(acts.point - point[:, None], acts.force)
+        amount = np.linalg.lstsq(np.concatenate((acts.force, moment)), six, rcond=None)[0]
+        result[own] = amount[: len(own)]
+        if couplers is not None:
+            coupler, coefficient = couplers.measured
+            result[len(rows.first) + coupler[mine]] = amount[len(own) :] / coefficient[mine]
+    return result
 
 
 def _joint_wrenches(
@@ -168,10 +240,10 @@ def _subtree_wrenches(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, A
     return np.array((fx, fy, fz, mx, my, mz)), np.array((force, moment))
 
 
-def _cut_joint_forces(
+def _multipliers(
     tree: Tree, closure: Constraints, subtree: Array, size: Array, context: tuple[str, Topology], reach: float
-) -> WrenchPairs | None:
-    """Forces in the cut joints that balance all others, row by row; an error if there are none."""
+) -> Array:
+    """Multipliers of all locked rows and couplers that balance all other forces; an error if there are none."""
     motion, body = tree.motion.T, tree.coordinate_body
     unbalanced_force = np.einsum("ck,ck->k", motion, subtree[:, body])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
@@ -179,7 +251,7 @@ def _cut_joint_forces(
     count = int(closure.is_independent.sum())
     if not count:
         _check_residual(unbalanced_force, limit, tree, context)
-        return None
+        return np.zeros(len(closure.names))
     row, column, entry = closure.independent_entries(tree)
     value, residual, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
     # constraints share what is unbalanced along one coordinate with all others that they tie to it
@@ -190,8 +262,16 @@ def _cut_joint_forces(
     from_multipliers = LEAST_LEVER * (lengths[0] * force + lengths[1] * (reach * force + moment))
     np.add.at(from_multipliers, column, np.abs(entry) * np.maximum(np.abs(value), LEAST_LEVER * least)[row])
     _check_residual(-residual, limit + from_multipliers, tree, context)
-    rows, multipliers = closure.rows, np.zeros(len(closure.names))
+    multipliers = np.zeros(len(closure.names))
     multipliers[closure.is_independent] = value
+    return multipliers
+
+
+def _in_cut_joints(closure: Constraints, multipliers: Array) -> WrenchPairs | None:
+    """Forces of multipliers in the cut joints, row by row; None without any."""
+    rows = closure.rows
+    if not len(closure.names):
+        return None
     if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
         coupler, coefficient = closure.couplers.measured
         of_couplers = coefficient * multipliers[len(rows.first) + coupler]

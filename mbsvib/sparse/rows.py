@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.rows import Rows
     from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.tree import Tree
+    from mbsvib.sparse.tree import Mask, Tree
 
 # Longer paths use the displacements of their ends: a row over all joints between would fill the factors.
 SHORT = 32
@@ -112,13 +112,18 @@ def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
     return result
 
 
-def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
-    """Return rows of relative displacement over the unknowns of the tableau, (rows, size)."""
+def relative_rows(tree: Tree, layout: Layout, rows: Rows, by_ends: Mask | None = None) -> csr_matrix:
+    """Return rows of relative displacement over the unknowns of the tableau, (rows, size); those ``by_ends`` (rows,)
+    along short paths too are in terms of the displacements of their ends.
+    """
     from scipy.sparse import csr_matrix
 
-    row, coordinate, value, skipped = path_entries(tree, rows)
-    parts = [(row, layout.coordinate[coordinate], value)]
-    far = np.flatnonzero(skipped)
+    near = np.arange(len(rows.first)) if by_ends is None else np.flatnonzero(~by_ends)
+    row, coordinate, value, skipped = path_entries(tree, rows if by_ends is None else rows.take(near))
+    parts = [(near[row], layout.coordinate[coordinate], value)]
+    is_far = np.ones(len(rows.first), dtype=bool)
+    is_far[near] = skipped
+    far = np.flatnonzero(is_far)
     for bodies, sign in ((rows.second, 1.0), (rows.first, -1.0)):
         moving = far[bodies[far] < len(tree.parent)]
         force = rows.force[:, moving]

@@ -1,4 +1,4 @@
-"""The sum of all contributions over the unknowns of sparse equations: rows, signed squares, antisymmetric matrices."""
+"""The sum of all contributions over the unknowns of sparse equations: rows and antisymmetric matrices."""
 
 from __future__ import annotations
 
@@ -41,30 +41,6 @@ def _rotations(layout: Layout, body: Index, along: Array) -> csr_matrix:
     column = layout.displacement[:, 3:][body]
     row, direction = np.nonzero((column >= 0) & (along.T != 0.0))
     return csr_matrix((along.T[row, direction], (row, column[row, direction])), shape=(len(body), layout.size))
-
-
-def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Array, Index]:
-    """Return a symmetric form of rows as weighted squares, see ``linalg.products.squares_of_products``.
-
-    Returns rows (n, unknowns), none of them empty, with signed weights (n,), none of them zero, and their owners (n,).
-    """
-    from scipy.sparse import diags, vstack
-
-    squares = np.flatnonzero(weights.first == weights.second)
-    products = np.flatnonzero(weights.first != weights.second)
-    first = rows[weights.first[products]]
-    second = (diags(weights.value[products]) @ rows[weights.second[products]]).tocsr()
-    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (first, second)]
-    used = np.flatnonzero(sizes[0] * sizes[1])
-    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
-    a, b = diags(scale) @ first[used], diags(1.0 / scale) @ second[used]
-    result = vstack((rows[weights.first[squares]], a + b, a - b)).tocsr()
-    result.eliminate_zeros()
-    half, owner = np.full(len(used), 0.5), weights.owner[products[used]]
-    value = np.concatenate((weights.value[squares], half, -half))
-    owner = np.concatenate((weights.owner[squares], owner, owner))
-    nonzero = np.flatnonzero((np.diff(result.indptr) > 0) & (value != 0.0))
-    return result[nonzero], value[nonzero], owner[nonzero]
 
 
 def antisymmetric(weights: Weights, rows: csr_matrix) -> csr_matrix | None:

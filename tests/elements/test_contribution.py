@@ -5,7 +5,8 @@ from scipy.sparse import csr_matrix
 
 from mbsvib.elements.contribution import NONE, Contribution, Weights, rotation_rows
 from mbsvib.linalg.products import squares_of_products
-from mbsvib.sparse.statement import antisymmetric, signed_squares
+from mbsvib.sparse.geometric_stiffness import Products
+from mbsvib.sparse.statement import antisymmetric
 
 RNG = np.random.default_rng(3)
 
@@ -15,21 +16,14 @@ def weights(first, second, owner=None):
     return Weights(first, second, RNG.uniform(-2, 2, len(first)), np.arange(len(first)) if owner is None else owner)
 
 
-def symmetric(part, rows):
-    """The form by its definition."""
-    result = np.zeros((rows.shape[1],) * 2)
-    for i, j, value in zip(part.first, part.second, part.value, strict=True):
-        outer = value * np.outer(rows[i], rows[j])
-        result += outer if i == j else outer + outer.T
-    return result
-
-
-def test_signed_squares_are_the_symmetric_form():
-    rows, part = RNG.normal(size=(5, 4)), weights([0, 1, 2, 3, 1], [0, 4, 2, 0, 2])
-    squares, value, owner = signed_squares(part, csr_matrix(rows))
-    squares = squares.toarray()
-    np.testing.assert_allclose(squares.T @ (value[:, None] * squares), symmetric(part, rows), atol=1e-14)
-    assert owner.tolist() == [0, 2, 1, 3, 4, 1, 3, 4]
+def test_squares_of_sparse_products_are_the_symmetric_form():
+    first, second = RNG.normal(size=(5, 4)), RNG.normal(size=(5, 4))
+    second[1], second[3] = -0.3 * first[1], 0.0
+    products = Products(csr_matrix(first), csr_matrix(second), np.arange(5))
+    squares, value, owner = products.squares()
+    squares, expected = squares.toarray(), first.T @ second
+    np.testing.assert_allclose(squares.T @ (value[:, None] * squares), expected + expected.T, atol=1e-14)
+    assert owner.tolist() == [1, 0, 2, 4, 0, 2, 4], "one square of the parallel rows, none of the zero one"
 
 
 def test_products_of_sizes_far_apart_keep_their_digits():
