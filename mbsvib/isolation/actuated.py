@@ -140,18 +140,20 @@ def actuated(
     """
     a_model(model, "actuated")
     selected = active_legs(model, legs)
-    study_scene = scene(model, body, base, point, length, directions, keep_ports=True)
-    changed = study_scene.model
-    for leg in selected:
-        if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
-            raise ModelError(f"actuated: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
-                             element=leg.name, field="legs")  # fmt: skip
-    active = active_legs(changed, [leg.name for leg in selected]) if selected else ()
-    attached = _attached_bodies(changed, body, {name for leg in active for name in leg.elements})
-    for leg in active:
-        _add_ports(changed, body, leg, attached)
-    system = changed.linearize(method="dense")
-    return Active(_with_tensions(system, active), study_scene, tuple([leg.name for leg in active]))
+    active: list[ActiveLeg] = []
+
+    def add_ports(changed: Model) -> None:
+        for leg in selected:
+            if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
+                raise ModelError(f"actuated: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
+                                 element=leg.name, field="legs")  # fmt: skip
+        active.extend(active_legs(changed, [leg.name for leg in selected]) if selected else ())
+        attached = _attached_bodies(changed, body, {name for leg in active for name in leg.elements})
+        for leg in active:
+            _add_ports(changed, body, leg, attached)
+
+    study_scene = scene(model, body, base, point, length, directions, keep_ports=True, more=add_ports)
+    return Active(_with_tensions(study_scene.system, active), study_scene, tuple([leg.name for leg in active]))
 
 
 def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -359,15 +359,16 @@ def passive(
     ModelError
         If a name is unknown.
     """
-    studied = scene(model, body, base, point, length, directions)
-    watched = _joints(studied.model, joints)
-    if watched:
-        for name in watched:
-            joint = studied.model.joints[name]
+    watched: list[str] = []
+
+    def add_angles(changed: Model) -> None:
+        watched.extend(_joints(changed, joints))
+        for joint in (changed.joints[name] for name in watched):
             for axis in "xyz":
-                studied.model.add_output(f"{name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
-        studied = replace(studied, system=studied.model.linearize(method="dense"))
-    return Passive(model, studied, watched)
+                changed.add_output(f"{joint.name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
+
+    studied = scene(model, body, base, point, length, directions, more=add_angles)
+    return Passive(model, studied, tuple(watched))
 
 
 def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -79,7 +79,7 @@ class StudyScene:
 
 def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
-    directions: Sequence[str] | None = None, *, keep_ports: bool = False,
+    directions: Sequence[str] | None = None, *, keep_ports: bool = False, more: Callable[[Model], None] | None = None,
 ) -> StudyScene:  # fmt: skip
     """Return a mechanism with the ports of an isolation study without changing the model.
 
@@ -88,6 +88,7 @@ def scene(
     length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
     centre. ``directions``: in which the base is shaken; default: all six, or x y z where weight or other loads do not
     turn with the base. ``keep_ports``: whether inputs and outputs of the model are kept; they come first.
+    ``more``: adds further ports to the copy.
     """
     who = "isolation"
     a_model(model, who)
@@ -112,6 +113,8 @@ def scene(
         for direction in DIRECTIONS:
             copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
     legs = _measured(copy)
+    if more is not None:
+        more(copy)
     system = copy.linearize(method="dense")
     return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
 
