@@ -47,6 +47,16 @@ def test_a_small_load_changes_reactions_as_the_static_response_says(seed, loops,
     assert_static_response(model)
 
 
+@pytest.mark.parametrize("kind", ["x rx rz", "y z rx"])
+@pytest.mark.parametrize("seed", few((3, 0, 1, 2), 1))
+def test_couplers_that_measure_the_joint_at_which_a_loop_is_cut(kind, seed):
+    model = loaded(seed, bodies=3, loops=1, couplers=1, kinds=("cylindrical",), closing_kinds=(kind,))
+    for k, body in enumerate(model.bodies):
+        model.add_bushing(f"ground{k}", "ground", body, model.bodies[body].position, 1e5 * np.array([1, 1, 1, .3, .3, .3]))
+    assert model.linearize().cut_joints == ("j3",)
+    assert_static_response(model)
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["bennett", "cardan", "locomotive", "wedge", "differential screw"])
 def test_forces_that_redundant_constraints_leave_open_change_with_the_pose(name):
