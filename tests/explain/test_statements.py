@@ -207,3 +207,35 @@ def test_the_loop_of_a_planar_linkage():
     assert cut == "cut at C (CDOF 2 and 1)"
     assert rank.startswith("C: 2 of 5 constraint rows independent; smallest pivot kept 5.1e-01, largest dropped ")
     assert rest == ["redundant: C.z, C.rx, C.ry"]
+
+
+def closed(kind, axis=(0, 0, 1)):
+    """A bar between two posts, closed by a joint of some kind, and a joint beside it that closes a loop freely."""
+    model = mv.Model("closed")
+    for name, first, at in (("a", "ground", 0.0), ("b", "a", 1.0)):
+        model.add_body(name, 1.0, (1, 1, 1), position=(at + 0.5, 0.2, 0.1))
+        model.add_joint(f"{name}.pin", "universal", first, name, (at, 0, 0), axis=(0, 0, 1), axis2=(0, 1, 0))
+    model.add_joint("end", kind, "b", "ground", (1.7, 0.9, 0.3), axis=axis)
+    model.add_joint("beside", "free", "b", "ground", (2.0, 0.0, 0.0))
+    return model
+
+
+def test_loops_without_redundant_constraints_and_joints_without_any():
+    found = sections(closed("point_on_plane").linearize().explain())
+    assert "without constraint: beside" in found["loops"]
+    assert "no redundant constraint: neighbouring poses were not checked" in found["skipped"]
+    planar = sections(mv.library.four_bar().linearize().explain())
+    assert not any(line.startswith("without constraint") for line in planar["loops"])
+    assert any(line.startswith("planar loops") for line in planar["skipped"])
+    assert not any("no redundant" in line for line in planar["skipped"])
+
+
+def test_shares_of_a_motion_without_stiffness_are_0():
+    """A post whose spring holds just its weight, k = m g L: two energies of 20 J/rad^2 that cancel."""
+    model = mv.Model("neutral", gravity=(0, 0, -10.0))
+    model.add_body("mass", 2.0, (1, 1, 1), position=(0, 0, 1.0))
+    model.add_joint("hinge", "revolute", "ground", "mass", (0, 0, 0), axis=(1, 0, 0))
+    model.add_bushing("spring", "ground", "mass", (0, 0, 0), (0, 0, 0, 20.0, 0, 0))
+    shares = model.linearize().stiffness_shares()
+    assert shares.frequencies[0] == 0.0
+    assert not shares.shares.any()

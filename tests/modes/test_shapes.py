@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from tests.modes.test_general import FAMILIES
 from tests.support.unsymmetric import eigenvalues, worst
 
 
@@ -31,6 +32,16 @@ def test_shapes_of_a_free_chain_that_the_ground_brakes_solve_the_equations(span,
     for value, shape in zip(modes.pairs[moving, 0], modes.shapes.T[moving], strict=True):
         terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
         assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)
+
+
+@pytest.mark.parametrize("name", ["spin and dampers", "follower loads", "massless and all", "free"])
+def test_shapes_without_symmetry_have_unit_inertia_and_no_phase(name):
+    """phi^H M phi = 1, and the largest displacement is real and positive."""
+    system = FAMILIES[name](2)
+    shapes = system.modes().shapes
+    np.testing.assert_allclose(np.einsum("ik,ij,jk->k", shapes.conj(), system.M, shapes), 1.0, rtol=1e-12)
+    largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    np.testing.assert_allclose(largest, np.abs(largest), rtol=1e-14)
 
 
 @pytest.mark.parametrize("strength", [1e3, 1e6, 1e9])

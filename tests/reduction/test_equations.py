@@ -131,14 +131,39 @@ def test_modes_are_ranked_by_the_peaks_of_their_responses():
     heights = (rows.max(axis=0) * np.linalg.norm(b, axis=1))[2:]
     order = np.concatenate(([0, 1], 2 + np.argsort(-heights)))
     assert order.tolist() != sorted(order.tolist())
-    family = ModalTruncation(system, corrected=False)
-    for count in range(2, n + 2):
-        small = family.model(count)
-        assert small.coordinates == tuple([f"mode{k + 1}" for k in sorted(order[:count].tolist())])
-        assert_allclose(np.diag(small.K), natural[np.sort(order[:count])] ** 2, rtol=1e-12, atol=1e-12)
+    at_resonance = np.linalg.norm(cq + 1j * natural * cv - natural**2 * ca, axis=0)[2:] / (
+        2.0 * ratio * natural**2)[2:] * np.linalg.norm(b, axis=1)[2:]  # fmt: skip
+    corrected = np.concatenate(([0, 1], 2 + np.argsort(-at_resonance)))
+    assert corrected.tolist() != order.tolist()
+    for ranked, static in ((order, False), (corrected, True)):  # the static part of a correction does not count
+        family = ModalTruncation(system, corrected=static)
+        for count in range(2, n + 2):
+            small = family.model(count)
+            assert small.coordinates == tuple([f"mode{k + 1}" for k in sorted(ranked[:count].tolist())])
+            assert_allclose(np.diag(small.K), natural[np.sort(ranked[:count])] ** 2, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4])
+def test_the_interface_alone_is_static_condensation(seed):
+    """K = (R K^-1 R^T)^-1 of the interface displacements u = R q, and the response at rest is exact."""
+    rng = np.random.default_rng(seed)
+    mass, damping, stiffness = (r @ r.T + np.eye(6) for r in rng.normal(size=(3, 6, 6)))
+    rows = rng.normal(size=(3, 6))
+    system = mv.System.from_matrices(mass, damping, stiffness, rows.T, rows)
+    small = system.reduced(3, method="craig-bampton")
+    u, r = small.B.T, system.B.T  # the interface in both coordinates
+    static = r @ np.linalg.solve(stiffness, r.T)
+    assert_allclose(u @ np.linalg.solve(small.K, u.T), static, rtol=1e-11)
+    shapes = np.linalg.solve(stiffness, r.T) @ np.linalg.inv(static)
+    assert_allclose(np.linalg.inv(u).T @ small.M @ np.linalg.inv(u), shapes.T @ mass @ shapes, rtol=1e-10)
+
+
+def test_an_error_that_no_order_reaches_is_refused():
+    with pytest.raises(mv.ResponseError, match=r"error = 1; all 3 coordinates of 'sliding chain' leave inf\. Give"):
+        sliding_chain([1.0] * 3, [2.0] * 3, [0.0] * 3, (0,), [("displacement", 2)]).linearize().reduced(
+            error=1.0, method="modal")  # fmt: skip
+
+
 def test_free_motions_stay():
     """A free chain of masses: two rigid motions of the two directions, infinite responses at rest, a finite error."""
     model = mv.Model("free chain")
