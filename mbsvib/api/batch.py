@@ -14,7 +14,7 @@ from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
-from mbsvib.equations.batch_equations import BatchEquations
+from mbsvib.equations.batch_equations import BatchEquations, of_variant
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 
@@ -110,7 +110,7 @@ class Batch(BatchEquations, Displayed):
             if np.isfinite(result).all():
                 result[..., w < 0.0] = result[..., w < 0.0].conj()
                 return result
-        return np.array(self._map(lambda system: system.frequency_response(omega)))
+        return np.array(self._map(lambda system: system.frequency_response(omega), described=False))
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
@@ -138,7 +138,7 @@ class Batch(BatchEquations, Displayed):
         ResponseError
             If times do not ascend, shapes do not match, or the hold is unknown.
         """
-        return np.array(self._map(lambda system: system.time_response(t, u, hold, initial)))
+        return np.array(self._map(lambda system: system.time_response(t, u, hold, initial), described=False))
 
     def state_space(self, realization: str = "physical") -> tuple[StateSpace, ...]:
         """Return first-order equations x' = A x + B u, y = C x + D u of each variant.
@@ -170,11 +170,14 @@ class Batch(BatchEquations, Displayed):
             lines.append(f"  computed once, as nothing varies in them: {', '.join(fixed)}")
         return "\n".join([self.nominal.explain(), *lines])
 
-    def _map(self, ask: Callable[[System], T]) -> list[T]:
-        """Call a function for every variant, with the modes that were computed for all together."""
+    def _map(self, ask: Callable[[System], T], described: bool = True) -> list[T]:
+        """Call a function for every variant, with the modes that were computed for all together; ``described``: with
+        decisions of its own.
+        """
         modal = self.basis.modal
         result = []
-        for i, system in enumerate(self):
+        for i in range(len(self)):
+            system = self[i] if described else cast("System", of_variant(self, i))
             system.basis.assume(modal[i].damped)
             try:
                 result.append(ask(system))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -158,7 +158,7 @@ class Plant(Displayed):
         """
         array, single = self._checked(values)
         batch = self._batch(array)
-        return batch[0].modes() if single else batch.modes()
+        return cast("Modes", batch.modes()[0]) if single else batch.modes()
 
     def eigenvalues(self, values: ArrayLike, gradient: bool = False) -> Complex | tuple[Complex, Complex]:
         """Return the eigenvalues for values of the parameters, with their derivatives if asked for.
@@ -193,7 +193,7 @@ class Plant(Displayed):
 
         slopes = self._derivatives(batch, np.eye(len(self.names)))
         result: Complex = np.array([
-            eigenvalue_slopes(batch[i], modes[i], {key: slopes[key][i] for key in ("M", "C", "K")}).T
+            eigenvalue_slopes(batch.M[i], batch.C[i], modes[i], {key: slopes[key][i] for key in ("M", "C", "K")}).T
             for i in range(len(batch))])  # fmt: skip
         return (modes.eigenvalues[0], result[0]) if single else (modes.eigenvalues, result)
 
@@ -259,10 +259,9 @@ class Plant(Displayed):
         """
         array, single = self._checked(values)
         batch = self._batch(array)
-        if single:
-            return batch[0].frequency_response(omega, outputs, inputs)
         rows, columns = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
-        return batch.frequency_response(omega)[:, rows][:, :, columns]
+        result = batch.frequency_response(omega)[:, rows][:, :, columns]
+        return result[0] if single else result
 
     def _batch(self, array: Array) -> Batch:
         return self._plan.equations(self._values(array), Batch)

@@ -140,12 +140,15 @@ class BatchEquations(Matrices):
 
     def __getitem__(self, i: int) -> Equations:
         k = range(len(self))[i]
-        used = (self.row_stiffness[k] != 0.0) | (self.row_damping[k] != 0.0)
-        used &= self.elastic_rows[k].any(axis=1)
-        arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
-        arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "row_stiffness", "row_damping")}
-        arrays |= {name: getattr(self, name)[k] if getattr(self, name)[k].any() else None for name in self._parts}
-        return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
+        result, nominal = of_variant(self, k), self.nominal.provenance
+        if self.provenances is None and self.own_decisions and nominal.origin is not None:
+            from mbsvib.equations.assembly import linearized
+
+            values = {name: float(array[k]) for name, array in self.values.by_name.items()}
+            variant = nominal.origin.with_values(values)
+            own: Equations = linearized(variant, self.nominal.coordinates, self.nominal.cut_joints or None)
+            result = replace(result, provenance=own.provenance)
+        return result
 
     def slice(self, start: int, stop: int) -> Self:
         """Return some of the variants as a batch of their own, without copying anything.
@@ -167,19 +170,39 @@ class BatchEquations(Matrices):
         provenances = None if self.provenances is None else self.provenances[start:stop]
         return replace(self, values=self.values.slice(start, stop), closure=closure, provenances=provenances, **arrays)
 
-    def _provenance(self, k: int) -> Provenance:
-        """Provenance of a variant: that of the nominal pose with the variant's parts and loops."""
-        if self.provenances is not None:
-            return self.provenances[k]
-        nominal, values = self.nominal.provenance, self.values
-        if self.own_decisions and nominal.origin is not None:
-            from mbsvib.equations.assembly import linearized
 
-            variant = nominal.origin.with_values({name: float(array[k]) for name, array in values.by_name.items()})
-            return linearized(variant, self.nominal.coordinates, self.nominal.cut_joints or None).provenance
-        parts = tuple(values.of_variant(part, k) for part in nominal.parts)
-        topology, reduction = nominal.topology, nominal.reduction
-        topology = replace(topology, joints=tuple([values.of_variant(joint, k) for joint in topology.joints]))
-        if self.closure is not None:
-            reduction = replace(reduction, matrix=self.closure[k])
-        return replace(nominal, topology=topology, reduction=reduction, parts=parts)
+def of_variant(batch: BatchEquations, k: int) -> Equations:
+    """Return the equations of a variant for all that depends on matrices alone, as modes and responses do.
+
+    Parameters
+    ----------
+    batch : BatchEquations
+        The batch.
+    k : int
+        The variant.
+
+    Returns
+    -------
+    Equations
+        As ``batch[k]``, with what was decided for the nominal model on forces at the pose and motions without mass.
+    """
+    used = (batch.row_stiffness[k] != 0.0) | (batch.row_damping[k] != 0.0)
+    used &= batch.elastic_rows[k].any(axis=1)
+    arrays = {name: getattr(batch, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
+    arrays |= {name: getattr(batch, name)[k][used] for name in ("elastic_rows", "row_stiffness", "row_damping")}
+    optional = {name: getattr(batch, name) for name in OPTIONAL}
+    arrays |= {name: part[k] if part is not None and part[k].any() else None for name, part in optional.items()}
+    return replace(batch.nominal, row_owner=batch.row_owner[used], provenance=_provenance(batch, k), **arrays)
+
+
+def _provenance(batch: BatchEquations, k: int) -> Provenance:
+    """Provenance of a variant: that of the nominal pose with the variant's parts and loops."""
+    if batch.provenances is not None:
+        return batch.provenances[k]
+    nominal, values = batch.nominal.provenance, batch.values
+    topology, reduction = nominal.topology, nominal.reduction
+    topology = replace(topology, joints=tuple([values.of_variant(joint, k) for joint in topology.joints]))
+    if batch.closure is not None:
+        reduction = replace(reduction, matrix=batch.closure[k])
+    parts = tuple([values.of_variant(part, k) for part in nominal.parts])
+    return replace(nominal, topology=topology, reduction=reduction, parts=parts)

@@ -99,7 +99,9 @@ class Values:
 
     def of_variant(self, part: P, i: int) -> P:
         """Return a part as it is in variant ``i``; also parts of the equations that no parameter changes."""
-        return variant(part, self.fields[part.name], i) if part.name in self.index else part
+        if part.name not in self.index or type(part) is not type(self.parameters.parts[part.name]):
+            return part  # the node of a connection has joints of its name
+        return variant(part, self.fields[part.name], i)
 
     def slice(self, start: int, stop: int) -> Values:
         """Return the variants start..stop."""

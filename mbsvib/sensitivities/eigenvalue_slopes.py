@@ -19,20 +19,19 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.terms import Matrices
     from mbsvib.linalg.vectors import Field
     from mbsvib.modes.result import Modes
 
 
-def eigenvalue_slopes(matrices: Matrices, modes: Modes, slopes: Mapping[str, Array]) -> Complex:
+def eigenvalue_slopes(mass: Array, damping: Array, modes: Modes, slopes: Mapping[str, Array]) -> Complex:
     """Return the derivatives of all eigenvalues.
 
     d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
 
     Parameters
     ----------
-    matrices : Matrices
-        M and C (m, m) of one system.
+    mass, damping : array, shape (m, m)
+        M and C of one system.
     modes : Modes
         Its modes.
     slopes : mapping of str to array, shape (p, m, m)
@@ -61,7 +60,7 @@ def eigenvalue_slopes(matrices: Matrices, modes: Modes, slopes: Mapping[str, Arr
 
     def norms(first: Field, which: Index) -> Complex:
         right = x[:, which]
-        return np.asarray((first * (2.0 * lead[which] * (matrices.M @ right) + matrices.C @ right)).sum(axis=0))
+        return np.asarray((first * (2.0 * lead[which] * (mass @ right) + damping @ right)).sum(axis=0))
 
     every = np.arange(len(lead))
     form, norm = forms(y, every), norms(y, every)
