@@ -20,8 +20,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export import record
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import record_in
-from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.reading import content_read
+from mbsvib_export.reading import arrays_in, content_read
 from mbsvib_export.record import KEYS, STATE_TEXTS, TEXTS
 
 if TYPE_CHECKING:

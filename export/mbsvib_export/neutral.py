@@ -14,7 +14,6 @@ from mbsvib.common.selection import port_numbers
 from mbsvib.errors import ExportError, ResponseError, counted, nearest
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
-from mbsvib_export.arrays_and_names import check_arrays, check_names
 from mbsvib_export.names_ import SignalNames
 
 if TYPE_CHECKING:
@@ -47,6 +46,28 @@ def first_order(space: StateSpace) -> dict[str, Array]:
     return arrays if space.through is None else arrays | {THROUGH: space.through}
 
 
+def _check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
+    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite."""
+    for label, array, shape in arrays:
+        if array.shape != shape:
+            raise ExportError(f"{name}: {label} has shape {array.shape}; expected {shape}, one row and column "
+                              f"for each name that goes with it.")  # fmt: skip
+        if not np.isfinite(array).all():
+            raise ExportError(f"{name}: {label} holds NaN or infinity; expected finite numbers.")
+        array.setflags(write=False)
+
+
+def _check_names(name: str, groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]]) -> None:
+    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing."""
+    for label, names, units in groups:
+        if len(set(names)) < len(names) or "" in names:
+            wrong = next(name for name in names if not name or names.count(name) > 1)
+            raise ExportError(f"{name}: the name {wrong!r} among the {label} is empty or there more than "
+                              f"once; expected names that differ.")  # fmt: skip
+        if len(units) != len(names):
+            raise ExportError(f"{name}: {len(units)} units for {len(names)} {label}; expected one for each.")
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class SystemData(Displayed):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, the same as a state space, names and units.
@@ -76,8 +97,8 @@ class SystemData(Displayed):
     state_space: StateSpace
 
     def __post_init__(self) -> None:
-        check_arrays(self.name, self._shapes())
-        check_names(self.name, self._names())
+        _check_arrays(self.name, self._shapes())
+        _check_names(self.name, self._names())
 
     @classmethod
     def of(cls, system: System, realization: str = "physical") -> SystemData:
@@ -273,11 +294,11 @@ def checked(space: Space) -> Space:
     """Return a state space whose shapes, numbers and names are those that a file can keep."""
     n, i, o = len(space.states), len(space.inputs), len(space.outputs)
     shapes = ((n, n), (n, i), (o, n), (o, i))
-    check_arrays(space.name, [(label, getattr(space, label), shape)
+    _check_arrays(space.name, [(label, getattr(space, label), shape)
                               for label, shape in zip("ABCD", shapes, strict=True)])  # fmt: skip
     if space.error_bound is not None and not 0.0 <= space.error_bound < np.inf:
         raise ExportError(f"{space.name}: error_bound = {space.error_bound}; expected a finite number, or none.")
-    check_names(space.name, [(kind, getattr(space, kind), getattr(space, f"{kind[:-1]}_units"))
+    _check_names(space.name, [(kind, getattr(space, kind), getattr(space, f"{kind[:-1]}_units"))
                              for kind in ("inputs", "outputs", "states")])  # fmt: skip
     return space
 

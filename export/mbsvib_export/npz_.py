@@ -26,8 +26,7 @@ import numpy as np
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import data_of, with_ports
-from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.reading import content_read
+from mbsvib_export.reading import arrays_in, content_read
 from mbsvib_export.record import (
     KEYS,
     STATE_TEXTS,

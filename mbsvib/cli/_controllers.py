@@ -78,7 +78,7 @@ def _content(path: Path) -> Any:
             raise ContentError("expected an object with the keys A, B, C and D")
         own = fields.get("format") in (FORMAT, SPACE_FORMAT)
     elif suffix == ".npz":
-        from mbsvib_export.npz_reading import arrays_in
+        from mbsvib_export.reading import arrays_in
 
         fields, read = arrays_in(raw, KNOWN), mx.from_npz
         own = str(fields.get("format")) in (FORMAT, SPACE_FORMAT)

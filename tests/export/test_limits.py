@@ -14,7 +14,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib.common import mat_file, xml_file
 from mbsvib.superelements import read_mat
-from mbsvib_export import npz_reading
+from mbsvib_export import reading as file_reading
 from mbsvib_export.fmu_ import reading
 from mbsvib_export.hdf5_ import HEAD, head
 from tests.export.plants import slider, stewart
@@ -38,7 +38,7 @@ def npy(shape, dtype="<f8", content=b""):
 @pytest.fixture
 def small_limit(monkeypatch):
     """Ten megabytes in the place of a gigabyte."""
-    for module in (npz_reading, mat_file):
+    for module in (file_reading, mat_file):
         monkeypatch.setattr(module, "LARGEST_UNPACKED", 10_000_000)
 
 
