@@ -14,7 +14,7 @@ from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.force_paths import ForcePaths, force_paths
 from mbsvib.equations.load_stiffness import LoadedPairs, load_stiffness, loaded_pairs
 from mbsvib.equations.reactions import reactions
-from mbsvib.equations.statics import SecondOrderWork, Statics, balance, check_balance
+from mbsvib.equations.statics import Statics, balance, check_balance
 from mbsvib.equations.wrench_pairs import WrenchPairs
 
 if TYPE_CHECKING:
@@ -31,8 +31,7 @@ class AppliedForces:
     ``wrench`` (6, bodies + 1) acts on the bodies; ``sizes`` (2, bodies + 1) are the sums of the lengths of its forces
     and moments; ``pairs`` are all pairs, with the names ``owners``, those in joints without their sizes. ``loaded`` are
     the applied pairs for their stiffness. ``tree_wrenches`` (6, joints, 1) are the wrenches in joints of the open tree,
-    ``multiplier_wrenches`` (6 joints, locked rows) those in all joints per unit of each multiplier. ``work`` has the
-    rows of second-order work.
+    ``multiplier_wrenches`` (6 joints, locked rows) those in all joints per unit of each multiplier.
     """
 
     paths: ForcePaths
@@ -43,7 +42,6 @@ class AppliedForces:
     loaded: LoadedPairs
     tree_wrenches: Array
     multiplier_wrenches: Array
-    work: SecondOrderWork
 
     @property
     def reach(self) -> float:
@@ -67,14 +65,8 @@ def applied_forces(applied: AppliedWrenches, scene: Scene, cache: dict[str, Any]
         paths, wrench, sizes, WrenchPairs.join(applied.pairs, of_joints),
         (*applied.names, *(joint.name for joint in topology.joints)),
         loaded_pairs(scene), paths.of_tree(wrench[:, :, None]), paths.of_locked(scene.cuts),
-        _second_order(applied, scene),
     )  # fmt: skip
     return result
-
-
-def _second_order(applied: AppliedWrenches, scene: Scene) -> SecondOrderWork:
-    coupled = frozenset([name.rpartition(".")[0] for coupler in scene.couplers for name, _ in coupler.terms])
-    return SecondOrderWork(applied, scene.topology, coupled)
 
 
 def with_loads(draft: Draft) -> Draft:
@@ -90,7 +82,7 @@ def with_loads(draft: Draft) -> Draft:
     to_joints = reactions(forces.paths, scene.coordinates, scene.cuts, reduction, draft.phi, forces.multiplier_wrenches)
     multipliers = np.zeros((0, 1)) if scene.cuts is None else to_joints.multipliers(forces.tree_wrenches)
     statics = Statics(applied, to_joints, forces.pairs, forces.tree_wrenches, multipliers, forces.paths.position,
-                      forces.work, residual, size, forces.owners)  # fmt: skip
+                      residual, size, forces.owners)  # fmt: skip
     of_loads = load_stiffness(scene, reduction, forces.loaded, -multipliers[:, 0])
     everything = np.full(len(of_loads.stiffness), len(scene.owners) + len(forces.owners))
     terms = terms.with_rows(of_loads.rows, of_loads.stiffness, everything, of_loads.matrix)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.equations.second_order_rows import SecondOrderRows, second_order_rows
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
@@ -36,30 +35,12 @@ LEAST_LEVER = POSITION_ROUNDING / BALANCE
 
 
 @dataclass(frozen=True)
-class SecondOrderWork:
-    """Rows of relative displacement in the second-order work of all pairs, computed when asked; ``coupled`` are the
-    joints on which couplers act.
-    """
-
-    applied: AppliedWrenches
-    topology: Topology
-    coupled: frozenset[str]
-
-    @cached_property
-    def rows(self) -> SecondOrderRows:
-        """The rows."""
-        topology = self.topology
-        return second_order_rows(self.applied, topology.joints, topology.body_numbers, self.coupled)
-
-
-@dataclass(frozen=True)
 class Statics:
     """The forces at the pose: the ``applied`` wrenches, and those in joints by ``reactions``, both computed when asked.
 
     ``geometry`` are all pairs of wrenches, the applied ones, then those in joints, whose sizes are not there yet;
     ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree, ``multipliers`` (locked rows, 1) those of the
-    loops. ``position`` (3, bodies + 1) are the centres
-    of mass, ``work`` has the rows of second-order work. ``residual`` (m,) is the unbalanced force along each
+    loops. ``position`` (3, bodies + 1) are the centres of mass. ``residual`` (m,) is the unbalanced force along each
     coordinate, ``size`` (m,) that of the forces that should cancel. ``owners`` are the names of all pairs.
     """
 
@@ -69,7 +50,6 @@ class Statics:
     tree_wrenches: Array
     multipliers: Array
     position: Array
-    work: SecondOrderWork
     residual: Array
     size: Array
     owners: tuple[str, ...]
@@ -85,11 +65,6 @@ class Statics:
         pairs, joints = self.applied.pairs, self.joints
         return replace(self.geometry, force=np.concatenate((pairs.force, joints[:3]), axis=1),
                        torque=np.concatenate((pairs.torque, joints[3:]), axis=1))  # fmt: skip
-
-    @property
-    def second_order(self) -> SecondOrderRows:
-        """Rows of relative displacement in the second-order work of all pairs."""
-        return self.work.rows
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.elements.contribution import Contribution
+from mbsvib.core.shift_forms import duals, own_curvatures, shift_hessian, twists_of
+from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.sparse.geometric_terms import forms, geometric_terms
-from mbsvib.sparse.load_terms import load_stiffness
+from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.equations.statics import Statics
-    from mbsvib.equations.wrench_pairs import WrenchPairs
     from mbsvib.modes import Modes
     from mbsvib.responses.basis import Basis
 
@@ -115,7 +113,8 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
     # rows of all forces together come last: here each force has its own entry
     energy = _sums_by_owner(rows, np.minimum(system.row_owner, len(springs) + count), len(springs) + count + 1)[:-1]
     if statics is not None:
-        energy[len(springs) :] += _of_forces(system, statics, shapes)
+        motion = system.body_motion @ shapes
+        energy[len(springs) :] += _of_forces(statics, np.concatenate((motion, np.zeros((1, *motion.shape[1:])))))
         applied = statics.applied
         names += statics.owners[:count]
         kinds += [LOAD] * applied.loads + [PRELOAD] * (len(applied.names) - applied.loads)
@@ -124,53 +123,49 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
     return tuple([names[i] for i in used]), tuple([kinds[i] for i in used]), energy[used]
 
 
-def _of_forces(system: Equations, statics: Statics, shapes: Array | Complex) -> Array:
-    """Contribution of each pair of forces, (pairs, n): by its lever arms from the centres of mass, and by its turns."""
-    motion: Any = system.body_motion @ shapes
-    motion = np.concatenate((motion, np.zeros((1, *motion.shape[1:]))))
-    pairs, count = statics.pairs, len(statics.pairs.first)
-    parts = [geometric_terms(pairs, statics.applied, statics.second_order, statics.position)
-             .contribution(pairs.force, pairs.torque)]  # fmt: skip
-    of_loads = load_stiffness(statics.applied, statics.position)
-    contribution = Contribution.join(parts if of_loads is None else [*parts, of_loads])
-    rows, weights = contribution.rows, contribution.stiffness
-    moved = [motion[body, :3].transpose(1, 0, 2) + crossed_product(
-        motion[body, 3:].transpose(1, 0, 2), (rows.point - statics.position[:, body])[:, :, None])
-        for body in (rows.first, rows.second)]  # fmt: skip
-    turned = (motion[rows.second, 3:] - motion[rows.first, 3:]).transpose(1, 0, 2)
-    base = np.einsum("cr,crn->rn", rows.force, moved[1] - moved[0]) + np.einsum("cr,crn->rn", rows.moment, turned)
-    sums = np.zeros((contribution.count, base.shape[1]), base.dtype)
-    np.add.at(sums, contribution.row, base)
-    products = (sums[weights.first].conj() * sums[weights.second]).real
-    products *= (weights.value * np.where(weights.first == weights.second, 1.0, 2.0))[:, None]
-    result = _sums_by_owner(products, weights.owner, max(count, 1 + weights.owner.max(initial=0)))
-    # without the sums over bodies: here each force has its own entry
-    return np.asarray(result[:count] + _of_forms(statics, system.body_motion, shapes))
+def _of_forces(statics: Statics, motion: Any) -> Array:
+    """Contribution of each pair of forces, (pairs, n), in ``motion`` (bodies + 1, 6, n), see ``core.shift_forms``."""
+    pairs, count = statics.pairs, len(statics.applied.names)
+    force, moment = pairs.force[..., None], pairs.torque[..., None]
+    turns, moved, result, reach = [], [], 0.0, 0.0
+    for body, sign in ((pairs.first, -1.0), (pairs.second, 1.0)):
+        arm = (pairs.end - statics.position[:, body])[..., None]
+        arm[:, body == len(motion) - 1] = 0.0
+        turn = motion[body, 3:].transpose(1, 0, 2)
+        turns.append(turn)
+        moved.append(motion[body, :3].transpose(1, 0, 2) + crossed_product(turn, arm))
+        by_arms = (force * arm).sum(axis=0) * np.square(np.abs(turn)).sum(axis=0)
+        by_arms -= ((force * turn).sum(axis=0).conj() * (arm * turn).sum(axis=0)).real
+        result, reach = result + sign * by_arms, reach + _lengths(arm) * _lengths(turn)
+    delta, shift = turns[1] - turns[0], moved[1] - moved[0]
+    turning = crossed_product(shift, force) + 0.5 * crossed_product(delta, moment)
+    result = result + 2.0 * (turns[0].conj() * turning).sum(axis=0).real
+    bound = _lengths(force) * (reach + _lengths(shift)) * (_lengths(turns[0]) + _lengths(turns[1]))
+    bound += _lengths(moment) * _lengths(delta) * _lengths(turns[0])
+    result[np.abs(result) <= ZERO_FORM * bound] = 0.0
+    xi = np.concatenate((delta, shift)).transpose(1, 0, 2)
+    if count:
+        applied = replace(statics.applied, weight=np.zeros_like(statics.applied.weight))
+        result[:count] += _form(shift_hessian(applied_pairs(applied, statics.position[:, :-1].T)), xi[:count])
+    joints = statics.reactions.paths.topology.joints
+    for alike, numbers, curvature in own_curvatures(joints):
+        q = duals(twists_of(alike)).swapaxes(1, 2)[:, : curvature.shape[-1]] @ xi[count + numbers]
+        wrench = np.concatenate((pairs.torque, pairs.force))[:, count + numbers]
+        result[count + numbers] += _form(np.einsum("in,nifg->nfg", wrench, curvature), q)
+    return np.asarray(result)
 
 
-def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array:
-    """Contribution of each pair of forces by its lever arms from the centres of mass, (pairs, n)."""
-    rotation = motion[:, 3:] @ shapes
-    rotation = np.concatenate((rotation, np.zeros((1, *rotation.shape[1:]))))
-    pairs = _fixed(statics)
-    result = np.zeros((len(pairs.first), rotation.shape[2]))
-    for form, body in zip(forms(pairs, statics.position), (pairs.first, pairs.second), strict=True):
-        rotated = rotation[body]
-        result += np.einsum("pin,ijp,pjn->pn", rotated.conj(), form, rotated, optimize=True).real
-    return result
+def _lengths(vectors: Any) -> Array:
+    """Lengths (p, n) of vectors (3, p, n)."""
+    return np.asarray(np.sqrt(np.square(np.abs(vectors)).sum(axis=0)))
+
+
+def _form(matrix: Array, motion: Any) -> Array:
+    """Quadratic forms x^H A x (p, n) of matrices (p, f, f) and motions x (p, f, n)."""
+    return np.asarray((motion.conj() * (matrix @ motion)).sum(axis=1).real)
 
 
 def _sums_by_owner(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: int) -> Array:
     result = np.zeros((count, rows.shape[1]))
     np.add.at(result, np.asarray(owner), rows)
     return result
-
-
-def _fixed(statics: Statics) -> WrenchPairs:
-    """All pairs of forces; those of follower loads, which have a form of their own, set to zero."""
-    follower, pairs = statics.applied.follower, statics.pairs
-    if not follower.any():
-        return pairs
-    force = pairs.force.copy()
-    force[:, : len(follower)][:, follower] = 0.0
-    return replace(pairs, force=force)

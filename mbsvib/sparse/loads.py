@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.core.pairs import CutJoints, of_measured, opening_hessians
+from mbsvib.core.shift_forms import by_form, stacked, twists_of
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.force_paths import joint_ends
@@ -24,7 +25,7 @@ from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.geometric_stiffness import Products, by_form, of_bodies, of_joints, of_pairs, stacked, twists_of
+from mbsvib.sparse.geometric_stiffness import Products, of_bodies, of_joints, of_pairs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
