@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 ROUNDS = 3
 # Refinement stops after a correction smaller than this: the remaining error is its square.
 CONVERGED = 1e-9
+# Corrections of vectors that dampers make nearly dependent may be less accurate than these: one that makes the bound of
+# an eigenvalue larger than this many times is not taken. Below, bounds differ by rounding.
+WORSE = 2.0
 # Vectors are not corrected by each other if the quotient of residual and distance is larger than this: they belong to a
 # cluster.
 MIXED = 0.1
@@ -90,15 +93,25 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     eigen = start
     if not len(eigen.values):
         return eigen
-    for _ in range(ROUNDS):
-        eigen, mixed = _improved(factors, state, eigen)
-        if mixed < CONVERGED:
-            break
+    eigen = _quotients(factors, eigen)
     errors = _bounds(factors, state, eigen)
+    for _ in range(ROUNDS):
+        new, mixed = _improved(factors, state, eigen)
+        better = _bounds(factors, state, new) <= WORSE * errors
+        eigen = _chosen(better, new, eigen)
+        errors = _bounds(factors, state, eigen)
+        if mixed < CONVERGED or not better.any():
+            break
     values = eigen.values.copy()
     # rounding must not decide whether an undamped motion grows or decays
     values.real[eigen.turns & (np.abs(values.real) <= np.minimum(errors, UNTOLD) * np.abs(values))] = 0.0
     return replace(eigen, values=values, errors=errors)
+
+
+def _chosen(mask: NDArray[np.bool_], new: Spectrum, old: Spectrum) -> Spectrum:
+    """The eigenvalues, vectors and slopes of ``new`` where the mask says so, else those of ``old``."""
+    parts = {key: np.where(mask, getattr(new, key), getattr(old, key)) for key in ("values", "right", "left", "slopes")}
+    return replace(old, **parts)
 
 
 def _products(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
@@ -158,7 +171,6 @@ def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
 
 def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectrum, float]:
     """One iteration: eigenvalues, then both vectors by projections of their residuals; and the largest correction."""
-    eigen = _quotients(f, eigen)
     values, right, left, slopes = eigen.complete()
     x, y, h = eigen.right, eigen.left, np.arange(len(eigen.values))
     distance = eigen.values - values[:, None]

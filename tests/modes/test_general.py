@@ -21,6 +21,7 @@ FAMILIES = {
     "flutter": lambda seed: unsymmetric(chain(5, seed, damp=0.0), 0.0, 1000.0, seed),
     "wide": lambda seed: unsymmetric(chain(5, seed, span=3.0), 1.0, 0.0, seed),
     "free": lambda seed: unsymmetric(chain(5, seed, ground=False), 1.0, 0.0, seed),
+    "free, spin, strong dampers": lambda seed: unsymmetric(chain(5, seed, damp=1e4, ground=False), 30.0, 0.0, seed),
     "negative stiffness": lambda seed: unsymmetric(chain(5, seed, damp=0.0, sign=-1.0), 100.0, 0.0, seed),
     "negative stiffness and dampers": lambda seed: unsymmetric(chain(5, seed, sign=-1.0), 100.0, 0.0, seed),
     "massless": lambda seed: massless(chain(6, seed, damp=3.0), [2]),
