@@ -2,8 +2,8 @@
 
 A part states its deformation, its openings or its displacement once (``elements.deformations``,
 ``elements.joint_motion``). Second-order jets of these functions at the pose are the same for all parts of a form, and
-are computed once in a process. A length, as that of a line, of a rod or the pitch of a screw, is the unit: each
-derivative to a translation divides by it. Exponential coordinates (theta, v) of a displacement come in this order.
+are computed once in a process. A length, as that of a line or of a rod, is the unit: each derivative to a translation
+divides by it. Exponential coordinates (theta, v) of a displacement come in this order.
 """
 
 from __future__ import annotations
@@ -73,9 +73,7 @@ def form_of(joint: Joint) -> Form:
 
 
 def length_of(joint: Joint) -> float:
-    """Return the length [m] that is the unit of a joint: that of its rod, its pitch, or 1."""
-    if joint.pitch is not None:
-        return joint.pitch
+    """Return the length [m] that is the unit of a joint: that of its rod, or 1; no second derivative has a pitch."""
     if joint.end is None or joint.position is None:
         return 1.0
     return float(np.linalg.norm(np.subtract(joint.end, joint.position)))

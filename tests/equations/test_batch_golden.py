@@ -8,6 +8,7 @@ import pytest
 import mbsvib as mv
 from mbsvib.equations import batch_assembly, batch_loads, loaded
 from tests.golden.store import scenes
+from tests.support.loaded_models import loaded as loaded_model
 
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D", "gyroscopic", "circulatory", "null_inertia")
 COUNT = 3
@@ -64,6 +65,18 @@ def test_variants_are_those_of_single_models(name):
             assert_same(batch[i], single)
         compared += 1
     assert compared or model.composed, name
+
+
+@pytest.mark.parametrize("kind", ["x rx rz", "universal"])
+@pytest.mark.usefixtures("unbalanced")
+def test_axes_of_a_cut_joint_that_couplers_measure(kind):
+    model = loaded_model(3, bodies=3, loops=1, couplers=1, kinds=("free",), closing_kinds=(kind,))
+    axes = [name for name in model.parameters if name.startswith("j3.orientation")]
+    values = {name: [0.01 * k, -0.02 * k] for k, name in enumerate(axes, 1)}
+    batch = model.linearize(values=values, cut=["j3"])
+    for i in range(2):
+        single = model.with_values({name: array[i] for name, array in values.items()})
+        assert_same(batch[i], single.linearize(independent=batch.coordinates, cut=["j3"]))
 
 
 def assert_same(system, single):
