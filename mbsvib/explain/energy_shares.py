@@ -127,7 +127,7 @@ def _of_forces(statics: Statics, motion: Any) -> Array:
     """Contribution of each pair of forces, (pairs, n), in ``motion`` (bodies + 1, 6, n), see ``core.shift_forms``."""
     pairs, count = statics.pairs, len(statics.applied.names)
     force, moment = pairs.force[..., None], pairs.torque[..., None]
-    turns, moved, result, reach = [], [], 0.0, 0.0
+    turns, moved, reach, result = [], [], np.zeros(()), np.zeros(())
     for body, sign in ((pairs.first, -1.0), (pairs.second, 1.0)):
         arm = (pairs.end - statics.position[:, body])[..., None]
         arm[:, body == len(motion) - 1] = 0.0

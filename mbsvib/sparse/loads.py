@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.core.pairs import CutJoints, of_measured, opening_hessians
-from mbsvib.core.shift_forms import by_form, stacked, twists_of
+from mbsvib.core.shift_forms import by_form, shift_hessian, stacked, twists_of
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.force_paths import joint_ends
 from mbsvib.equations.load_stiffness import applied_pairs
-from mbsvib.equations.second_order_rows import second_order_rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.equations.wrenches import applied_wrenches
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.core.geometric_stiffness import Pairs
+    from mbsvib.elements import Joint
     from mbsvib.elements.element_rows import ElementRows
-    from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -50,8 +49,8 @@ class Geometric:
     """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,), and the forces.
 
     ``owner`` (n,) are numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second
-    bodies. ``pairs`` are all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies
-    with which their points move, and ``second_order`` the rows of their second-order terms.
+    bodies ``parts``. ``pairs`` are all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the
+    bodies with which their points move; ``hessian`` (applied, 6, 6) are the second derivatives of the applied ones.
     """
 
     rows: csr_matrix
@@ -61,7 +60,8 @@ class Geometric:
     joints: Array
     pairs: WrenchPairs
     carrier: Index
-    second_order: SecondOrderRows
+    hessian: Array
+    parts: tuple[Joint, ...]
     applied: AppliedWrenches
     circulatory: csr_matrix | None = None
 
@@ -70,7 +70,7 @@ class Geometric:
         force, torque = np.zeros((2, *self.pairs.force.shape))
         count = len(self.applied.names)
         force[:, count + joints], torque[:, count + joints] = wrench[:3], wrench[3:]
-        return replace(self, pairs=replace(self.pairs, force=force, torque=torque))
+        return replace(self, pairs=replace(self.pairs, force=force, torque=torque), hessian=0.0 * self.hessian)
 
 
 def geometric(
@@ -102,13 +102,20 @@ def geometric(
         joint_wrenches[:, region.joints] = least
     in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
     names = (*applied.names, *(joint.name for joint in joints), *topology.bodies)
-    coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
-    second_order = second_order_rows(applied, joints, number, coupled)
     parts = _pairs(model, topology, tree, closure, applied, multipliers)
     rows, stiffness, owner, circulatory = _stiffness(topology, tree, layout, parts, in_joints, len(applied.names))
     carrier = np.concatenate((applied.pairs.second, carrier))
     return Geometric(rows, stiffness, owner, names, joint_wrenches, WrenchPairs.join(applied.pairs, in_joints), carrier,
-                     second_order, applied, circulatory)  # fmt: skip
+                     _hessian(parts[0][0]) if applied.names else np.zeros((0, 6, 6)), joints, applied,
+                     circulatory)  # fmt: skip
+
+
+def _hessian(pairs: Pairs) -> Array:
+    """Second derivatives (p, 6, 6) of pairs, with the antisymmetric part of those without potential."""
+    result = shift_hessian(pairs)
+    if pairs.torsion is not None:
+        result[: len(pairs.torsion)] += 0.5 * (pairs.torsion - pairs.torsion.swapaxes(-1, -2))
+    return result
 
 
 def _stiffness(

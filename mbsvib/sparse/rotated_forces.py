@@ -1,7 +1,7 @@
 """Changes of the forces at the pose by a motion, for outputs that are forces: directions and lever arms change.
 
-The terms are those of the dense path (``equations/joint_forces.py``), each multiplied by the virtual displacement that
-releases a joint: vectors for every force, summed to one row over the unknowns.
+They are the second derivatives of ``core.shift_forms`` by the virtual displacement that releases a joint, and by the
+unknowns: vectors for every force, summed to one row.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.core.shift_forms import duals, own_curvatures, twists_of
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.sparse.rows import relative_rows
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements import Joint
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.tree import Tree
@@ -44,39 +46,45 @@ class RotatedForces:
         rows = Rows(pairs.first.repeat(3), pairs.second.repeat(3), end, axes, np.zeros_like(axes))
         return relative_rows(self.tree, self.layout, rows)
 
-    @cached_property
-    def _arms(self) -> tuple[Array, Array]:
-        return self.geometric.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
-
     def of_joints(self, motion: Motion) -> Array:
-        """Return the work of the changes of forces by a motion, without the rotations of joint axes, (size,)."""
-        applied, pairs, second_order = self.geometric.applied, self.geometric.pairs, self.geometric.second_order
-        count, arm_a, arm_b = len(pairs.first), *self._arms
-        f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
-        rotation_a, rotation_b, gap = self._virtual(motion, along)
-        lines = second_order.line_owner[::2]
-        rotates_with_first = np.ones(count)
-        rotates_with_first[: applied.loads] = rotates_with_first[lines] = 0.0
-        relative = rotation_b - rotation_a
-        twist = relative.copy()
-        twist[:, len(applied.names) :] -= motion.released_rotations(count - len(applied.names))
-        half = 0.5 * cross(t, twist)
-        self._add_successive(half, twist)
-        lever = cross(f, rotation_a)
-        on_gap = -rotates_with_first * lever
-        direction = second_order.line[:, ::2]
-        tension = (f[:, lines] * direction).sum(axis=0) / second_order.length[::2]
-        on_gap[:, lines] += tension * (gap[:, lines] - direction * (direction * gap[:, lines]).sum(axis=0))
-        on_a = rotates_with_first * (cross(f, gap) + cross(t, relative) - half) - cross(arm_a, lever)
-        on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
-        on_b = rotates_with_first * half + cross(arm_b, cross(f, rotation_b))
-        follower = np.zeros(count)
-        follower[: applied.loads] = applied.follower
-        on_b += follower * (cross(f, gap) + cross(t, relative))
-        on_gap[:, self.geometric.carrier == pairs.first] = 0.0
+        """Return the work of the changes of forces by a motion, without the rotations of joint axes, (size,).
+
+        A released joint moves before its own coordinates do, and turns their axes.
+        """
+        pairs, count = self.geometric.pairs, len(self.geometric.applied.names)
+        f, m = pairs.force, pairs.torque
+        turn_a, turn_b, gap = self._virtual(motion)
+        delta, released = turn_b - turn_a, np.zeros((6, len(pairs.first)))
+        released[:, count:] = motion.released_in(self.geometric.joints.shape[1])
+        # moments in joints are about points of their carriers, mostly the second bodies, which slide
+        slides = self.geometric.carrier != pairs.first
+        on_gap = -cross(f, turn_a + np.where(slides, 0.0, released[3:]))
+        on_delta = -0.5 * cross(m, turn_a + released[3:])
+        on_a, on_b = cross(f, gap) + 0.5 * cross(m, delta), np.zeros_like(f)
+        centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
+        for on_body, body, turn, sign in ((on_a, pairs.first, turn_a, 1.0), (on_b, pairs.second, turn_b, -1.0)):
+            arm = pairs.end - centre[:, body]
+            form = (f * arm).sum(axis=0) * turn
+            form -= 0.5 * (f * (arm * turn).sum(axis=0) + arm * (f * turn).sum(axis=0))
+            on_body += sign * form
+        xi = np.concatenate((delta, gap)).T
+        own = np.zeros_like(xi)
+        own[:count] = -(self.geometric.hessian.swapaxes(1, 2) @ xi[:count, :, None])[:, :, 0]
+        for alike, numbers, curvature in self._curvatures:
+            at = count + numbers
+            dual = duals(twists_of(alike))[:, :, : curvature.shape[-1]]
+            value = np.einsum("in,nifg->nfg", np.concatenate((m, f))[:, at], curvature)
+            step = (xi - np.roll(released, 3, axis=0).T)[at, :, None]
+            own[at] -= (dual @ (value @ (dual.swapaxes(1, 2) @ step)))[:, :, 0]
+        on_delta, on_gap = on_delta + own[:, :3].T, on_gap + own[:, 3:].T
         result: Array = self._gaps.T @ on_gap.T.reshape(-1)
-        self._add_moments(result, np.concatenate((pairs.first, pairs.second)), np.concatenate((on_a.T, on_b.T)))
+        self._add_moments(result, np.concatenate((pairs.first, pairs.second)),
+                          np.concatenate(((on_a - on_delta).T, (on_b + on_delta).T)))  # fmt: skip
         return result
+
+    @cached_property
+    def _curvatures(self) -> list[tuple[list[Joint], Index, Array]]:
+        return own_curvatures(self.geometric.parts)
 
     def _add_moments(self, row: Array, body: Index, moment: Array) -> None:
         """Add moments (n, 3) on bodies (n,) to a row over the unknowns."""
@@ -85,26 +93,14 @@ class RotatedForces:
         column = self.layout.displacement[:, 3:]
         row[column[column >= 0]] += moments[:-1][column >= 0]
 
-    def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
-        """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
+    def _virtual(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Rotations of first and second bodies and the gap between them at each force in a motion, (3, pairs)."""
         pairs = self.geometric.pairs
         rotations = all_rotations(motion, self.layout)
-        gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
+        gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.end)
         if motion.tree_motion is not None:
-            added = (rotations - motion.rotations)[pairs.first].T
-            gap = gap + (self._gaps @ motion.tree_motion).reshape(-1, 3).T + cross(added, along)
+            gap = gap + (self._gaps @ motion.tree_motion).reshape(-1, 3).T
         return rotations[pairs.first].T, rotations[pairs.second].T, gap
-
-    def _add_successive(self, half: Array, twist: Array) -> None:
-        """Joints with two successive rotations: the moment on the angle between both axes rotates with both."""
-        second_order, torque = self.geometric.second_order, self.geometric.pairs.torque
-        if not second_order.successive.size:
-            return
-        pair, first, second = second_order.successive
-        first_axis, second_axis = second_order.rows.moment[:, first], second_order.rows.moment[:, second]
-        size, relative = 0.5 * (torque[:, pair] * second_order.cross).sum(axis=0), twist[:, pair]
-        half[:, pair] -= size * ((first_axis * relative).sum(axis=0) * second_axis
-                                 + (second_axis * relative).sum(axis=0) * first_axis)  # fmt: skip
 
     def on_ground(self, wrench: Array) -> Array:
         """Return the change of the sum of gravity and loads along a wrench (6,) about the origin by a motion, (size,).

@@ -52,11 +52,11 @@ class JointRelease:
         """The rigid part of the rotations of bodies and ground, (bodies + 1, 3)."""
         return np.outer(self.sign, self.angular)
 
-    def released_rotations(self, joints: int) -> Array:
-        """Return the rotations of released joints, (3, joints)."""
-        result = np.zeros((3, joints))
+    def released_in(self, joints: int) -> Array:
+        """Return the translations and rotations of released joints, (6, joints)."""
+        result = np.zeros((6, joints))
         if self.released is not None:
-            result[:, self.released] = self.angular
+            result[:, self.released] = *self.linear, *self.angular
         return result
 
 
@@ -92,10 +92,10 @@ class RegionRelease:
         """The rotations of bodies and ground, (bodies + 1, 3)."""
         return self.displacements[:, 3:]
 
-    def released_rotations(self, joints: int) -> Array:
-        """Return the rotations of released joints, (3, joints)."""
-        result = np.zeros((3, joints))
-        result[:, self.joints] = self.gap[3:]
+    def released_in(self, joints: int) -> Array:
+        """Return the translations and rotations of released joints, (6, joints)."""
+        result = np.zeros((6, joints))
+        result[:, self.joints] = self.gap
         return result
 
 
