@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from mbsvib.modes.batch import BatchModes
 
 
-@dataclass(frozen=True, eq=False)
-class Tangent:
+@dataclass(frozen=True, repr=False, eq=False)
+class Tangent(Displayed):
     """Derivatives of the matrices along a direction, with a leading axis of n variants where values have one.
     """
 
@@ -44,6 +44,11 @@ class Tangent:
     Cv: Array
     Ca: Array
     D: Array
+
+    def __repr__(self) -> str:
+        *variants, dof, _ = self.M.shape
+        many = f"{counted(variants[0], 'variant')}, " if variants else ""
+        return f"Tangent({many}{dof} DOF)"
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -171,7 +171,7 @@ class Shared:
         rows = self.elastic.composite.of(base[..., start:, :])
         number = {name: self.first + i for i, name in enumerate(self.names)}
         owners = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
-        acts = rows.any(axis=(*range(rows.ndim - 2), rows.ndim - 1)).nonzero()[0]
+        acts = np.flatnonzero(np.any(rows, axis=(*range(rows.ndim - 2), rows.ndim - 1)))
         k, c = self.elastic.stiffness[acts], self.elastic.damping[acts]
         return (concatenated((above, rows[..., acts, :]), -2), concatenated((stiffness, k), -1),
                 concatenated((damping, c), -1), np.concatenate((owner, owners[acts])))  # fmt: skip
