@@ -96,14 +96,15 @@ def geometric(
     joints = topology.joints
     first, second, start, point, carrier = joint_ends(topology, position)
     joint_wrenches = _joint_wrenches(topology, closure, subtree, cut, position, point)
+    balanced = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
+    # stiffness does not depend on the forces that redundant constraints share in one way or another
+    parts = _pairs(model, topology, tree, closure, applied, multipliers)
+    rows, stiffness, owner, circulatory = _stiffness(topology, tree, layout, parts, balanced, len(applied.names))
+    joint_wrenches = joint_wrenches.copy()
     for region in regions:
-        least = region.minimum_norm(joint_wrenches[:, region.joints])
-        multipliers += _of_wrenches(topology, closure, region, least - joint_wrenches[:, region.joints])
-        joint_wrenches[:, region.joints] = least
+        joint_wrenches[:, region.joints] = region.minimum_norm(joint_wrenches[:, region.joints])
     in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
     names = (*applied.names, *(joint.name for joint in joints), *topology.bodies)
-    parts = _pairs(model, topology, tree, closure, applied, multipliers)
-    rows, stiffness, owner, circulatory = _stiffness(topology, tree, layout, parts, in_joints, len(applied.names))
     carrier = np.concatenate((applied.pairs.second, carrier))
     return Geometric(rows, stiffness, owner, names, joint_wrenches, WrenchPairs.join(applied.pairs, in_joints), carrier,
                      _hessian(parts[0][0]) if applied.names else np.zeros((0, 6, 6)), joints, applied,
@@ -173,26 +174,6 @@ def _pairs(
         pairs = of_measured((measured.first, measured.second), (measured.point, measured.force, measured.moment),
                             list(zip(joints, names, strict=True)), -coefficient * multipliers[count + coupler], {}, {})
         result.append((pairs, of_joints_from + number, twists_of(joints)))  # fmt: skip
-    return result
-
-
-def _of_wrenches(topology: Topology, closure: Constraints, region: Region, wrench: Array) -> Array:
-    """Multipliers of self-equilibrated wrenches (6, j) in the joints of a region."""
-    rows, couplers, result = closure.rows, closure.couplers, np.zeros(len(closure.names))
-    for k, point, six in zip(region.joints.tolist(), region.point.T, wrench.T, strict=True):
-        if k not in topology.cut:
-            continue
-        own = np.flatnonzero(closure.loop[: len(rows.first)] == topology.cut.index(k))
-        acts = rows.take(own)
-        if couplers is not None:
-            mine = np.flatnonzero(couplers.joint == k)
-            acts = Rows.join([acts, couplers.terms.measured.take(mine)])
-        moment = acts.moment + crossed_product(acts.point - point[:, None], acts.force)
-        amount = np.linalg.lstsq(np.concatenate((acts.force, moment)), six, rcond=None)[0]
-        result[own] = amount[: len(own)]
-        if couplers is not None:
-            coupler, coefficient = couplers.measured
-            result[len(rows.first) + coupler[mine]] = amount[len(own) :] / coefficient[mine]
     return result
 
 

@@ -6,6 +6,7 @@ from scipy.special import jn_zeros, roots_laguerre
 
 import mbsvib as mv
 from mbsvib.library import engine_on_mounts, four_bar, pendulum_chain, stewart, trifilar_pendulum
+from tests.hunt.generate import example
 from tests.support.loaded_models import loaded
 from tests.support.sizes import few
 
@@ -111,3 +112,14 @@ def test_what_lacks_balance_is_named():
     model.add_load("push", "rocker", force=(0, 0, 1e-5))
     with pytest.raises(mv.EquilibriumError, match=r", .* N m missing about z of joint"):
         model.linearize(method="sparse")
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
+def test_two_couplers_on_one_coordinate_of_a_cut_joint():
+    """Forces of least norm in the joints do not say how couplers share them: K of this scene was off by 1e-3."""
+    model = example(236).scene.model()
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    omega = np.array([1.0, 3.9, 20.0])
+    expected, result = (system.frequency_response(omega) for system in (dense, sparse))
+    rows = [k for k, name in enumerate(dense.outputs) if not name.startswith("force")]
+    assert np.abs(result - expected)[rows].max() < 1e-11 * np.abs(expected[rows]).max()
