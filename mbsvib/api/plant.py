@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tangent(Displayed):
-    """Derivatives of the matrices along a direction, with a leading axis of n variants where values have one.
+    """Derivatives of the matrices along a direction, in their own shapes and units per unit of the direction.
+
+    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs), with a
+    leading axis of n variants where the values have one.
     """
 
     M: Array

@@ -82,7 +82,7 @@ class BatchPlan:
 
     ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
     ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
-    ``decided`` lists, for each call, how many variants got rank decisions of their own.
+    ``decided`` lists how many variants got rank decisions of their own, of each call in which some did.
     """
 
     user_model: Mechanism
@@ -209,25 +209,30 @@ class BatchPlan:
             terms: Any = self.equations(variant, BatchEquations)[0]
             return Matrices(**{item.name: getattr(terms, item.name) for item in fields(Matrices)})
         part = _assembled(self, variant.in_equations, 0)
-        self.decided.append(part.decided)
+        self._count(part.decided)
         arrays = part.separated()
-        if "separated" in arrays:
-            arrays = arrays["separated"][0].named()
-        return Matrices(**{key: array[0] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
-                           for key, array in arrays.items() if key in AXES})  # fmt: skip
+        terms = arrays.pop("separated", [None])[0]
+        if terms is None:
+            del arrays["closure"]
+            terms = Terms(**arrays).of_variants(0)
+        return Matrices(**terms.named())
+
+    def _count(self, decided: int) -> None:
+        if decided:
+            self.decided.append(decided)
 
     def equations(self, variants: Values, batch: type[B]) -> B:
         """Return the equations of some variants as a batch."""
         keep_freed_memory(MANY)
         nominal = self.nominal
         if not self.at_once(variants):
-            self.decided.append(variants.count)
+            self._count(variants.count)
             return one_by_one(self.user_model, nominal, variants, self.cut, batch)
         size = self._chunk_size(variants.count)
         parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
                  for start in range(0, variants.count, size)]  # fmt: skip
         chunks = [part.separated() for part in parts]
-        self.decided.append(sum(part.decided for part in parts))
+        self._count(sum(part.decided for part in parts))
         common: dict[str, Any] = {"nominal": nominal, "values": variants, "massless": nominal.massless,
                                   "own_decisions": self.own_decisions}  # fmt: skip
         if "separated" in chunks[0]:
@@ -260,9 +265,7 @@ def _along(chunk: _Assembled, which: Index, bases: Sequence[Draft]) -> dict[str,
     parts = []
     for row in np.unique(which).tolist():
         at = which == row
-        own = Terms(**{key: array[at] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
-                       for key, array in chunk.terms.named().items()})  # fmt: skip
-        arrays, lost = condensed_along(own, chunk.plan.names, bases[row])
+        arrays, lost = condensed_along(chunk.terms.of_variants(at), chunk.plan.names, bases[row])
         parts.append((int(np.count_nonzero(at)), arrays, lost))
     result = {key: np.concatenate([np.broadcast_to(arrays[key], (count, *arrays[key].shape[-2:]))
                                    for count, arrays, _ in parts]) for key in parts[0][1]}  # fmt: skip
@@ -353,7 +356,7 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
         loaded = pairs, multipliers
     spin = spin_of_variants(model, scene, values) if model.derived(has_antisymmetric_forces) else ([], [])
     if scene.port.wrench_outputs:
-        axes, _ = joint_axes(scene.topology.joints, values)
+        axes = joint_axes(scene.topology.joints, values)[0] if loaded is None else loaded[0].axes
         loops = relative, phi, reduction, pivots.kept
         terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, axes, plan.stress)
     if any(spin):

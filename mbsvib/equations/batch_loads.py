@@ -106,12 +106,8 @@ def with_loads_of_variants(
     """
     assert scene.loads is not None
     applied = scene.loads[0]
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
-    reach = max(float(np.abs(array).max(initial=0.0)) for array in (applied.pairs.start, scene.position))
-    residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
     if not values.stepped:
-        _check_balance(model, scene, terms, reduction, residual, size, first)
+        _check_balance(model, scene, terms, reduction, first)
     loaded = loaded_pairs(scene, *joint_axes(scene.topology.joints, values))
     multipliers = pivots.multipliers(phi, loaded.gradient)
     part = load_stiffness(scene, reduction, loaded, multipliers, every=True)
@@ -121,9 +117,15 @@ def with_loads_of_variants(
 
 
 def _check_balance(
-    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, residual: Array, size: Array, first: int
+    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, first: int
 ) -> None:
     """Refuse a variant that is not in balance, by index."""
+    assert scene.loads is not None
+    applied = scene.loads[0]
+    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
+    reach = max(float(np.abs(array).max(initial=0.0)) for array in (applied.pairs.start, scene.position))
+    residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
     for i in np.flatnonzero((np.abs(residual) > BALANCE * size).any(axis=-1)).tolist():
         at = [array if array.ndim == k else array[i] for array, k in ((residual, 1), (size, 1), (terms.K, 2))]
         try:

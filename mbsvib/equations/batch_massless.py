@@ -11,7 +11,7 @@ from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.equations.batch_one_by_one import check_massless
 from mbsvib.equations.draft import Draft
 from mbsvib.equations.massless_separation import separated
-from mbsvib.equations.terms import AXES, Terms
+from mbsvib.equations.terms import Terms
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
@@ -61,14 +61,13 @@ class Separating:
 
     def separation_of(self, i: int) -> Draft:
         """Return a variant with its own separation; an error names the variant by its index."""
-        own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
-               for key, array in self.terms.named().items()}  # fmt: skip
         reduction = self.reduction
         if reduction.matrix is not None and reduction.matrix.ndim == 3:
             reduction = replace(reduction, matrix=reduction.matrix[i])
         scene = scene_of_variant(self.scene, i)
-        draft = Draft(self.model, scene, scene.relative(), np.zeros((0, 0)), reduction,
-                      tuple(reduction.independent.tolist()), Terms(**own), self.nominal.coordinates)  # fmt: skip
+        minimal, terms = tuple(reduction.independent.tolist()), self.terms.of_variants(i)
+        draft = Draft(self.model, scene, scene.relative(), np.zeros((0, 0)), reduction, minimal, terms,
+                      self.nominal.coordinates)  # fmt: skip
         try:
             return self._as_nominal(draft)
         except MbsvibError as error:

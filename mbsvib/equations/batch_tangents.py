@@ -19,7 +19,7 @@ import numpy as np
 
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.batch_loops import inverse_of, near_singular
-from mbsvib.linalg.rank import ZERO_STRESS_WORK
+from mbsvib.linalg.rank import ZERO_ALONG
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools
@@ -57,7 +57,7 @@ def closure_along(
         left = np.abs(right - matrix @ solution)
         unit = np.where(coordinates.turns, 1.0, block.group.length)[block.group.columns, None]
         largest = (np.abs(before[..., block.group.columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
-        limit = ZERO_STRESS_WORK * _moved(values, block.group.length)[:, None, None] * largest
+        limit = ZERO_ALONG * _moved(values, block.group.length)[:, None, None] * largest
         lost |= (left > limit).any(axis=(1, 2))
     return replace(nominal, matrix=result), lost
 

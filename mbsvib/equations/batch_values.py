@@ -12,7 +12,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.changes import Slots, resolved, variant
+from mbsvib.mechanism.changes import Slots, fields_in, resolved, variant
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,8 +69,7 @@ class Values:
     @cached_property
     def fields(self) -> Mapping[str, Mapping[str, Array]]:
         """Complete fields by part and name, with the variants on the last axis."""
-        return {part: {field: self.numbers[rows] for field, rows in fields.items()}
-                for part, fields in self.index.items()}  # fmt: skip
+        return fields_in(self.numbers, self.index)
 
     @property
     def in_equations(self) -> Values:

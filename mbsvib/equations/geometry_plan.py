@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism
 
-    Rows3 = Mapping[str, Mapping[str, Index]]
+    Places = Mapping[str, Mapping[str, Index]]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class GeometryPlan:
     """
 
     scene: Scene
-    index: Rows3
+    index: Places
     bodies: Index
     centres: Index
     twists: Placing | None
@@ -196,7 +196,7 @@ def _varying(placing: Placing) -> Placing | None:
     return placing if varies else None
 
 
-def _twists(scene: Scene, index: Rows3, moved: Mapping[int, Index]) -> Placing | None:
+def _twists(scene: Scene, index: Places, moved: Mapping[int, Index]) -> Placing | None:
     twists, start = scene.coordinates, 0
     owners, centres, pitched = [], [], []
     # coordinates come in the order of the joints, those of floating bodies last
@@ -214,7 +214,7 @@ def _twists(scene: Scene, index: Rows3, moved: Mapping[int, Index]) -> Placing |
     return _varying(Placing.of((twists.linear, twists.angular, twists.point), owners, index, centres, pitched))
 
 
-def _cuts(scene: Scene, index: Rows3) -> Placing | None:
+def _cuts(scene: Scene, index: Places) -> Placing | None:
     cuts = scene.cuts
     if cuts is None:
         return None
@@ -231,7 +231,7 @@ def _cuts(scene: Scene, index: Rows3) -> Placing | None:
     return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, index, (), pitched, pitches_second=True))
 
 
-def _measured(scene: Scene, index: Rows3) -> Placing | None:
+def _measured(scene: Scene, index: Places) -> Placing | None:
     if scene.cuts is None or scene.cuts.couplings is None:
         return None
     rows, owners = scene.cuts.couplings.measured, [(joint, [k]) for k, (joint, _) in enumerate(scene.measured)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from mbsvib.equations.terms import MATRICES, Terms
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import ZERO_STRESS_WORK
+from mbsvib.linalg.rank import ZERO_ALONG
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools, Index
@@ -77,15 +77,15 @@ def _null_along(mass: Array, damping: Array, motions: Array, count: int) -> tupl
     both = [np.broadcast_to(matrix, (count, *matrix.shape[-2:])) / (np.abs(matrix * unit).max() or 1.0)
             for matrix in both]  # fmt: skip
     result = np.broadcast_to(null, (count, *null.shape)).astype(complex)
-    if not both or not np.iscomplexobj(both[0] if len(both) == 1 else both[0] + both[1]):
+    rows = np.concatenate(both, axis=-2) if both else np.zeros((count, 0, len(motions)))
+    if not np.iscomplexobj(rows):
         return result, np.zeros(count, dtype=bool)
-    rows = np.concatenate(both, axis=-2)
     right, size = rows.imag @ null, np.abs(rows.imag) @ np.abs(null)
     matrix = rows.real[..., others] * unit[others]
     solution = np.linalg.pinv(matrix) @ right
     result.imag[:, others] = -unit[others][:, None] * solution
     left = np.abs(right - matrix @ solution)
-    limit = ZERO_STRESS_WORK * size.max(axis=-2, keepdims=True, initial=0.0)
+    limit = ZERO_ALONG * size.max(axis=-2, keepdims=True, initial=0.0)
     return result, np.asarray((left > limit).any(axis=(1, 2)))
 
 
@@ -93,4 +93,4 @@ def _gains(mass: Array, massless: Array) -> Bools:
     """Whether motions without mass get one."""
     change = np.abs(massless.T @ mass.imag @ massless)
     size = np.abs(massless.T) @ np.abs(mass.imag) @ np.abs(massless)
-    return np.asarray((change > ZERO_STRESS_WORK * size).any(axis=(-1, -2)))
+    return np.asarray((change > ZERO_ALONG * size).any(axis=(-1, -2)))

@@ -94,6 +94,14 @@ class Terms(Matrices):
         """Return all terms by their names."""
         return dict(vars(self))
 
+    def of_variants(self, which: Any) -> Terms:
+        """Return the terms of one variant, or of some; arrays that are constant stay as they are.
+
+        ``which``: an index or a mask along the axis of variants.
+        """
+        return Terms(**{key: array[which] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
+                        for key, array in self.named().items()})  # fmt: skip
+
     def with_rows(self, rows: Array, stiffness: Array, owner: Index, matrix: Array | None = None) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.
 

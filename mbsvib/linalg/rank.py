@@ -157,6 +157,9 @@ SAME_WORK = 1e-8
 NO_WORK = (100.0 * EPS) ** 2
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
 ZERO_STRESS_WORK = 1e-9
+# Along a direction in the space of parameters, what contradicts redundant constraints, or gives mass or damping to a
+# motion without, is rounding below this share of the change itself.
+ZERO_ALONG = 1e-9
 # Forces of a state of self-stress below this share of the largest are rounding.
 ZERO_STRESS = 1e-9
 # Bodies that turned by less than this [rad] against each other did not.

@@ -36,7 +36,7 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
         expected = f"a finite number [{parameters.entry(name).unit}]"
         arrays[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
     slots = Slots.of(parameters, list(arrays))
-    fields = slots.fields(slots.numbers(np.array(list(arrays.values())).reshape(-1, 1)))
+    fields = fields_in(slots.numbers(np.array(list(arrays.values())).reshape(-1, 1)), slots.index)
     return {name: variant(parameters.parts[name], fields[name], 0) for name in fields}
 
 
@@ -165,19 +165,20 @@ class Slots:
         result[self.target] = values[self.source]
         return result
 
-    def fields(self, numbers: Array) -> dict[str, dict[str, Array]]:
-        """Return the complete fields of parts in which some entries have new values, by part and field.
 
-        ``numbers`` (rows, n). The last axis of fields is that of the values (position: (3, n)); orientations are
-        rotation vectors from the present pose.
-        """
-        return {part: {field: numbers[rows] for field, rows in fields.items()} for part, fields in self.index.items()}
+def fields_in(numbers: Array, index: Mapping[str, Mapping[str, Index]]) -> dict[str, dict[str, Array]]:
+    """Return the complete fields of parts in which some entries have new values, by part and field.
+
+    ``numbers`` (rows, n). ``index``: their rows, as in ``Slots``. The last axis of fields is that of the values
+    (position: (3, n)); orientations are rotation vectors from the present pose.
+    """
+    return {part: {field: numbers[rows] for field, rows in fields.items()} for part, fields in index.items()}
 
 
 def variant(part: P, fields: Mapping[str, Array], i: int) -> P:
     """Return a part with other values, checked like a new part.
 
-    ``fields`` are those of ``Slots``, ``i`` is the index along their last axis.
+    ``fields`` are those of ``fields_in``, ``i`` is the index along their last axis.
     """
     return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
 
