@@ -285,8 +285,8 @@ class Plant(Displayed):
         """Values (n, p), and whether they are those of a single variant."""
         array, count = self._array(values, "values", "plant"), len(self.names)
         if array.ndim not in (1, 2) or array.shape[-1] != count or not len(array):
-            raise ModelError(f"plant: values have the shape {array.shape}; expected ({count},) or (n, {count}), one "
-                             f"for each of {shown(self.names)}.", field="values")  # fmt: skip
+            raise ModelError(f"plant: values have the shape {array.shape}; expected ({count},) or (n, {count}), in the "
+                             f"order of plant.names, '{self.names[0]}' first.", field="values")  # fmt: skip
         return np.atleast_2d(array), array.ndim == 1
 
     def _array(self, values: Any, field: str, caller: str) -> Array:
