@@ -107,13 +107,17 @@ def with_couplers(cuts: Cuts | None, parts: Sequence[Coupling], *scene: Any) -> 
 
     The arguments behind ``parts`` are those of ``couplings``.
     """
-    names = tuple(part.name for part in parts)
+    return appended(cuts, tuple(part.name for part in parts), couplings(parts, *scene))
+
+
+def appended(cuts: Cuts | None, names: tuple[str, ...], rows: Couplings | None) -> Cuts:
+    """Return the locked rows of cut joints, followed by ``rows`` of the couplers ``names``."""
     if cuts is None:
         none = np.zeros(0, dtype=np.intp)
         cuts = Cuts(Rows.stack([]), (), none, (), none, np.zeros(0, dtype=bool))
     count = len(cuts.joints)
     return replace(
-        cuts, names=cuts.names + names, joints=cuts.joints + names, couplings=couplings(parts, *scene),
+        cuts, names=cuts.names + names, joints=cuts.joints + names, couplings=rows,
         joint=np.concatenate((cuts.joint, np.arange(count, count + len(names)))),
         translates=np.concatenate((cuts.translates, np.zeros(len(names), dtype=bool))),
     )  # fmt: skip

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     Moving = Callable[[Index, Array], Array]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Couplings:
     """The terms (t,) of all couplers: ``row`` is the number of the coupler, ``value`` (..., t) the coefficient,
     ``turns`` is true for angles.
@@ -51,16 +52,21 @@ class Couplings:
                 number += 1
         return result
 
-    def row_scale(self, length: Array) -> Array:
-        """Return factors that scale each row to entries of at most one, with ``length`` (couplers,) [m] as the unit of
-        length of each.
-        """
-        size = np.abs(self.value) * np.where(self.turns, 1.0, length[self.row])
-        largest = np.zeros((*size.shape[:-1], len(self.touched)))
-        for k, row in enumerate(self.row.tolist()):
-            largest[..., row] = np.maximum(largest[..., row], size[..., k])
-        result: Array = 1.0 / largest
+    @cached_property
+    def largest(self) -> Array:
+        """The largest coefficients (2, ..., couplers) of angles and of distances of each coupler."""
+        count = len(self.touched)
+        result = np.zeros((2, *self.value.shape[:-1], count))
+        places: Any = np.where(self.turns, 0, 1), ..., self.row
+        np.maximum.at(result, places, np.moveaxis(np.abs(self.value), -1, 0))
         return result
+
+    def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
+        """Return factors that scale some rows to entries of at most one, with ``length`` [m] as the unit of length: one
+        for all, or one for each (members,).
+        """
+        angle, distance = self.largest[..., members]
+        return np.asarray(1.0 / np.maximum(angle, distance * length))
 
     def nearby(self, turn: Moving, shift: Moving) -> Couplings:
         """Return the same in a neighbouring pose: ``turn`` and ``shift`` move directions and points with bodies."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
+from mbsvib.common.tables import listed
 from mbsvib.errors import SingularPoseError
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, RANK_FACTOR, RANK_GAP, TIE_BREAK
@@ -93,17 +94,21 @@ def preference(n: int) -> Array:
     return result
 
 
+def redundant_members(a: Array, rank: int) -> list[int]:
+    """Return the numbers of redundant rows: those that a pivoted QR of the transpose takes last."""
+    return sorted(pivoted_qr((a * preference(len(a))[:, None]).T)[1][rank:].tolist())
+
+
 def redundant_rows(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of redundant rows: those that a pivoted QR of the transpose takes last."""
-    _, order, _ = pivoted_qr((a * preference(len(rows))[:, None]).T)
-    return tuple(names[rows[k]] for k in sorted(order[rank:].tolist()))
+    """Return the names of redundant rows."""
+    return tuple(names[rows[k]] for k in redundant_members(a, rank))
 
 
 def check_gap(group: LoopGroup) -> None:
     """Refuse a rank decision without a gap between pivots."""
     if group.dropped * RANK_GAP > group.retained:
         raise SingularPoseError(
-            f"loops closed by {', '.join(group.joints)}: constraint pivots {group.retained:.1e} (kept) and "
+            f"loops closed by {listed(group.joints)}: constraint pivots {group.retained:.1e} (kept) and "
             f"{group.dropped:.1e} (dropped) are too close to tell how many constraints are independent. Move the pose "
             f"away from the singular one, or give the geometry with all its digits."
         )

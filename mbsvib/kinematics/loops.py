@@ -89,16 +89,20 @@ class Cuts:
     translates: Mask
     couplings: Couplings | None = None
 
-    def row_scale(self, length: float | Array) -> Array:
-        """Return factors (..., rows) that make the rows dimensionless, with ``length`` [m] as the unit of length: one
-        for all, or one for each row (rows,).
+    def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
+        """Return factors (..., rows) that make some rows dimensionless, with ``length`` [m] as the unit of length: one
+        for all, or one for each of them (members,).
         """
-        scale = np.where(self.translates, 1.0 / length, 1.0)
+        scale = np.where(self.translates[members], 1.0 / length, 1.0)
         if self.couplings is None:
             return scale
-        count = len(self.rows.first)
-        coupled = self.couplings.row_scale(np.broadcast_to(length, len(scale))[count:])
-        return np.concatenate((np.broadcast_to(scale[:count], (*coupled.shape[:-1], count)), coupled), axis=-1)
+        number = np.arange(len(self.translates))[members]
+        at = np.flatnonzero(number >= len(self.rows.first))
+        lengths = np.broadcast_to(length, len(scale))[at]
+        coupled = self.couplings.row_scale(lengths, number[at] - len(self.rows.first))
+        result = np.broadcast_to(scale, (*coupled.shape[:-1], len(scale))).copy()
+        result[..., at] = coupled
+        return result
 
 
 def reduce(

@@ -10,10 +10,11 @@ Source: Connelly & Whiteley, SIAM J. Discrete Math. 9 (1996) 453, for constraint
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.tables import listed
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.kinematics.relative_motion import relative_motion
@@ -23,6 +24,8 @@ from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
@@ -65,17 +68,27 @@ def check_mobility(
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         row_scale = cuts.row_scale(group.length).take(group.rows)[:, None]
-        qr, _, _ = pivoted_qr(phi[group.rows[:, None], group.columns] * row_scale * scale)
-        pivots = np.abs(qr.diagonal())
         limit = max(NEIGHBOUR_PIVOT, RANK_FACTOR * group.noise)
-        rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
+        rank = rank_nearby(phi[group.rows[:, None], group.columns] * row_scale * scale, limit)
         if rank > group.rank:
-            raise SingularPoseError(
-                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {len(group.rows)} "
-                f"constraint rows are independent here, {rank} in neighbouring poses, so the number of degrees of "
-                f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
-            )
+            raise jump(group.joints, len(group.rows), group.rank, rank)
     return False
+
+
+def rank_nearby(a: Array, limit: float) -> int:
+    """Return the number of pivots of scaled constraint rows above a limit, in units of the largest if that exceeds one.
+    """
+    pivots = np.abs(pivoted_qr(a)[0].diagonal())
+    return int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
+
+
+def jump(joints: Sequence[str], rows: int, here: int, nearby: int) -> SingularPoseError:
+    """Return the error of loops closed by ``joints``, of whose ``rows`` more are independent in neighbouring poses."""
+    return SingularPoseError(
+        f"loops closed by {listed(joints)}: singular pose. {here} of their {rows} constraint rows are independent "
+        f"here, {nearby} in neighbouring poses, so the number of degrees of freedom jumps and linear equations do not "
+        f"describe the motion. Move the pose off the singular one."
+    )
 
 
 def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> bool:
@@ -120,40 +133,65 @@ def phi_nearby(
     largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
     motion = body_motion(coordinates, position) @ (NEIGHBOUR_STEP / largest * direction)[..., None, :, None]
     displacement = np.concatenate((motion[..., 0], np.zeros((*motion.shape[:-3], 1, 6))), axis=-2)
-    translation, rotation = np.moveaxis(displacement[..., :3], -1, 0), np.moveaxis(displacement[..., 3:], -1, 0)
-    centre = np.moveaxis(np.concatenate((position, np.zeros((*position.shape[:-2], 1, 3))), axis=-2), -1, 0)
-
-    def turn(body: Index, vector: Array) -> Array:
-        return added(vector, crossed_product(rotation[..., body], vector))
-
-    def shift(body: Index, point: Array) -> Array:
-        arm = added(point, -centre[..., body])
-        return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
-
-    (carrier, second_carrier, holder), rows = _carriers(topology), cuts.rows
-    linear, force = turn(carrier, coordinates.linear), turn(rows.first, rows.force)
-    # components of a rotation vector turn with the mean of both bodies; for a single axis this makes no difference
-    angular, moment = (0.5 * (turn(a, axes) + turn(b, axes)) for a, b, axes in (
-        (carrier, second_carrier, coordinates.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
-    for rod in rods:
-        line = added(shift(rod.second, rod.end), -shift(rod.first, rod.start))
-        line = line / np.sqrt((line * line).sum(axis=0))
-        force[..., rod.row] = line
-        across = linear[..., rod.column]
-        linear[..., rod.column] = added(across, -(added(0.0 * line, across) * line).sum(axis=0) * line)
-    twists = replace(coordinates, linear=linear, angular=angular, point=shift(holder, coordinates.point))
-    for row, first, second in crossing:
-        at = slice(row, row + 1)
-        axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
-        moment[..., at] = crossed_product(*axes)
-    point = shift(rows.second, rows.point)
-    moved_rows = replace(rows, point=point, force=force, moment=moment)
-    phi = relative_motion(twists, moved_rows).dense(0, len(rows.first))
+    centre = np.concatenate((position, np.zeros((*position.shape[:-2], 1, 3))), axis=-2)
+    small = SmallMotion(*(np.moveaxis(array, -1, 0) for array in (
+        displacement[..., :3], displacement[..., 3:], centre)))  # fmt: skip
+    twist = coordinates.linear, coordinates.angular, coordinates.point
+    (linear, angular, point), cuts = small.applied(topology, twist, cuts, crossing, rods)
+    twists = replace(coordinates, linear=linear, angular=angular, point=point)
+    phi = relative_motion(twists, cuts.rows).dense(0, len(cuts.rows.first))
     if cuts.couplings is None:
         return phi
-    coupled = cuts.couplings.nearby(turn, shift).dense(twists)
+    coupled = cuts.couplings.dense(twists)
     lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
     return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
+
+
+@dataclass(frozen=True, slots=True)
+class SmallMotion:
+    """A motion of bodies to first order: ``translation`` and ``rotation`` of bodies and ground with the centres of mass
+    ``centre`` [m], arrays (3, bodies + 1) or (3, variants, bodies + 1).
+    """
+
+    translation: Array
+    rotation: Array
+    centre: Array
+
+    def turn(self, body: Index, vector: Array) -> Array:
+        """Return vectors that turn with bodies."""
+        return added(vector, crossed_product(self.rotation[..., body], vector))
+
+    def shift(self, body: Index, point: Array) -> Array:
+        """Return points that move with bodies."""
+        arm = added(point, -self.centre[..., body])
+        return added(added(point, self.translation[..., body]), crossed_product(self.rotation[..., body], arm))
+
+    def applied(
+        self, topology: Topology, twist: tuple[Array, Array, Array], cuts: Cuts,
+        crossing: list[tuple[int, Array, Array]], rods: list[Rod],
+    ) -> tuple[tuple[Array, Array, Array], Cuts]:  # fmt: skip
+        """Return twists (linear, angular, point) of the joint coordinates and the rows of cut joints after the motion.
+
+        ``crossing``, ``rods``: as in ``phi_nearby``.
+        """
+        (carrier, second_carrier, holder), rows = _carriers(topology), cuts.rows
+        linear, force = self.turn(carrier, twist[0]), self.turn(rows.first, rows.force)
+        # components of a rotation vector turn with the mean of both bodies; for a single axis this makes no difference
+        angular, moment = (0.5 * (self.turn(a, axes) + self.turn(b, axes)) for a, b, axes in (
+            (carrier, second_carrier, twist[1]), (rows.first, rows.second, rows.moment)))  # fmt: skip
+        for rod in rods:
+            line = added(self.shift(rod.second, rod.end), -self.shift(rod.first, rod.start))
+            line = line / np.sqrt((line * line).sum(axis=0))
+            force[..., rod.row] = line
+            across = linear[..., rod.column]
+            linear[..., rod.column] = added(across, -(added(0.0 * line, across) * line).sum(axis=0) * line)
+        for row, first, second in crossing:
+            at = slice(row, row + 1)
+            axes = self.turn(rows.first[at], first[..., None]), self.turn(rows.second[at], second[..., None])
+            moment[..., at] = crossed_product(*axes)
+        moved = replace(rows, point=self.shift(rows.second, rows.point), force=force, moment=moment)
+        couplings = None if cuts.couplings is None else cuts.couplings.nearby(self.turn, self.shift)
+        return (linear, angular, self.shift(holder, twist[2])), replace(cuts, rows=moved, couplings=couplings)
 
 
 def added(a: Array, b: Array) -> Array:
@@ -196,22 +234,25 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
     return carrier, other, point
 
 
-def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
-    """Return the rods of distance joints, in the tree or cut."""
+def rods_in_loops(topology: Topology, coordinates: Any, cuts: Cuts) -> list[Rod]:
+    """Return the rods of distance joints, in the tree or cut; ``coordinates`` have the ``names`` of those of joints.
+    """
     if not any(joint.is_rod for joint in topology.joints):
         return []
-    number = topology.body_numbers
+    number, column_of = topology.body_numbers, {name: k for k, name in enumerate(coordinates.names)}
     cut = {k: count for count, k in enumerate(topology.cut)}
     result = []
     for k, joint in enumerate(topology.joints):
         if joint.is_rod:
-            row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
-            column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
+            row, column = slice(0), slice(0)
+            if k in cut:
+                row = slice(*cuts.joint.searchsorted((cut[k], cut[k] + 1)).tolist())
+            else:
+                start_of = column_of[f"{joint.name}.x"]
+                column = slice(start_of, start_of + 2)
             start, end = (np.array(value)[:, None] for value in (joint.position, joint.end))
-            result.append(Rod(
-                np.array([number[joint.first]]), np.array([number[joint.second]]), start, end,
-                slice(row[0], row[0] + 1) if k in cut else slice(0), slice(column, column + (0 if k in cut else 2)),
-            ))  # fmt: skip
+            result.append(Rod(np.array([number[joint.first]]), np.array([number[joint.second]]), start, end, row,
+                              column))  # fmt: skip
     return result
 
 
@@ -220,7 +261,7 @@ def crossing_axes(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Arra
     result = []
     for count, k in enumerate(topology.cut):
         if topology.joints[k].successive:
-            rows = np.nonzero(cuts.joint == count)[0]
+            rows = np.arange(*cuts.joint.searchsorted((count, count + 1)).tolist())
             row = int(rows[_turns(cuts, rows)][0])
             (_, first), (_, second) = topology.joints[k].freedom[-2:]
             result.append((row, np.array(first[3:]), np.array(second[3:])))

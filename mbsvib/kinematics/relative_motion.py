@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -99,24 +99,39 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
 
     They are in the order in which their joints were added, those of floating bodies last.
     """
-    joints = topology.joints
-    order, path = order_and_paths(topology.branches, tuple([len(joint.freedom) for joint in joints]))
+    order, path = order_and_paths(topology.branches, tuple([len(joint.freedom) for joint in topology.joints]))
+    names, entries, turns, _ = twists_of_branches(topology, bodies, order)
+    return Twists(names, entries[:3], entries[3:6], entries[6:], path, turns, largest_pitch(topology.joints))
+
+
+def twists_of_branches(
+    topology: Topology, bodies: Sequence[Body], order: Sequence[Branch]
+) -> tuple[tuple[str, ...], Array, NDArray[np.bool_], list[int]]:
+    """Return names, twists (9, n) (linear, angular, point) and whether they are rotations (n,) of the coordinates of
+    branches, and the number of coordinates of each branch.
+    """
     names: list[str] = []
     twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
+    count: list[int] = []
     for branch in order:
         if branch.joint == FLOATS:
             name, at, freedom = topology.bodies[branch.body], bodies[branch.body].position, _FREE
         else:
-            joint = joints[branch.joint]
+            joint = topology.joints[branch.joint]
             name, at, freedom = joint.name, joint.point or bodies[branch.body].position, joint.freedom
         for direction, six in freedom:
             names.append(f"{name}.{direction}")
             twist.append(six + at)
             turns.append(direction[0] == "r")
-    entries = columns(twist, 9)
-    return Twists(tuple(names), entries[:3], entries[3:6], entries[6:], path, np.array(turns, dtype=bool),
-                  largest_pitch(joints))  # fmt: skip
+        count.append(len(freedom))
+    return tuple(names), columns(twist, 9), np.array(turns, dtype=bool), count
+
+
+def in_order(branches: Sequence[Branch]) -> list[Branch]:
+    """Return branches in the order of their coordinates: by joint as added, those of floating bodies last."""
+    return [*sorted([b for b in branches if b.joint != FLOATS], key=attrgetter("joint")),
+            *[b for b in branches if b.joint == FLOATS]]  # fmt: skip
 
 
 @lru_cache(maxsize=16)
@@ -128,8 +143,7 @@ def order_and_paths(
     Both depend on nothing but the tree and the numbers of coordinates of its joints, and are cached for mechanisms that
     are built again with other values.
     """
-    order = sorted([b for b in branches if b.joint != FLOATS], key=attrgetter("joint"))
-    order += [b for b in branches if b.joint == FLOATS]
+    order = in_order(branches)
     columns_of, n = {}, 0
     for branch in order:
         width = 6 if branch.joint == FLOATS else freedoms[branch.joint]
@@ -172,25 +186,33 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     path, first, second = (np.asarray(array, kind) for array, kind in (
         (coordinates.path, np.int8), (rows.first, np.intp), (rows.second, np.intp)))  # fmt: skip
     shape = len(first), path.shape[1]
-    entries = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
-    row, column, signs = entries(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
+    on_paths = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
+    row, column, signs = on_paths(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
     vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
     if sum([array.ndim for array in vectors]) > 12:
         value = _of_variants(vectors, row, column)
         value *= signs[:, None]
         return Triplets(row, column, value.T, shape)
+    twist = coordinates.linear, coordinates.angular, coordinates.point
+    return Triplets(row, column, entry_values(twist, rows, row, column, signs), shape)
+
+
+def entry_values(twist: tuple[Array, Array, Array], rows: Rows, row: Index, column: Index, sign: Any) -> Array:
+    """Return sign (f . v + w . ((p_r - p_k) x f + m)), (n,), for pairs of a row and a coordinate, (n,) each.
+
+    ``twist``: v, w and p of the coordinates, (3, coordinates) each.
+    """
     force, moment, point = (array.take(row, axis=1) for array in (rows.force, rows.moment, rows.point))
-    linear, angular = coordinates.linear.take(column, axis=1), coordinates.angular.take(column, axis=1)
-    start = coordinates.point.take(column, axis=1)
+    linear, angular, start = (array.take(column, axis=1) for array in twist)
     arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
     turned = arm[1:4] * wide[2:]
     turned -= arm[2:] * wide[1:4]
     turned += moment
     turned *= angular
     turned += force * linear
-    value = (turned[0] + turned[1] + turned[2]) * signs
+    value: Array = (turned[0] + turned[1] + turned[2]) * sign
     clear_rounding(value, force, moment, linear, angular, point, start)
-    return Triplets(row, column, value, shape)
+    return value
 
 
 @lru_cache(maxsize=32)

@@ -134,7 +134,7 @@ def _tableau(draft: SparseDraft) -> SparseDraft:
         draft.circulatory, draft.gyroscopic,
     )  # fmt: skip
     check_loops(draft.model, draft.closure.groups, draft.structure.names, STACK)
-    check_mobility(draft.structure, draft.closure, draft.layout, tableau)
+    check_mobility(draft.topology, draft.structure, draft.closure, draft.layout, tableau)
     return replace(draft, loop_rows=loop_rows, tableau=tableau)
 
 

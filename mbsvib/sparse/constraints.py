@@ -1,4 +1,4 @@
-"""Constraints: which of the rows that cut joints lock are independent, loop by loop.
+"""Constraints: which of the rows that cut joints and couplers lock are independent, loop by loop.
 
 Redundant rows are legal (planar loops in space have three each) but their multipliers are not determined, so the
 tableau contains independent rows only. Loops that share a coordinate form a group. The rank of a small group is decided
@@ -6,35 +6,27 @@ by the dense path's pivoted QR on the coordinates of the group. In a large group
 loop are removed first. For the remaining rows S, scaled, the pivots of S S^T + delta are the squared distances of each
 row from the rows before it. By these most rows are certainly independent; the others are projected on the complement of
 the certain ones, and a pivoted QR decides.
+
+The coordinate of a joint in the tree that a coupler relates is an unknown of the tableau; that of a cut joint is the
+relative motion of its bodies. Each coupler is a loop of its own, with one multiplier.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.tables import listed
-from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
-from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
+from mbsvib.kinematics.couplers import appended, terms
+from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_members
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import (
-    CERTAIN_DISTANCE,
-    DEPENDENT_DISTANCE,
-    NEAR_SINGULAR,
-    RANK_FACTOR,
-    RANK_GAP,
-    REGULARISATION,
-    TIE_BREAK,
-)
-from mbsvib.sparse.couplers import locked_entries, row_scale
-from mbsvib.sparse.rows import relative_rows
+from mbsvib.linalg.rank import CERTAIN_DISTANCE, DEPENDENT_DISTANCE, NEAR_SINGULAR, RANK_FACTOR, REGULARISATION
+from mbsvib.sparse.rows import path_entries, relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,38 +36,63 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
+    from mbsvib.elements.coupler import Coupling
+    from mbsvib.elements.rows import Rows
+    from mbsvib.kinematics.couplings import Couplings
+    from mbsvib.kinematics.loops import Cuts
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.couplers import Coupled
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
     Mask = NDArray[np.bool_]
-    Rod = tuple[int, int, int, int, Array, Array]
+    Entry = tuple[Index, Index, Array]
 
 # Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.
 MOST_DENSE_ENTRIES = 250_000
 
 
 @dataclass(frozen=True, slots=True)
-class Constraints:
-    """Locked ``rows`` of the cut joints with their ``names`` and the number ``loop`` of the cut joint.
+class Coupled:
+    """The ``terms`` of couplers, and the number of the cut ``joint`` of each coordinate that they measure in one."""
 
-    ``is_independent`` is the mask of independent rows, ``groups`` are those of coupled loops. ``crossing`` are locked
-    rotations normal to an axis of each body (row, axis in first, axis in second), ``rods`` those of distance joints,
-    cut or in the tree (row or -1, coordinate or -1, first, second, start, end). ``path_joints`` are pairs of an
-    independent row, numbered among these, and the outer body of a joint on its path. In ``names``, ``loop``,
-    ``is_independent`` and ``groups`` one entry for each coupler follows those of the rows.
+    terms: Couplings
+    joint: Index
+
+    @property
+    def measured(self) -> tuple[Index, Array]:
+        """Coupler and coefficient of each measured row."""
+        at = (self.terms.column < 0).nonzero()[0]
+        return self.terms.row[at], self.terms.value[at]
+
+
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """Locked rows of cut joints and couplers, ``cuts``.
+
+    ``is_independent`` is the mask of independent rows, ``groups`` are those of coupled loops. ``path_joints`` are pairs
+    of an independent row, numbered among these, and the outer body of a joint on its path.
     """
 
-    rows: Rows
-    names: tuple[str, ...]
-    loop: Index
+    cuts: Cuts
     is_independent: Mask
     groups: tuple[LoopGroup, ...]
-    crossing: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
-    rods: tuple[Rod, ...]
     path_joints: tuple[Index, Index]
     couplers: Coupled | None = None
+
+    @property
+    def rows(self) -> Rows:
+        """The locked rows of cut joints."""
+        return self.cuts.rows
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the locked rows and of the couplers."""
+        return self.cuts.names
+
+    @property
+    def loop(self) -> Index:
+        """Number of the loop of each row: cut joints, then couplers."""
+        return self.cuts.joint
 
     @property
     def independent(self) -> Rows:
@@ -85,18 +102,18 @@ class Constraints:
     @property
     def translational(self) -> Mask:
         """Mask of the independent rows that lock translations, so that their multipliers are forces."""
-        of_rows = np.asarray(self.independent.force.any(axis=0), dtype=bool)
-        if self.couplers is None:
-            return of_rows
-        return np.concatenate((of_rows, self.couplers.translational[self.is_independent[len(self.rows.first) :]]))
+        result = self.cuts.translates.copy()
+        if self.couplers is not None:
+            result[len(self.rows.first) :] = self.couplers.terms.largest[1] > 0.0
+        return np.asarray(result[self.is_independent])
 
     def entries(self, tree: Tree) -> Entries:
         """Return the entries of all rows over the joint coordinates."""
-        return Entries(*locked_entries(tree, self.rows, self.couplers), self.loop, len(self.names))
+        return Entries(*_locked_entries(tree, self.cuts, self.couplers), self.loop, len(self.names))
 
     def independent_entries(self, tree: Tree) -> tuple[Index, Index, Array]:
         """Return row (numbered among the independent rows), coordinate and value of their entries."""
-        row, column, value = locked_entries(tree, self.rows, self.couplers)
+        row, column, value = _locked_entries(tree, self.cuts, self.couplers)
         used = self.is_independent[row]
         return (np.cumsum(self.is_independent) - 1)[row[used]], column[used], value[used]
 
@@ -108,52 +125,60 @@ class Constraints:
         from scipy.sparse import vstack
 
         couplers = np.flatnonzero(self.is_independent[len(self.rows.first) :])
-        return vstack((rows, self.couplers.rows(tree, layout)[couplers])).tocsr()
+        return vstack((rows, _coupler_rows(tree, layout, self.couplers)[couplers])).tocsr()
 
 
 def constraints(
-    topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Coupled | None = None
+    topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Sequence[Coupling] = ()
 ) -> Constraints:
     """Return the locked rows of the cut joints and which of them are independent; refused if a rank is in doubt."""
-    cuts = cut_rows(topology, bodies, number)
-    rows = Rows.stack([]) if cuts is None else cuts.rows
-    names: list[str] = [] if cuts is None else [*cuts.names]
-    loop: list[int] = [] if cuts is None else cuts.joint.tolist()
-    row_of = {name: i for i, name in enumerate(names)}
-    crossing = []
-    for joint in [topology.joints[k] for k in topology.cut]:
-        if joint.successive:
-            rotation = next(direction for direction, six in joint.locked if any(six[3:]))
-            (_, first_twist), (_, second_twist) = joint.freedom[-2:]
-            crossing.append((row_of[f"{joint.name}.{rotation}"], first_twist[3:], second_twist[3:]))
-    cut = [topology.joints[k].name for k in topology.cut]
-    rods = _rods(topology, number, tree, names)
-    if couplers is not None:
-        loop += range(len(cut), len(cut) + len(couplers.names))
-        names += couplers.names
-        cut += couplers.names
-    entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
-    decision = _Decision(topology, tree, rows, couplers, names, cut, entries)
+    coupled = Coupled(*terms(couplers, tree.names, topology, bodies, number)) if couplers else None
+    cuts = appended(cut_rows(topology, bodies, number), tuple(part.name for part in couplers),
+                    None if coupled is None else coupled.terms)  # fmt: skip
+    entries = Entries(*_locked_entries(tree, cuts, coupled), cuts.joint, len(cuts.names))
+    decision = _Decision(topology, tree, cuts, entries)
     decisions = [decision.of(members) for members in entries.groups()]
-    independent = np.ones(len(names), dtype=bool)
+    independent = np.ones(len(cuts.names), dtype=bool)
     for _, redundant in decisions:
         independent[redundant] = False
     number_of = np.cumsum(independent) - 1
     used = independent[entries.row]
     path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
-    groups = tuple([group for group, _ in decisions])
-    return Constraints(rows, tuple(names), entries.loop, independent, groups, tuple(crossing), rods, path_joints,
-                       couplers)  # fmt: skip
+    return Constraints(cuts, independent, tuple([group for group, _ in decisions]), path_joints, coupled)
 
 
-def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
-    rods = [joint for joint in topology.joints if joint.is_rod]
-    if not rods:
-        return ()
-    row = {name: i for i, name in enumerate(names)}
-    column = {name: i for i, name in enumerate(tree.names)}
-    return tuple((row.get(f"{joint.name}.z", -1), column.get(f"{joint.name}.x", -1), number[joint.first],
-                  number[joint.second], np.array(joint.position), np.array(joint.end)) for joint in rods)  # fmt: skip
+def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
+    """Row (ascending), joint coordinate and value of all entries of locked rows and, after them, of couplers."""
+    row, column, value, _ = path_entries(tree, cuts.rows, None)
+    if couplers is None:
+        return row, column, value
+    from scipy.sparse import coo_matrix
+
+    couplings, (coupler, coefficient) = couplers.terms, couplers.measured
+    inside = np.flatnonzero(couplings.column >= 0)
+    at, column_of, value_of, _ = path_entries(tree, couplings.measured, None)
+    rows = np.concatenate((couplings.row[inside], coupler[at]))
+    columns = np.concatenate((couplings.column[inside], column_of))
+    values = np.concatenate((couplings.value[inside], coefficient[at] * value_of))
+    shape = len(cuts.names) - len(cuts.rows.first), len(tree.names)
+    total = coo_matrix((values, (rows, columns)), shape=shape).tocsr().tocoo()
+    return (np.concatenate((row, len(cuts.rows.first) + total.row.astype(np.intp))),
+            np.concatenate((column, total.col.astype(np.intp))), np.concatenate((value, total.data)))  # fmt: skip
+
+
+def _coupler_rows(tree: Tree, layout: Layout, couplers: Coupled) -> csr_matrix:
+    """Rows of couplers over the unknowns, (couplers, size), scaled to coefficients of order one."""
+    from scipy.sparse import csr_matrix, diags
+
+    couplings, (coupler, coefficient) = couplers.terms, couplers.measured
+    count, inside = len(couplings.touched), np.flatnonzero(couplings.column >= 0)
+    at = (couplings.row[inside], layout.coordinate[couplings.column[inside]])
+    of_tree = csr_matrix((couplings.value[inside], at), shape=(count, layout.size))
+    coefficients = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(count, len(coupler)))
+    total = of_tree + coefficients @ relative_rows(tree, layout, couplings.measured)
+    unit = 2.0 ** np.round(np.log2(couplings.row_scale(tree.length)))
+    unit[couplings.largest[1] > 0.0] *= tree.length  # the scale of the multiplier divides by it
+    return (diags(unit) @ total).tocsr()
 
 
 class Entries:
@@ -189,14 +214,11 @@ class Entries:
 
 @dataclass(frozen=True, slots=True)
 class _Decision:
-    """What the rank of locked ``rows`` and couplers depends on, with the ``names`` of both and of the ``cut`` loops."""
+    """What the rank of locked rows and couplers depends on."""
 
     topology: Topology
     tree: Tree
-    rows: Rows
-    couplers: Coupled | None
-    names: list[str]
-    cut: list[str]
+    cuts: Cuts
     entries: Entries
 
     def of(self, members: Index) -> tuple[LoopGroup, list[int]]:
@@ -212,39 +234,36 @@ class _Decision:
         noise = max(part.noise for part in parts)
         limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
         dependent, smallest_kept, dropped = _dependent(self._unit_rows(remaining, columns), limit)
-        joints = tuple(name for part in parts for name in part.joints)
-        _check_gap(joints, smallest_kept, dropped)
         redundant = sorted([*redundant, *remaining[dependent].tolist()])
-        return LoopGroup(
-            joints, members, columns, len(members) - len(redundant), smallest_kept,
-            max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts), noise,
-            partial(tuple, [self.names[row] for row in redundant]),
-        ), redundant  # fmt: skip
+        group = LoopGroup(
+            tuple(name for part in parts for name in part.joints), members, columns, len(members) - len(redundant),
+            smallest_kept, max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts), noise,
+            partial(_names, self.cuts.names, redundant),
+        )  # fmt: skip
+        check_gap(replace(group, dropped=dropped))
+        return group, redundant
 
     def _dense(self, members: Index, reach: float = 0.0) -> tuple[LoopGroup, list[int]]:
         """The dense path's rank decision for some rows, in the coordinates that they contain."""
-        tree, count = self.tree, len(members)
+        tree, cuts = self.tree, self.cuts
         columns, phi = self.entries.dense(members)
-        of_joints = members[members < len(self.rows.first)]
-        points = np.concatenate((self.rows.point[:, of_joints], tree.point[:, columns]), axis=1)
+        of_joints = members[members < len(cuts.rows.first)]
+        points = np.concatenate((cuts.rows.point[:, of_joints], tree.point[:, columns]), axis=1)
         length, noise = measures(points, max(phi.shape), tree.pitch, reach)
-        scale = np.where(tree.turns[columns], 1.0, length)
-        scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
-        a = phi * row_scale(self.rows, self.couplers, members, length)[:, None] * scale
+        scale = np.where(tree.turns[columns], 1.0, length) * preference(len(columns))
+        a = phi * cuts.row_scale(length, members)[:, None] * scale
         rank, smallest_kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
-        joints = tuple(self.cut[k] for k in dict.fromkeys(self.entries.loop[members].tolist()))
+        joints = tuple(cuts.joints[k] for k in dict.fromkeys(self.entries.loop[members].tolist()))
         if not reach and (smallest_kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
             names = [*joints, *(tree.names[k].rpartition(".")[0] for k in columns.tolist())]
             reach = arm(self.topology, tree.position, names)
             if reach:
                 return self._dense(members, reach)
-        redundant: list[int] = []
-        if rank < count:
-            weight = 1.0 - TIE_BREAK * np.arange(count) / count
-            redundant = members[np.sort(pivoted_qr((a * weight[:, None]).T)[1][rank:])].tolist()
-        _check_gap(joints, smallest_kept, dropped)
-        implied = partial(tuple, [self.names[row] for row in redundant])
-        return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied), redundant
+        redundant = members[redundant_members(a, rank)].tolist() if rank < len(members) else []
+        group = LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise,
+                          partial(_names, cuts.names, redundant))  # fmt: skip
+        check_gap(group)
+        return group, redundant
 
     def _unit_rows(self, rows: Index, columns: Index) -> csr_matrix:
         """Some rows of Phi with lengths in links, scaled to unit length."""
@@ -253,18 +272,13 @@ class _Decision:
         row, column, value = self.entries.of(rows)
         length = self.tree.length
         value = value * np.where(self.tree.turns[column], 1.0, length)
-        value *= row_scale(self.rows, self.couplers, rows, length)[row]
+        value *= self.cuts.row_scale(length, rows)[row]
         norm = np.sqrt(np.bincount(row, value * value, minlength=len(rows)))
         return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(rows), len(columns)))
 
 
-def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> None:
-    if dropped * RANK_GAP > smallest_kept:
-        raise SingularPoseError(
-            f"loops closed by {listed(joints)}: constraint pivots {smallest_kept:.1e} (kept) and {dropped:.1e} "
-            f"(dropped) are too close to tell how many constraints are independent. Move the pose away from the "
-            f"singular one, or give the geometry with all its digits."
-        )
+def _names(names: tuple[str, ...], rows: list[int]) -> tuple[str, ...]:
+    return tuple(names[row] for row in rows)
 
 
 def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:

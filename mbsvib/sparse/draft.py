@@ -12,7 +12,6 @@ from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import ports
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
-from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
@@ -117,8 +116,7 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
     bodies = list(nodes.bodies.values())
     number = topology.body_numbers | dict.fromkeys(removed, len(bodies))
     structure = tree(topology, bodies)
-    couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
-    closure = constraints(topology, bodies, number, structure, couplers)
+    closure = constraints(topology, bodies, number, structure, tuple(model.couplers.values()))
     unknowns = layout(structure, int(closure.is_independent.sum()), closure.path_joints)
     springs = connection_rows(model.springs.values(), number)
     elastic = relative_rows(structure, unknowns, springs.rows)

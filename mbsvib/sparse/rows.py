@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.relative_motion import clear_rounding
+from mbsvib.kinematics.relative_motion import entry_values
 from mbsvib.linalg.groups import items_of_groups
 
 if TYPE_CHECKING:
@@ -94,22 +94,8 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     row, nth = items_of_groups(begin[of_row + 1] - begin[of_row])
     entry = begin[of_row[row]] + nth
     column = coordinate[entry]
-    return row, column, sign[entry] * row_values(tree, rows, row, column), skipped[of_row]
-
-
-def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
-    """Return f . v + w . ((p_r - p_k) x f + m), (n,), for pairs of a row and a coordinate, (n,) each."""
-    point, start = rows.point.take(row, axis=1), tree.point.take(column, axis=1)
-    linear, angular = tree.linear.take(column, axis=1), tree.angular.take(column, axis=1)
-    rx, ry, rz = point - start
-    fx, fy, fz = force = rows.force.take(row, axis=1)
-    moment = rows.moment.take(row, axis=1)
-    value = (moment[0] + (ry * fz - rz * fy)) * angular[0] + force[0] * linear[0]
-    value += (moment[1] + (rz * fx - rx * fz)) * angular[1] + force[1] * linear[1]
-    value += (moment[2] + (rx * fy - ry * fx)) * angular[2] + force[2] * linear[2]
-    clear_rounding(value, force, moment, linear, angular, point, start)
-    result: Array = value
-    return result
+    values = entry_values((tree.linear, tree.angular, tree.point), rows, row, column, sign[entry])
+    return row, column, values, skipped[of_row]
 
 
 def relative_rows(tree: Tree, layout: Layout, rows: Rows, by_ends: Mask | None = None) -> csr_matrix:

@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common.arguments import DIRECTIONS, UNIT6
-from mbsvib.elements.rows import columns
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.kinematics.relative_motion import largest_pitch
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.kinematics.relative_motion import in_order, largest_pitch, twists_of_branches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,9 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
     Mask = NDArray[np.bool_]
-
-_FREE = tuple(zip(DIRECTIONS, UNIT6, strict=True))
-
 
 @dataclass(frozen=True, slots=True)
 class Tree:
@@ -39,9 +33,8 @@ class Tree:
 
     Over coordinates: ``names``, ``coordinate_body`` (m,) the outer body of the joint, ``linear``, ``angular`` and
     ``point`` (3, m) the twist in the joint, ``sign`` (m,) -1 if the outer body is the joint's first, ``motion`` (m, 6)
-    the outer body's displacement per unit, ``turns`` (m,) whether it is a rotation. Its axis rotates with the mean of
-    the bodies ``carrier`` and ``halfway`` (m,), its point moves with ``holder`` (m,); translations are fixed in
-    ``carrier``. ``pitch`` [m] is the largest of all screws, cut ones included.
+    the outer body's displacement per unit, ``turns`` (m,) whether it is a rotation. ``pitch`` [m] is the largest of all
+    screws, cut ones included.
     """
 
     position: Array
@@ -59,9 +52,6 @@ class Tree:
     sign: Array
     motion: Array
     turns: Mask
-    carrier: Index
-    halfway: Index
-    holder: Index
     pitch: float = 0.0
 
     @property
@@ -75,57 +65,21 @@ class Tree:
 
 def tree(topology: Topology, bodies: list[Body]) -> Tree:
     """Return the tree's arrays, coordinates as in the dense path: by joint as added, those of floating bodies last."""
-    n = len(bodies)
-    names: list[str] = []
-    six: list[tuple[float, ...]] = []
-    at: list[tuple[float, float, float]] = []
-    turns: list[bool] = []
-    body_numbers: list[int] = []
-    signs: list[int] = []
-    carrier: list[int] = []
-    halfway: list[int] = []
-    holder: list[int] = []
-    number = topology.body_numbers
-    parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
-    joints = topology.joints
-    branches = topology.branches
-    by_joint = sorted((b for b in branches if b.joint != FLOATS), key=lambda b: b.joint)
-    for branch in [*by_joint, *(b for b in branches if b.joint == FLOATS)]:
-        body = bodies[branch.body]
-        if branch.joint == FLOATS:
-            name, freedom, point = body.name, _FREE, body.position
-            carrier += [n] * 6
-            halfway += [n] * 6
-            holder += [n] * 6
-        else:
-            joint = joints[branch.joint]
-            name, freedom, point = joint.name, joint.freedom, joint.point or body.position
-            # a joint's twists are fixed in its first body, but the second of two successive rotations in its second
-            carriers = [number[joint.first]] * len(freedom)
-            if joint.successive:
-                carriers[-1] = number[joint.second]
-            carrier += carriers
-            halfway += carriers if joint.successive else [number[joint.second]] * len(freedom)
-            holder += [number[joint.second]] * len(freedom)
-        parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
-        for direction, twist in freedom:
-            names.append(f"{name}.{direction}")
-            six.append(twist)
-            at.append(point)
-            turns.append(direction[0] == "r")
-            body_numbers.append(branch.body)
-            signs.append(branch.sign)
-    table, points, body_of = columns(six, 6), columns(at, 3), np.array(body_numbers, dtype=np.intp)
+    n, order = len(bodies), in_order(topology.branches)
+    names, entries, turns, counts = twists_of_branches(topology, bodies, order)
+    linear, angular, points = entries.reshape(3, 3, -1)
+    body, parent_of, sign_of = (np.array(array, dtype=np.intp) for array in zip(
+        *[(branch.body, branch.parent, branch.sign) for branch in order], strict=True))  # fmt: skip
+    parent, first, count = (np.zeros(n, dtype=np.intp) for _ in range(3))
+    parent[body], count[body], first[body] = parent_of, counts, np.cumsum(counts) - counts
+    body_of, sign = body.repeat(counts), sign_of.repeat(counts).astype(float)
     position = np.array([body.position for body in bodies])
-    sign = np.array(signs, dtype=float)
     arm = position[body_of].T - points
-    motion = np.concatenate((table[:3] + crossed_product(table[3:], arm), table[3:])) * sign
-    outward = np.array([b.body for b in branches], dtype=np.intp)
+    motion = np.concatenate((linear + crossed_product(angular, arm), angular)) * sign
+    outward = np.array([b.body for b in topology.branches], dtype=np.intp)
     depth, moves = _directions(outward, parent, position, body_of, motion)
-    return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
-                points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
-                np.array(carrier, dtype=np.intp), np.array(halfway, dtype=np.intp), np.array(holder, dtype=np.intp),
-                largest_pitch(joints))  # fmt: skip
+    return Tree(position, parent, depth, first, count, moves, outward, names, body_of, linear, angular, points, sign,
+                np.ascontiguousarray(motion.T), turns, largest_pitch(topology.joints))  # fmt: skip
 
 
 def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:

@@ -16,7 +16,6 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, EPS, RANK_FACTOR
 from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
-from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import motions
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ class Release:
             closure, tree = self._closure, self._tree
             shape = (len(group.rows), len(group.columns))
             small, length = shape[0] * shape[1] <= MOST_DENSE_ENTRIES, group.length
-            rows = row_scale(closure.rows, closure.couplers, group.rows, length)
+            rows = closure.cuts.row_scale(length, group.rows)
             column_scale = np.where(tree.turns[group.columns], 1.0, length)
             row, column, value = self._entries.of(group.rows)
             column = np.searchsorted(group.columns, column)
