@@ -15,7 +15,6 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_values import Values, with_checked_parts
-from mbsvib.equations.terms import MATRICES, Matrices
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import Slots
 
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from mbsvib.api.modes import Modes
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_assembly import BatchPlan
+    from mbsvib.equations.terms import Matrices
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.batch import BatchModes
 
@@ -185,7 +185,7 @@ class Plant(Displayed):
         array, shape (..., 2m, p)
             Their derivatives. Eigenvalues that coincide have those of their branches, in ascending order; an eigenvalue
             0 has 0 where the motion stays free, infinity where it does not. Not a number for a parameter that, changed
-            alone, takes degrees of freedom away.
+            alone, takes degrees of freedom away or is refused.
 
         Raises
         ------
@@ -194,16 +194,14 @@ class Plant(Displayed):
         """
         array, single = self._checked(values)
         batch = self._batch(array)
-        modes = batch.modes()
+        modes = batch.basis.modal if gradient else batch.modes()
+        eigenvalues = modes.eigenvalues[0] if single else modes.eigenvalues
         if not gradient:
-            return modes.eigenvalues[0] if single else modes.eigenvalues
-        from mbsvib.sensitivities.eigenvalue_slopes import eigenvalue_slopes
+            return eigenvalues
+        from mbsvib.sensitivities.plant_slopes import eigenvalue_slopes
 
-        slopes = self._derivatives(batch, np.eye(len(self.names)))
-        result: Complex = np.array([
-            eigenvalue_slopes(batch.M[i], batch.C[i], modes[i], {key: slopes[key][i] for key in ("M", "C", "K")}).T
-            for i in range(len(batch))])  # fmt: skip
-        return (modes.eigenvalues[0], result[0]) if single else (modes.eigenvalues, result)
+        slopes = eigenvalue_slopes(self._plan, batch, modes)
+        return eigenvalues, slopes[0] if single else slopes
 
     def tangent(self, values: ArrayLike, direction: ArrayLike) -> Tangent:
         """Return the derivatives of the matrices along a direction.
@@ -222,7 +220,7 @@ class Plant(Displayed):
         Tangent
             ``M``, ``C``, ``K``, ``B``, ``Cq``, ``Cv``, ``Ca``, ``D``, with a leading axis for values (n, p), as exact
             as the matrices; loads need not balance along the direction. Not a number where the direction takes degrees
-            of freedom away.
+            of freedom away, or values along it are refused.
 
         Raises
         ------
@@ -236,8 +234,10 @@ class Plant(Displayed):
         if rates.shape != (len(self.names),):
             raise ModelError(f"tangent: direction has the shape {rates.shape}; expected ({len(self.names)},), a rate "
                              f"of each parameter.", field="direction")  # fmt: skip
-        slopes = self._derivatives(self._batch(array), rates[:, None])
-        return Tangent(**{key: slopes[key][0, 0] if single else slopes[key][:, 0] for key in MATRICES})
+        from mbsvib.sensitivities.plant_slopes import tangents
+
+        slopes = tangents(self._plan, self._batch(array), rates)
+        return Tangent(**{key: slope[0] if single else slope for key, slope in slopes.items()})
 
     def frequency_response(
         self, values: ArrayLike, omega: ArrayLike, outputs: Names = None, inputs: Names = None
@@ -276,10 +276,6 @@ class Plant(Displayed):
 
     def _values(self, array: Array) -> Values:
         return with_checked_parts(Values.of(self._plan.slots, np.ascontiguousarray(array.T)))
-
-    def _derivatives(self, batch: Batch, directions: Array) -> dict[str, Any]:
-        """Derivatives (n, k, ...) along the columns of directions (p, k)."""
-        return self._plan.derivatives(batch, dict(zip(self.names, directions, strict=True)))
 
     def _checked(self, values: ArrayLike) -> tuple[Array, bool]:
         """Values (n, p), and whether they are those of a single variant."""

@@ -92,6 +92,23 @@ def orthonormal(rotation: Array) -> Array:
     return np.asarray(1.5 * rotation - 0.5 * rotation @ (rotation.swapaxes(-1, -2) @ rotation))
 
 
+def jacobian(w: Array) -> Array:
+    """Return the matrix J (3, 3) from rates of a rotation vector w (3,) [rad] to the angular velocity.
+
+    J = 1 + (1 - cos(a))/a^2 [w]x + (a - sin(a))/a^3 [w]x^2,  a = |w|: the left Jacobian of the exponential map
+    """
+    square = float(w @ w)
+    if square < SMALL * SMALL:
+        first = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))
+        second = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))
+    else:
+        angle = np.sqrt(square)
+        first = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
+        second = (angle - np.sin(angle)) / (angle * square)
+    matrix = skew(w)
+    return np.asarray(_IDENTITY + first * matrix + second * matrix @ matrix)
+
+
 def inverse_jacobian(w: Array) -> Array:
     """Return the matrices J (..., 3, 3) with log(exp(e) exp(w)) = w + J e + ... for small rotations e.
 

@@ -12,9 +12,10 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import jacobian
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameters
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 P = TypeVar("P", bound=Part)
 
+_TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 # Fields by which connections have a row, or none.
 COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
 
@@ -181,6 +183,23 @@ def variant(part: P, fields: Mapping[str, Array], i: int) -> P:
     ``fields`` are those of ``fields_in``, ``i`` is the index along their last axis.
     """
     return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
+
+
+def to_angular_velocities(rates: Iterable[dict[str, float]], values: Mapping[str, Any]) -> None:
+    """Replace, in place, rates of rotation vectors from the nominal axes by angular velocities, which are the rates of
+    the orientations of parts that have the ``values``; each of the ``rates`` by name, as the values.
+    """
+    vectors: dict[str, Array] = {}
+    for name, value in values.items():
+        part, separator, axis = name.rpartition(_TURN)
+        if separator and value:
+            vectors.setdefault(part, np.zeros(3))[_AXES.index(axis)] = value
+    for part, vector in vectors.items():
+        matrix, names = jacobian(vector), [f"{part}{_TURN}{axis}" for axis in _AXES]
+        for slopes in rates:
+            if not slopes.keys().isdisjoint(names):
+                rate = np.array([slopes.get(name, 0.0) for name in names])
+                slopes.update(zip(names, (matrix @ rate).tolist(), strict=True))
 
 
 def _plain(array: Array) -> Any:

@@ -6,6 +6,7 @@ shapes                 derivatives of frequencies, damping ratios and mode shape
 responses              derivatives of frequency responses, by the adjoint
 transients             derivatives of time responses
 sparse_modes           derivatives of some modes of sparse equations
+plant_slopes           derivatives of variants of a compiled plant, by complex steps or the adjoint
 norms                  H2 and Hinf norms with their derivatives
 
 What they share:

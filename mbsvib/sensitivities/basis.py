@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mbsvib.sensitivities.loaded_network import loaded_network
 from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
 from mbsvib.sensitivities.parameter_group import have_rules
-from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_through_equilibrium
+from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_under_loads
 from mbsvib.sensitivities.port_forms import checked_loads
 from mbsvib.sensitivities.ports import no_loads
 from mbsvib.sensitivities.reference_pose import reference_pose
@@ -41,7 +41,12 @@ if TYPE_CHECKING:
 
 
 class SensitivityBasis:
-    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known."""
+    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known.
+
+    If ``pose_moves``, loaded mechanisms follow their equilibrium as parameters change.
+    """
+
+    pose_moves: ClassVar[bool] = True
 
     def __init__(self, responses: Basis, network: Network | None = None) -> None:
         self.responses = responses
@@ -105,7 +110,7 @@ class SensitivityBasis:
     @cached_property
     def variants(self) -> Variants:
         """The equations with other values of the parameters."""
-        return Variants(self.equations)
+        return Variants(self.equations, self.pose_moves)
 
     @cached_property
     def unreduced(self) -> SensitivityBasis | None:
@@ -155,7 +160,7 @@ class SensitivityBasis:
         if loaded is None or not (reference is None or all(map(reference.covers, requested.parameters))):
             result = grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
         else:
-            result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
+            result = grouped_under_loads(loaded, reference, requested, self.matrix_slopes, every, self.pose_moves)
         if result.unresisted is not None and result.unresisted.any() and not every:
             raise not_held(requested.names[int(np.argmax(result.unresisted))], self.equations.name)
         return replace(result, again=partial(self._grouped, network, requested, every=every))

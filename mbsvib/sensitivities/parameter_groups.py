@@ -145,15 +145,16 @@ def grouped_by_rule(
     return ParameterGroups(network, requested, tuple(groups_by_rule(network, layout)), slopes, matrices, every=every)
 
 
-def grouped_through_equilibrium(
+def grouped_under_loads(
     loaded: LoadedNetwork, reference: ReferencePose | None, requested: Variables, slopes: MatrixSlopes,
-    every: bool = False,
+    every: bool = False, moves: bool = True,
 ) -> ParameterGroups:
     """Return the groups of all parameters of a loaded network, with the motion of its pose.
 
     ``reference``: what parameters as described do, where the equilibrium was found in another pose; ``slopes``:
     derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
-    have no derivative. Variables that load a motion which nothing holds are ``unresisted``.
+    have no derivative; ``moves``: whether the pose follows its equilibrium. Variables that load a motion which nothing
+    holds are ``unresisted``.
     """
     requested = requested.among(loaded.entries)
     rates, count = requested.rates, loaded.changes.count
@@ -166,7 +167,8 @@ def grouped_through_equilibrium(
         rates, forces, joint_openings = moved if rates is None else tuple(rates @ matrix for matrix in moved)
         openings = joint_openings.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
         loaded = loaded.with_openings(openings.transpose(1, 2, 0), forces)
-    motion, unresisted = pose_motion(loaded, rates)
+    still = np.zeros((len(requested.names), loaded.motions.shape[2]))
+    motion, unresisted = pose_motion(loaded, rates) if moves else (still, np.zeros(len(still), dtype=bool))
     return ParameterGroups(loaded.network, requested, loaded.groups, slopes, None, loaded, rates, motion, unresisted,
                            every)  # fmt: skip
 

@@ -59,10 +59,13 @@ PLACES, FORCES, LEAST = ("position", "start", "end"), ("force", "torque", "prelo
 
 
 class Variants:
-    """The equations of a system's model with other values of its parameters, and in other poses."""
+    """The equations of a system's model with other values of its parameters, and in other poses.
 
-    def __init__(self, system: Equations) -> None:
-        self.system = system
+    ``moves``: whether the pose follows its equilibrium.
+    """
+
+    def __init__(self, system: Equations, moves: bool = True) -> None:
+        self.system, self._moves = system, moves
         self._entries = MatrixEntries(system)
         self._slopes: dict[Rates, Array] = {}
         self._slopes_along: dict[int, Array] = {}
@@ -175,9 +178,9 @@ class Variants:
 
     @cached_property
     def _poses(self) -> VariantPoses | None:
-        """The poses next to that of the system; None where no parameter moves it, or each variant finds its own."""
+        """The poses next to that of the system; None where it stays, or each variant finds its own."""
         provenance = self.system.provenance
-        if provenance.moved_to_equilibrium or not may_move(self.system):
+        if provenance.moved_to_equilibrium or not self._moves or not may_move(self.system):
             return None
         return VariantPoses.of(self._model, self._cut)
 

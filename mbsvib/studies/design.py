@@ -11,14 +11,13 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, nearest
-from mbsvib.mechanism.changes import resolved
-from mbsvib.studies.parameter_maps import LinearMap, Tie, angular_velocity_map, started
+from mbsvib.mechanism.changes import resolved, to_angular_velocities
+from mbsvib.studies.parameter_maps import LinearMap, Tie, started
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.parameters import Parameters
 
 
@@ -26,7 +25,6 @@ Ties = Mapping[str, Mapping[str, float] | Tie]
 Bound = tuple[Tie, tuple[str, ...]]
 
 START_TOLERANCE = 1e-9  # difference of a tie from the model at its start, in parts of the largest value of its kind
-_TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +60,7 @@ class StudyVariables:
                 for name, rate in self._expanded(rates):
                     slopes[name] = slopes.get(name, 0.0) + rate
         parameter_values = self.values(values)
-        for part, turn in _rotation_maps(parameter_values).items():
-            known = [f"{part}{_TURN}{axis}" for axis in _AXES]
-            for slopes in result.values():
-                rate = np.array([slopes.get(name, 0.0) for name in known])
-                if rate.any():
-                    slopes.update(zip(known, (turn @ rate).tolist(), strict=True))
+        to_angular_velocities(result.values(), parameter_values)
         for slopes in result.values():
             slopes.update({} if slopes else {next(iter(parameter_values)): 0.0})
         return result
@@ -221,13 +214,3 @@ def _units(direct: LinearMap, parameters: Parameters) -> dict[str, str]:
     """Units of parameters, and of patterns that pick those of one kind."""
     known = {variable: {parameters.entry(name).unit for name in rates} for variable, rates in direct.maps.items()}
     return {variable: units.pop() for variable, units in known.items() if len(units) == 1}
-
-
-def _rotation_maps(values: Mapping[str, Any]) -> dict[str, Array]:
-    """Matrices that convert rates of rotation vectors to angular velocities, for rotated parts."""
-    vectors: dict[str, Array] = {}
-    for name, value in values.items():
-        part, separator, axis = name.rpartition(_TURN)
-        if separator and value:
-            vectors.setdefault(part, np.zeros(3))[_AXES.index(axis)] = value
-    return {part: angular_velocity_map(w) for part, w in vectors.items()}

@@ -5,15 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-
-
-SMALL = 1e-4  # square of an angle [rad^2] below which three terms of a series are exact to rounding
 
 
 @runtime_checkable
@@ -77,20 +70,3 @@ class LinearMap:
 def started(tie: Any, name: str) -> float:
     """Return the value of a variable at the given model."""
     return float(getattr(tie, "start", {}).get(name, 0.0))
-
-
-def angular_velocity_map(w: Array) -> Array:
-    """Return the matrix (3, 3) from rates of a rotation vector ``w`` (3,) [rad] to the angular velocity in world axes.
-
-    J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|: the left Jacobian of the exponential map
-    """
-    square = float(w @ w)
-    if square < SMALL:
-        first = 0.5 - square / 24.0 * (1.0 - square / 30.0)
-        second = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
-    else:
-        angle = np.sqrt(square)
-        first = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
-        second = (angle - np.sin(angle)) / (angle * square)
-    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)

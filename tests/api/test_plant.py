@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mbsvib as mv
 from mbsvib import library
+from mbsvib.sensitivities import plant_slopes
+from tests.golden.store import scenes
 
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 
@@ -72,6 +74,51 @@ def test_gradients_of_eigenvalues(name, parameters, share):
     size += 1e-8 * np.abs(eigenvalues).max() / np.where(values == 0.0, 1.0, np.abs(values))
     error = np.abs(np.where(known, slopes - np.where(known, expected, 0.0), 0.0))
     assert (error <= 1e-7 * size).all()
+
+
+@pytest.mark.few(8)
+@pytest.mark.parametrize("turned", [0.0, 0.3])
+@pytest.mark.parametrize("name", [
+    "library_stewart", "library_cubic_hexapod", "library_four_bar", "library_engine_on_mounts", "spatial_loop_12",
+    "coupled_cut_universal", "redundant_spherical_distance", "hunt_27", "hunt_101", "hunt_109", "hunt_128", "hunt_192",
+    "hunt_266",
+])  # fmt: skip
+def test_gradients_by_the_adjoint_are_those_by_complex_steps(name, turned, monkeypatch):
+    """Of turned bodies, too, of eigenvalues that coincide, under loads, and with bodies that float."""
+    model, rng = mv.load(scenes()[name]), np.random.default_rng(3)
+    names = [item for item in rng.permutation(list(model.parameters)) if item.partition(".")[0] not in model.composed]
+    plant = model.compile(names[:50])
+    values = plant.nominal.copy()
+    for k, item in enumerate(plant.names):
+        part, _, field = item.partition(".")
+        if part in model.bodies and field.startswith("orientation"):
+            values[k] = turned * rng.uniform(-1.0, 1.0)
+    results = []
+    for worth in (np.inf, 0):
+        monkeypatch.setattr(plant_slopes, "WORTH_ADJOINT", worth)
+        monkeypatch.setattr(plant_slopes, "WORTH_ADJOINT_LOADED", worth)
+        eigenvalues, slopes = plant.eigenvalues([values], gradient=True)
+        results.append(slopes[0])
+    steps, adjoint = results
+    assert_array_equal(np.isnan(steps), np.isnan(adjoint))
+    assert_array_equal(np.isinf(steps), np.isinf(adjoint))
+    known = np.isfinite(steps)
+    steps, adjoint = np.where(known, steps, 0.0), np.where(known, adjoint, 0.0)
+    size = np.abs(steps).max(axis=0) + np.abs(eigenvalues).max() / np.where(values == 0.0, 1.0, np.abs(values))
+    assert (np.abs(steps - adjoint) <= 1e-10 * size).all()
+
+
+def test_derivatives_to_beams():
+    """They are linearized one variant after the other: complex steps would not reach them."""
+    plant = library.cantilever().compile(["tube.rho", "tube.radius"])
+    values, step = plant.nominal * [1.01, 0.99], 1e-4 * plant.nominal[1]
+    near = values + step * np.array([[0.0, -1.0], [0.0, 1.0]])
+    expected = np.subtract(*plant.eigenvalues(near)[::-1]) / (2.0 * step)
+    slopes = plant.eigenvalues(values, gradient=True)[1][:, 1]
+    assert np.abs(slopes - expected).max() < 1e-6 * np.abs(expected).max()
+    stiffness = np.subtract(*plant(near).K[::-1]) / (2.0 * step)
+    tangent = plant.tangent([values], [0.0, 1.0])
+    assert np.abs(tangent.K[0] - stiffness).max() < 1e-6 * np.abs(stiffness).max()
 
 
 def test_slopes_to_orientations_are_those_of_the_components():

@@ -1,0 +1,118 @@
+"""Derivatives of variants to the parameters of a plan, in the pose as it is, where loads need not balance.
+
+They are complex steps along each parameter, or, where these are many, the adjoint statement of all of them with steps
+along those that act by no rule of a part. Parameters are those of the plan: rotation vectors from the nominal axes.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.batch_equations import of_variant
+from mbsvib.equations.terms import MATRICES
+from mbsvib.mechanism.changes import to_angular_velocities
+from mbsvib.responses.basis import Basis
+from mbsvib.sensitivities.basis import SensitivityBasis
+from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
+from mbsvib.sensitivities.network_assembly import bare_network
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.batch_assembly import BatchPlan
+    from mbsvib.equations.batch_equations import BatchEquations
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes import Modes
+    from mbsvib.modes.batch import BatchModes
+    from mbsvib.sensitivities.loaded_network import LoadedNetwork
+    from mbsvib.sensitivities.variables import Direction
+
+# The adjoint costs less than complex steps along p parameters of a mechanism with n joint coordinates if p (n^2 + 8^2)
+# exceeds this, without loads and with them: measured on platforms and chains of 2 to 60 coordinates.
+WORTH_ADJOINT, WORTH_ADJOINT_LOADED, OWN = 10_000, 60_000, 8
+
+
+class PoseBasis(SensitivityBasis):
+    """What sensitivities of variant ``i`` of a batch share in its pose as it is.
+
+    ``known``: its modes, if they are asked for; ``steps``: derivatives of matrices along all parameters, if they are
+    known; ``by_rules``: whether parameters act by the rules of their parts where there are any.
+    """
+
+    pose_moves = False
+
+    def __init__(
+        self, plan: BatchPlan, batch: BatchEquations, i: int, known: Modes | None = None,
+        steps: Mapping[str, Array] | None = None, by_rules: bool = True,
+    ) -> None:  # fmt: skip
+        system: Equations = batch[i] if by_rules else of_variant(batch, i)
+        super().__init__(Basis(system), None if by_rules else bare_network(system))
+        if known is not None:
+            self.__dict__["modes"] = known
+        self._variant = plan, batch.slice(i, i + 1)
+        self._steps = steps
+
+    @cached_property
+    def loaded(self) -> LoadedNetwork | None:
+        """The network under its forces; None where bodies float: off balance, it takes screws for their motions, the
+        equations a translation and a rotation, so that K differs.
+        """
+        return None if self.equations.provenance.topology.floating else super().loaded
+
+    def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
+        """Return the derivatives of whole matrices along some directions, which have the names of parameters."""
+        plan, batch = self._variant
+        if not plan.at_once(batch.values):
+            return super().matrix_slopes(directions, True)
+        names = plan.slots.names
+        which = [names.index(direction.name) for direction in directions]
+        if self._steps is not None:
+            return {key: array[which] for key, array in self._steps.items()}
+        return {key: array[0] for key, array in steps(plan, batch, np.eye(len(names))[:, which]).items()}
+
+    def rates(self, rates: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+        """Return rates of the parameters of the system from those of the plan, by name."""
+        result = [dict(one) for one in rates]
+        to_angular_velocities(result, {name: value[0] for name, value in self._variant[1].values.by_name.items()})
+        return result
+
+
+def steps(plan: BatchPlan, batch: BatchEquations, directions: Array) -> dict[str, Array]:
+    """Return derivatives (n, k, ...) of the matrices along the columns of directions (p, k), by complex steps."""
+    known = plan.derivatives(batch, dict(zip(plan.slots.names, directions, strict=True)))
+    return {key: array for key in MATRICES if (array := known[key]) is not None}
+
+
+def eigenvalue_slopes(plan: BatchPlan, batch: BatchEquations, modes: BatchModes) -> Complex:
+    """Return the derivatives (n, eigenvalues, p) of the eigenvalues of all variants to the p parameters of their plan.
+
+    ``modes``: those of the batch, in the order of whose eigenvalues derivatives are.
+    """
+    names, coordinates = plan.slots.names, len(plan.scene.coordinates.names)
+    at_once, worth = plan.at_once(batch.values), WORTH_ADJOINT_LOADED if plan.own_decisions else WORTH_ADJOINT
+    by_rules = not at_once or (
+        len(names) * (coordinates**2 + OWN**2) > worth and plan.nominal.provenance.separation is None)  # fmt: skip
+    known = {} if by_rules else steps(plan, batch, np.eye(len(names)))
+    result = []
+    for i in range(len(batch)):
+        own = None if by_rules else {key: array[i] for key, array in known.items()}
+        basis = PoseBasis(plan, batch, i, modes[i], own, by_rules)
+        rates = basis.rates([{name: 1.0} for name in names])
+        result.append(eigenvalue_sensitivities(basis, dict(zip(names, rates, strict=True))).T)
+    return np.array(result)
+
+
+def tangents(plan: BatchPlan, batch: BatchEquations, direction: Array) -> dict[str, Array]:
+    """Return the derivatives (n, ...) of the matrices of all variants along a direction (p,)."""
+    if plan.at_once(batch.values):
+        return {key: array[:, 0] for key, array in steps(plan, batch, direction[:, None]).items()}
+    rates = dict(zip(plan.slots.names, direction.tolist(), strict=True))
+    result = []
+    for i in range(len(batch)):
+        basis = PoseBasis(plan, batch, i)
+        result.append(basis.matrix_derivatives({"direction": basis.rates([rates])[0]}))
+    return {key: np.array([getattr(one, key)[0] for one in result]) for key in MATRICES}
