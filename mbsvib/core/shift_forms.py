@@ -23,18 +23,15 @@ from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.core.geometric_stiffness import Pairs
     from mbsvib.elements import Joint
 
 
-def shift_hessian(pairs: Pairs, twists: Array | None = None) -> Array:
-    """Return the second derivatives H (p, 6, 6) of pairs, with the symmetric part of those without potential.
-
-    ``twists`` (p, 6, f): if given, along these, (p, f, f).
-    """
+def shift_hessian(pairs: Pairs) -> Array:
+    """Return the second derivatives H (p, 6, 6) of pairs, with the symmetric part of those without potential."""
     of_shift = np.tensordot(pairs.wrench[3:].T, of_place(), 1)
     hessian, bound = pairs.hessian - of_shift, np.abs(pairs.hessian) + np.abs(of_shift)
     if pairs.torsion is not None:
@@ -43,9 +40,6 @@ def shift_hessian(pairs: Pairs, twists: Array | None = None) -> Array:
         bound[:count] += np.abs(pairs.torsion)
     largest = bound.reshape(-1, 2, 3, 2, 3).max(axis=(2, 4), initial=0.0).repeat(3, axis=1).repeat(3, axis=2)
     hessian[np.abs(hessian) <= ZERO_FORM * largest] = 0.0
-    if twists is not None:
-        hessian = twists.swapaxes(-1, -2) @ hessian @ twists
-        hessian[np.abs(hessian) <= ZERO_FORM * (np.abs(twists).swapaxes(-1, -2) @ largest @ np.abs(twists))] = 0.0
     return hessian
 
 
@@ -61,15 +55,20 @@ def own_curvatures(joints: Sequence[Joint]) -> list[tuple[list[Joint], Index, Ar
     """Return joints of the same form, their numbers, and the second derivatives D (n, 6, f, f) of their rotation
     vectors and shifts to their coordinates. Only rods and successive rotations have any.
     """
+    groups: dict[object, list[int]] = {}
+    for number, joint in enumerate(joints):
+        if joint.successive or joint.is_rod:
+            groups.setdefault(form_of(joint), []).append(number)
     result = []
-    for alike, numbers in by_form(joints):
-        if alike[0].successive or alike[0].is_rod:
-            curvature = stacked(alike, displacement_curvature).copy()
-            twists = twists_of(alike)[:, :, : curvature.shape[-1]]
-            matrices = skew(twists[:, :3].swapaxes(1, 2)).transpose(0, 2, 3, 1)
-            turned = np.einsum("nijf,njg->nifg", matrices, twists[:, 3:])
-            curvature[:, 3:] += 0.5 * (turned + turned.swapaxes(-1, -2))
-            result.append((alike, numbers, curvature))
+    for numbers in groups.values():
+        alike = [joints[k] for k in numbers]
+        axes, lengths = np.array([joint.axes for joint in alike]), np.array([length_of(joint) for joint in alike])
+        curvature = displacement_curvature(alike[0], axes, lengths).copy()
+        twists = twists_of(alike)[:, :, : curvature.shape[-1]]
+        matrices = skew(twists[:, :3].swapaxes(1, 2)).transpose(0, 2, 3, 1)
+        turned = np.einsum("nijf,njg->nifg", matrices, twists[:, 3:])
+        curvature[:, 3:] += 0.5 * (turned + turned.swapaxes(-1, -2))
+        result.append((alike, np.array(numbers), curvature))
     return result
 
 
@@ -88,17 +87,3 @@ def duals(twists: Array) -> Array:
     diagonal = np.arange(twists.shape[-1])
     gram[..., diagonal, diagonal] += ~twists.any(axis=-2)
     return np.asarray(np.linalg.solve(gram, twists.swapaxes(-1, -2)).swapaxes(-1, -2))
-
-
-def by_form(joints: Sequence[Joint]) -> list[tuple[list[Joint], Index]]:
-    """Return joints of the same form, and their numbers."""
-    groups: dict[object, list[int]] = {}
-    for number, joint in enumerate(joints):
-        groups.setdefault(form_of(joint), []).append(number)
-    return [([joints[i] for i in numbers], np.array(numbers)) for numbers in groups.values()]
-
-
-def stacked(joints: Sequence[Joint], function: Callable[[Joint, Array, Array], Array]) -> Array:
-    """Return a function of a joint, axes (n, 3, 3) and lengths (n,), for joints of the same form."""
-    axes, lengths = np.array([joint.axes for joint in joints]), np.array([length_of(joint) for joint in joints])
-    return function(joints[0], axes, lengths)

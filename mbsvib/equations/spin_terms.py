@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
-from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
@@ -36,32 +35,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
-
-
-def spin_contribution(
-    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
-) -> Contribution:
-    """Return the antisymmetric contribution of rotors, rotating dampers and cross-coupling to C and K.
-
-    ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
-    """
-    check_spin(model, bodies, elements)
-    ground = len(bodies)
-    return Contribution.join([
-        *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(-skew(momentum)))
-          for i, momentum in momenta(model, bodies)),
-        *(Contribution.of(part.rows, circulatory=_antisymmetric(part.stiffness),
-                          gyroscopic=_antisymmetric(part.damping))
-          for part in cross_couplings(model, bodies, elements)),
-    ])  # fmt: skip
-
-
-def _antisymmetric(matrix: Array) -> Weights:
-    """Weights of the antisymmetric part of a form R^T A R."""
-    first, second = np.triu_indices(len(matrix), 1)
-    value = 0.5 * (matrix[first, second] - matrix[second, first])
-    used = np.flatnonzero(value)
-    return Weights(first[used], second[used], value[used], np.zeros(len(used), dtype=np.intp))
 
 
 def with_spin(draft: Draft) -> Draft:

@@ -10,19 +10,16 @@ import numpy as np
 
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.sparse.cuts import short_span
-from mbsvib.sparse.draft import first_draft
+from mbsvib.sparse.draft import first_draft, with_inerters, with_shared
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.massless import separation
 from mbsvib.sparse.massless_motions import massless_motions
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.ports import with_ports
-from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.spin_forces import spin_forces
-from mbsvib.sparse.statement import antisymmetric, unknown_rows
+from mbsvib.sparse.spin import with_spin
 from mbsvib.sparse.tableau import build
 
 if TYPE_CHECKING:
@@ -63,73 +60,25 @@ def linearized(
         constraints=draft.closure, layout=draft.layout, tableau=draft.tableau, elastic_rows=draft.rows,
         loop_rows=draft.loop_rows, inertia_factor=draft.factor, row_stiffness=draft.k, row_damping=draft.c,
         row_owner=draft.owner, input_rows=draft.inputs, output_rows=draft.outputs, D=draft.D, model=copy(model),
-        loading=() if draft.geometric is None else draft.geometric.names, undetermined=draft.undetermined,
+        loading=() if draft.loading is None else draft.loading.names, undetermined=draft.undetermined,
         circulatory=draft.circulatory, gyroscopic=draft.gyroscopic, separation=draft.separation,
     )  # fmt: skip
-
-
-def _shared(draft: SparseDraft) -> SparseDraft:
-    """Add mass and elastic rows that more than two bodies share."""
-    shared, factor = draft.shared, draft.factor
-    if shared is None:
-        return draft
-    from scipy.sparse import vstack
-
-    if shared.mass is not None:
-        mass_rows = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
-        factor = vstack((factor, mass_rows)).tocsr()
-    draft = replace(draft, body_factor=factor, factor=factor)
-    if shared.elastic is None:
-        return draft
-    elastic = shared.elastic
-    rows = elastic.composite.of_sparse(relative_rows(draft.structure, draft.layout, elastic.composite.rows))
-    rows.eliminate_zeros()
-    used = np.flatnonzero(np.diff(rows.indptr))
-    number = {name: shared.first + i for i, name in enumerate(shared.names)}
-    owner = np.array([number[name] for name in elastic.owner], dtype=np.intp)
-    return draft.with_rows(rows[used], elastic.stiffness[used], elastic.damping[used], owner[used])
-
-
-def _inerters(draft: SparseDraft) -> SparseDraft:
-    """Append the rows of inerters, times the square roots of their inertance, to those of bodies."""
-    inertance = draft.springs.inertance
-    if inertance is None:
-        return draft
-    from scipy.sparse import diags, vstack
-
-    used = inertance.nonzero()[0]
-    rows = diags(np.sqrt(inertance[used])) @ draft.elastic[used]
-    return replace(draft, factor=vstack((draft.factor, rows)).tocsr())
 
 
 def _loads(draft: SparseDraft) -> SparseDraft:
     """Add geometric stiffness."""
     if not is_loaded(draft.model):
         return draft
-    from mbsvib.sparse.loads import geometric
+    from mbsvib.sparse.loads import with_loads
 
-    part = geometric(draft.nodes, draft.topology, draft.structure, draft.layout, draft.closure, draft.number,
-                     draft.springs, dict.fromkeys(draft.regions.values()))  # fmt: skip
-    draft = draft.with_rows(part.rows, part.stiffness, np.zeros(len(part.owner)), len(draft.names) + part.owner)
-    return replace(draft, geometric=part).with_antisymmetric(None, part.circulatory)
-
-
-def _spin(draft: SparseDraft) -> SparseDraft:
-    """Add gyroscopic and circulatory terms of rotors, rotating dampers and cross-coupling."""
-    spins = spin_forces(draft.model, draft.bodies, draft.structure, draft.layout)
-    if spins is None:
-        return draft
-    part = spin_contribution(draft.model, draft.bodies, tuple(draft.model.springs.values()))
-    rows = unknown_rows(part, draft.structure, draft.layout)
-    return replace(draft, spins=spins).with_antisymmetric(antisymmetric(part.gyroscopic, rows),
-                                                          antisymmetric(part.circulatory, rows))  # fmt: skip
+    return with_loads(draft)
 
 
 def _tableau(draft: SparseDraft) -> SparseDraft:
     """Put all rows into the tableau, and check that the degrees of freedom are those of neighbouring poses."""
     loop_rows = draft.closure.over_unknowns(draft.structure, draft.layout)
     tableau = build(
-        draft.structure, draft.layout, draft.kinematics, draft.rows, draft.k, draft.c,
+        draft.structure, draft.layout, kinematics(draft.structure, draft.layout), draft.rows, draft.k, draft.c,
         (draft.factor.T @ draft.factor).tocsr(), loop_rows, draft.closure.translational, _ordering(draft.closure),
         draft.circulatory, draft.gyroscopic,
     )  # fmt: skip
@@ -142,18 +91,14 @@ def _joint_forces(draft: SparseDraft) -> SparseDraft:
     """Add rows of outputs that are forces in joints, or sums of all forces on a body."""
     if not draft.port.wrench_outputs:
         return draft
-    from mbsvib.sparse.forces import ForceSums
+    from mbsvib.sparse.forces import with_joint_forces
 
-    sums = ForceSums.of(draft)
-    force_rows, feedthrough = sums.rows_of_outputs()
-    q, v, a = (rows + more for rows, more in zip(draft.outputs, force_rows, strict=True))
-    return replace(draft, outputs=(q, v, a), D=draft.D + feedthrough,
-                   undetermined=sums.undetermined_outputs(tuple(draft.model.outputs)))  # fmt: skip
+    return with_joint_forces(draft)
 
 
 def _massless(draft: SparseDraft) -> SparseDraft:
     """Classify massless motions."""
-    motions = massless_motions(draft.structure, draft.layout, draft.inertia, draft.shared, draft.kinematics,
+    motions = massless_motions(draft.structure, draft.layout, draft.inertia, draft.shared,
                                draft.factor, draft.loop_rows)  # fmt: skip
     if motions is None:
         return draft
@@ -167,7 +112,7 @@ def _massless(draft: SparseDraft) -> SparseDraft:
 
 # Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft.
 STEPS: tuple[Callable[[SparseDraft], SparseDraft], ...] = (
-    _shared, _inerters, _loads, _spin, _tableau, with_ports, _joint_forces, _massless,
+    with_shared, with_inerters, _loads, with_spin, _tableau, with_ports, _joint_forces, _massless,
 )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import ports
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
-from mbsvib.sparse.layout import kinematics, layout
+from mbsvib.sparse.layout import layout as unknowns_of
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
 from mbsvib.sparse.tree import tree
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.geometric_stiffness import Loading
     from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.massless import SparseSeparation
     from mbsvib.sparse.self_stress import Region
-    from mbsvib.sparse.spin_forces import SpinForces
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
@@ -51,7 +51,8 @@ class SparseDraft:
     ``elastic`` these rows over the unknowns; ``rows`` with stiffness ``k``, damping ``c`` and ``owner`` are all elastic
     rows. ``body_factor`` are the inertia rows of bodies and shared mass, ``factor`` includes those of inerters.
     ``port_rows`` are the relative displacements of ``port``, ``regions`` the loops with redundant constraints that
-    contain joints of force outputs, ``kinematics`` the equations of kinematics. Fields of later steps are None.
+    contain joints of force outputs. ``coupled`` are the cross-coupled elements by name, with their six rows. Fields of
+    later steps are None.
     """
 
     model: Mechanism
@@ -75,10 +76,9 @@ class SparseDraft:
     port: Ports
     port_rows: csr_matrix
     regions: Mapping[int, Region]
-    kinematics: csr_matrix
     names: tuple[str, ...]
-    geometric: Geometric | None = None
-    spins: SpinForces | None = None
+    loading: Loading | None = None
+    coupled: Mapping[str, tuple[CrossCoupling, csr_matrix]] = field(default_factory=dict)
     circulatory: csr_matrix | None = None
     gyroscopic: csr_matrix | None = None
     loop_rows: csr_matrix = _LATER
@@ -88,6 +88,16 @@ class SparseDraft:
     D: Array = _LATER
     undetermined: tuple[Undetermined, ...] = ()
     separation: SparseSeparation | None = None
+
+    def over(self, tree: Tree, layout: Layout) -> SparseDraft:
+        """Return the draft of bodies, connections and ports over the unknowns of a tree and layout."""
+        springs, factor = self.springs, inertia_rows(layout, self.inertia)
+        elastic = relative_rows(tree, layout, springs.rows)
+        return replace(
+            self, structure=tree, layout=layout, elastic=elastic, rows=elastic, k=springs.stiffness, c=springs.damping,
+            owner=springs.owner, body_factor=factor, factor=factor,
+            port_rows=relative_rows(tree, layout, self.port.rows), gyroscopic=None, circulatory=None,
+        )  # fmt: skip
 
     def with_rows(self, rows: csr_matrix, k: Array, c: Array, owner: Index) -> SparseDraft:
         """Return the draft with more elastic rows."""
@@ -117,21 +127,53 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
     number = topology.body_numbers | dict.fromkeys(removed, len(bodies))
     structure = tree(topology, bodies)
     closure = constraints(topology, bodies, number, structure, tuple(model.couplers.values()))
-    unknowns = layout(structure, int(closure.is_independent.sum()), closure.path_joints)
+    layout = unknowns_of(structure, int(closure.is_independent.sum()), closure.path_joints)
     springs = connection_rows(model.springs.values(), number)
-    elastic = relative_rows(structure, unknowns, springs.rows)
-    nonzero = np.flatnonzero(np.diff(elastic.indptr))
-    springs, elastic = springs.take(nonzero), elastic[nonzero]
-    inertia, port = spatial_inertia(bodies), ports(model, bodies, number)
-    factor = inertia_rows(unknowns, inertia)
+    springs = springs.take(np.flatnonzero(np.diff(relative_rows(structure, layout, springs.rows).indptr)))
+    port = ports(model, bodies, number)
     shared = None if model.expansion is None else shared_rows(model.expansion, number, len(model.springs))
     output_joints = [joint for _, kind, joint, _ in port.wrench_outputs if kind == "joint"]
-    return SparseDraft(
-        model, nodes, topology, bodies, number, structure, closure, unknowns, springs, elastic, elastic,
-        springs.stiffness, springs.damping, springs.owner, inertia, factor, factor, shared, port,
-        relative_rows(structure, unknowns, port.rows), regions(topology, structure, closure, number, output_joints),
-        kinematics(structure, unknowns), (*model.springs, *(() if shared is None else shared.names)),
+    draft = SparseDraft(
+        model, nodes, topology, bodies, number, structure, closure, layout, springs, _LATER, _LATER, _LATER, _LATER,
+        _LATER, spatial_inertia(bodies), _LATER, _LATER, shared, port, _LATER,
+        regions(topology, structure, closure, number, output_joints),
+        (*model.springs, *(() if shared is None else shared.names)),
     )  # fmt: skip
+    return draft.over(structure, layout)
+
+
+def with_shared(draft: SparseDraft) -> SparseDraft:
+    """Return a draft with mass and elastic rows that more than two bodies share."""
+    shared, factor = draft.shared, draft.factor
+    if shared is None:
+        return draft
+    from scipy.sparse import vstack
+
+    if shared.mass is not None:
+        mass_rows = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
+        factor = vstack((factor, mass_rows)).tocsr()
+    draft = replace(draft, body_factor=factor, factor=factor)
+    if shared.elastic is None:
+        return draft
+    elastic = shared.elastic
+    rows = elastic.composite.of_sparse(relative_rows(draft.structure, draft.layout, elastic.composite.rows))
+    rows.eliminate_zeros()
+    used = np.flatnonzero(np.diff(rows.indptr))
+    number = {name: shared.first + i for i, name in enumerate(shared.names)}
+    owner = np.array([number[name] for name in elastic.owner], dtype=np.intp)
+    return draft.with_rows(rows[used], elastic.stiffness[used], elastic.damping[used], owner[used])
+
+
+def with_inerters(draft: SparseDraft) -> SparseDraft:
+    """Return a draft with the rows of inerters, times the square roots of their inertance, below those of bodies."""
+    inertance = draft.springs.inertance
+    if inertance is None:
+        return draft
+    from scipy.sparse import diags, vstack
+
+    used = inertance.nonzero()[0]
+    rows = diags(np.sqrt(inertance[used])) @ draft.elastic[used]
+    return replace(draft, factor=vstack((draft.factor, rows)).tocsr())
 
 
 def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:

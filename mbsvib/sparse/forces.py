@@ -3,252 +3,280 @@
 A force in a joint is the virtual work of all other forces, inertia included, in a unit virtual displacement that
 releases the joint in its direction. All bodies behind the joint move as one rigid body. In loops other coordinates
 change too, so that no other constraint is violated. With redundant constraints a single joint cannot be released; then
-the other joints of the loops are released too, so that the forces have least norm. The sum of all forces on a body is
-its rate of change of momentum.
+the other joints of the loops are released too, so that the forces have least norm. The rows of all forces are those of
+the equations over unknowns with virtual motions (``virtual``). The sum of all forces on a body is its rate of change of
+momentum.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.core.shift_forms import duals, twists_of
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.base_motion import inertia_of_ground_motion
-from mbsvib.equations.force_paths import carrier_of, carries_nothing, point_of
+from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
+from mbsvib.equations.force_paths import carries_nothing, joint_ends
+from mbsvib.equations.spin_terms import momenta
+from mbsvib.kinematics.mobility import crossed_product as cross
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.draft import SparseDraft
-from mbsvib.sparse.rotated_forces import RotatedForces
+from mbsvib.sparse.draft import with_inerters, with_shared
+from mbsvib.sparse.ports import with_ports
 from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.spin import of_rotors, with_spin
+from mbsvib.sparse.virtual import virtual_unknowns
 from mbsvib.sparse.virtual_displacements import Release
-from mbsvib.sparse.virtual_motions import JointRelease, Motion, RegionRelease, all_rotations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.kinematics.shared_rows import Composite
+    from mbsvib.sparse.draft import SparseDraft
+    from mbsvib.sparse.geometric_stiffness import JointForms, Products
     from mbsvib.sparse.self_stress import Region
 
 
-@dataclass(frozen=True)
-class ForceSums(SparseDraft):
-    """A draft with all forces on its bodies, from which forces in joints and sums of forces are computed."""
+def with_joint_forces(draft: SparseDraft) -> SparseDraft:
+    """Return a draft with the rows of outputs that are forces in joints or sums of forces."""
+    from scipy.sparse import csr_matrix
 
-    @staticmethod
-    def of(draft: SparseDraft) -> ForceSums:
-        """Return those of a draft."""
-        return ForceSums(*[getattr(draft, entry.name) for entry in fields(draft)])
+    work = VirtualWork(draft)
+    through, outputs = draft.D.copy(), list(draft.outputs)
+    for row, kind, number, wrench in draft.port.wrench_outputs:
+        rows, through[row] = (work.on_body if kind == "body" else work.in_joint)(number, wrench)
+        for derivative, values in enumerate(rows):
+            at = np.flatnonzero(values)
+            outputs[derivative] = outputs[derivative] + csr_matrix(
+                (values[at], (np.full(len(at), row), at)), shape=outputs[derivative].shape)  # fmt: skip
+    return replace(draft, outputs=(outputs[0], outputs[1], outputs[2]), D=through,
+                   undetermined=work.undetermined_outputs(tuple(draft.model.outputs)))  # fmt: skip
 
-    @cached_property
-    def virtual_displacements(self) -> Release:
-        """Virtual displacements that release cut joints."""
-        return Release(self.structure, self.layout, self.closure)
 
-    def rows_of_outputs(self) -> tuple[tuple[csr_matrix, csr_matrix, csr_matrix], Array]:
-        """Return rows of the outputs that are forces in joints or sums of forces, and zeros for the others.
+class VirtualWork:
+    """The work of all forces of a ``draft`` along virtual motions."""
 
-        Rows (outputs, size) for displacement, velocity and acceleration, and D (outputs, inputs)
+    def __init__(self, draft: SparseDraft) -> None:
+        self._draft, self._n = draft, len(draft.structure.parent)
+        self._centre = np.concatenate((draft.structure.position, np.zeros((1, 3))))
+        first, second, _, point, self._carrier = joint_ends(draft.topology, self._centre.T)
+        self._ends = first, second
+        asked = {number for _, kind, number, _ in draft.port.wrench_outputs if kind == "joint"}
+        asked.update(*(region.joints.tolist() for region in draft.regions.values()))
+        self._unknowns = virtual_unknowns(draft.topology, draft.structure, draft.layout, sorted(asked), point)
+        forces = draft.over(self._unknowns.tree, self._unknowns.layout)
+        for step in (with_shared, with_inerters, with_spin, with_ports):
+            forces = step(forces)
+        self._forces = forces
+        self._release = Release(draft.structure, draft.layout, draft.closure)
+
+    def in_joint(self, number: int, wrench: Array) -> tuple[Array, Array]:
+        """Return rows (3, size) of the force or moment in a joint along a wrench, by derivative, and its feedthrough.
         """
-        from scipy.sparse import csr_matrix
+        draft = self._draft
+        joint, direction = draft.topology.joints[number], self._direction(number, wrench)
+        if carries_nothing(joint, direction, draft.model, loaded=draft.loading is not None):
+            return np.zeros((3, draft.layout.size)), np.zeros(len(draft.port.input_units))
+        region = draft.regions.get(number)
+        if region is None:
+            return self._work(self._releasing(number, direction))
+        step = self._step(number, wrench)
+        stress = region.split(step)[0]
+        rows, through = self._work(self._in_region(region, step))
+        if draft.loading is not None and not region.determines(step, stress):
+            rows[0] += self._least_norm_change(region, stress)
+        return rows, through
 
-        shape = (len(self.port.output_units), self.layout.size)
-        through = np.zeros((shape[0], len(self.port.input_units)))
-        entries: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
-        for row, kind, number, wrench in self.port.wrench_outputs:
-            rows, through[row] = (self._sum if kind == "body" else self._in_joint)(number, wrench)
-            for derivative, values in rows.items():
-                at = np.flatnonzero(values)
-                entries[derivative].append((values[at], np.full(len(at), row), at))
-        matrices = []
-        for parts in entries:
-            value, row_of, column = (np.concatenate([part[i] for part in parts] or [()]) for i in range(3))
-            matrices.append(csr_matrix((value, (row_of.astype(int), column.astype(int))), shape=shape))
-        return (matrices[0], matrices[1], matrices[2]), through
+    def on_body(self, body: int, wrench: Array) -> tuple[Array, Array]:
+        """Return rows (3, size) of the sum of all forces on a body, its rate of change of momentum, and its
+        feedthrough; on the ground, minus the sum of the others.
+        """
+        forces, size = self._forces, self._draft.layout.size
+        result, z = np.zeros((3, size)), np.zeros(self._unknowns.layout.size)
+        at = self._unknowns.layout.displacement
+        if body < self._n:
+            z[at[body]] = -wrench
+            inertia = forces.body_factor @ z
+            if forces.shared is not None and forces.shared.mass is not None:
+                # the body moves alone, along none of its joints
+                mass, tree = forces.shared.mass, self._unknowns.tree
+                every = np.ones(len(mass.rows.first), dtype=bool)
+                rows = relative_rows(tree, self._unknowns.layout, mass.rows, every)
+                inertia[len(inertia) - mass.count :] = mass.of_sparse(rows) @ z
+        else:
+            z[at] = ground_motion(wrench, np.zeros(3), self._centre[:-1])
+            inertia = self._rigid_inertia(wrench, np.zeros(3))
+            if self._draft.loading is not None:
+                result[0] = self._on_ground(wrench)
+        result[2] = -(forces.body_factor.T @ inertia)[:size]
+        rotors = of_rotors(self._unknowns.layout, momenta(self._draft.model, self._draft.bodies))
+        if rotors is not None:
+            result[1] = -(rotors.T @ z)[:size]
+        through = np.zeros(len(self._draft.port.input_units))
+        for column, source in self._draft.port.base_motions:
+            through[column] = -(inertia @ self._rigid_inertia(source.wrench, source.position))
+        return result, through
 
     def undetermined_outputs(self, names: tuple[str, ...]) -> tuple[Undetermined, ...]:
         """Return the outputs, by ``names``, that redundant constraints do not determine."""
-        outputs: dict[Region, list[str]] = {region: [] for region in self.regions.values()}
-        for row, kind, number, wrench in self.port.wrench_outputs:
-            if kind == "joint" and number in self.regions:
-                region, step = self.regions[number], self._step(number, wrench)
+        regions = self._draft.regions
+        outputs: dict[Region, list[str]] = {region: [] for region in regions.values()}
+        for row, kind, number, wrench in self._draft.port.wrench_outputs:
+            if kind == "joint" and number in regions:
+                region, step = regions[number], self._step(number, wrench)
                 if not region.determines(step, region.split(step)[0]):
                     outputs[region].append(names[row])
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
-    def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """Sum of all forces on a body, its rate of change of momentum; on the ground, minus the sum of the others."""
-        n = len(self.structure.parent)
-        if body < n:
-            sign = np.zeros(n + 1)
-            sign[body] = -1.0
-            motion = JointRelease(sign, wrench[:3], wrench[3:], self.structure.position[body])
-            inertia, base = self._of_inertia(motion)
-            rotations = motion.rotations
-        else:
-            inertia, base = self._inertia_forces(self._rigid_inertia(wrench, np.zeros(3)))
-            rotations = np.tile(wrench[3:], (n + 1, 1))
-        rows = {2: inertia}
-        if self.spins is not None:
-            rows[1] = self.spins.of_rotors(rotations)
-        if body == n and self._rotated is not None:
-            rows[0] = self._rotated.on_ground(wrench)
-        return rows, base
+    def _work(self, z: Array) -> tuple[Array, Array]:
+        """Minus the work along a motion z: rows (3, size) by derivative, and per unit of the inputs."""
+        forces = self._forces
+        strain = _product(forces.rows, z)
+        result = np.stack((forces.rows.T @ (forces.k * strain), forces.rows.T @ (forces.c * strain),
+                           forces.factor.T @ _product(forces.factor, z)))  # fmt: skip
+        products, circulatory = self._of_loads
+        for derivative, matrix in ((0, forces.circulatory), (0, circulatory), (1, forces.gyroscopic)):
+            if matrix is not None:
+                result[derivative] += matrix.T @ z
+        if products is not None:
+            result[0] += products.times(z)
+        return -result[:, : self._draft.layout.size], _product(forces.inputs, z)
 
-    def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """Rows of the force or moment in a joint along a wrench, by derivative, and its feedthrough."""
-        joint, axes = self.topology.joints[number], np.array(self.topology.joints[number].axes)
-        if carries_nothing(joint, np.concatenate((axes @ wrench[:3], axes @ wrench[3:])), self.model,
-                           loaded=self.geometric is not None):  # fmt: skip
-            return {}, np.zeros(len(self.port.input_units))
-        result = dict(enumerate(np.zeros((3, self.layout.size))))
-        region = self.regions.get(number)
-        if region is None:
-            motion: Motion = self._release(number, wrench)
-        else:
-            step = self._step(number, wrench)
-            stress = region.split(step)[0]
-            motion = self._region_release(region, step)
-            if self._rotated is not None and not region.determines(step, stress):
-                result[0] += self._least_norm_change(region, stress)
-        for rows, along, weights in self._elastic(motion):
-            for derivative, value in weights:
-                result[derivative] -= rows.T @ (value * along)
-        if self._rotated is not None:
-            result[0] += self._rotated.of_joints(motion)
-        if self.spins is not None:
-            of_elements = self.spins.of_elements(motion)
-            result[0] += of_elements[0]
-            result[1] += of_elements[1] + self.spins.of_rotors(all_rotations(motion, self.layout))
-        inertia, through = self._of_inertia(motion)
-        result[2] += inertia
-        inputs = self.port.force_inputs
-        work = motion.along(self.port.rows)[: len(inputs)]
-        through[inputs] += work
-        if motion.tree_motion is not None:
-            through[inputs] += self.port_rows[: len(inputs)] @ motion.tree_motion
-        return result, through
+    @cached_property
+    def _of_loads(self) -> tuple[Products | None, csr_matrix | None]:
+        """Geometric stiffness over unknowns with virtual motions, with forces of least norm in joints."""
+        loading = self._draft.loading
+        return (None, None) if loading is None else loading.products(self._forms, loading.joints)
+
+    @cached_property
+    def _forms(self) -> JointForms:
+        assert self._draft.loading is not None
+        return self._draft.loading.forms(self._unknowns)
+
+    def _direction(self, number: int, wrench: Array) -> Array:
+        axes = np.array(self._draft.topology.joints[number].axes)
+        return np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
 
     def _step(self, number: int, wrench: Array) -> Array:
         """A unit displacement (6, j) in one joint along its axes, among the joints of its region."""
-        region, axes = self.regions[number], np.array(self.topology.joints[number].axes)
+        region = self._draft.regions[number]
         result = np.zeros((6, len(region.joints)))
-        result[:, region.joints.searchsorted(number)] = *(axes @ wrench[:3]), *(axes @ wrench[3:])
+        result[:, region.joints.searchsorted(number)] = self._direction(number, wrench)
         return result
 
-    def _region_release(self, region: Region, step: Array) -> RegionRelease:
-        """The motion that releases the joints of a region by the compatible part of their displacements."""
+    def _releasing(self, number: int, direction: Array) -> Array:
+        """The motion that releases a joint along a direction (6,), over the unknowns with virtual motions."""
+        layout, column = self._unknowns.layout, self._unknowns.column[number]
+        z = np.zeros(layout.size)
+        z[column : column + 6] = direction
+        if number in self._tree_joints:
+            body, sign = self._tree_joints[number]
+            enter, leave = self._subtrees
+            behind = np.flatnonzero((enter >= enter[body]) & (enter < leave[body]))
+            z[layout.displacement[behind]] = sign * ground_motion(direction, self._unknowns.point[:, number],
+                                                                  self._centre[behind])  # fmt: skip
+        target = -self._openings(z)
+        if target.any():
+            z[: self._draft.layout.size] += self._release.unknowns(target)
+        return z
+
+    def _openings(self, z: Array) -> Array:
+        """Displacements of the locked rows and couplers (locked rows,) in a motion."""
+        closure, result = self._draft.closure, np.zeros(len(self._draft.closure.names))
+        count = len(closure.rows.first)
+        result[:count] = _product(self._locked, z)[:count]
+        if closure.couplers is not None:
+            row, coefficient = closure.couplers.measured
+            np.add.at(result, count + row, coefficient * _product(self._locked, z)[count:])
+        return result
+
+    @cached_property
+    def _locked(self) -> csr_matrix:
+        """Relative displacements that cut joints lock, then those that couplers measure, over the unknowns."""
+        closure, rows = self._draft.closure, [self._draft.closure.rows]
+        joint = np.array(self._draft.topology.cut, dtype=np.intp)[closure.loop[: len(rows[0].first)]]
+        if closure.couplers is not None:
+            rows.append(closure.couplers.terms.measured)
+            joint = np.concatenate((joint, closure.couplers.joint))
+        both = Rows.join(rows)
+        return self._unknowns.opened(relative_rows(self._unknowns.tree, self._unknowns.layout, both), both, joint)
+
+    def _in_region(self, region: Region, step: Array) -> Array:
+        """The motion that releases the joints of a region by the compatible part of displacements (6, j)."""
         stress, motion = region.split(step)
-        centre = np.concatenate((self.structure.position, np.zeros((1, 3))))
-        compatible = step - region.scale**2 * stress
-        return RegionRelease(region.displacements(motion, centre), centre, region.joints, compatible)
+        compatible, layout = step - region.scale**2 * stress, self._unknowns.layout
+        z = np.zeros(layout.size)
+        moved = region.displacements(motion, self._centre)
+        z[layout.displacement] = moved[:-1]
+        z[self._unknowns.column[region.joints][:, None] + np.arange(6)] = compatible.T
+        # what the bodies move beyond this, the joints of the tree move along their own directions
+        joints = [self._draft.topology.joints[k] for k in region.joints.tolist()]
+        first, second = (ends[region.joints] for ends in self._ends)
+        gap = [moved[body, :3] + np.cross(moved[body, 3:], region.point.T - self._centre[body])
+               for body in (first, second)]  # fmt: skip
+        own = np.concatenate((moved[second, 3:] - moved[first, 3:], gap[1] - gap[0]), axis=1)
+        own = own - np.roll(compatible, 3, axis=0).T
+        q = (duals(twists_of(joints)).swapaxes(1, 2) @ own[:, :, None])[:, :, 0]
+        tree = self._unknowns.tree
+        for k, number in enumerate(region.joints.tolist()):
+            if number in self._tree_joints:
+                start, count = tree.first[self._tree_joints[number][0]], len(joints[k].freedom)
+                z[layout.coordinate[start : start + count]] = q[k, :count]
+        return z
 
     def _least_norm_change(self, region: Region, stress: Array) -> Array:
         """Change of the forces of least norm by the change of a state of self-stress with the pose; a row (size,)."""
-        assert self.geometric is not None
-        wrenches = self.geometric.joints[:, region.joints]
-        motion = self._region_release(region, region.scale**2 * wrenches)
-        state = RotatedForces(self.structure, self.layout, self.geometric.of_joints(region.joints, stress))
+        loading = self._draft.loading
+        assert loading is not None
+        wrenches, state = loading.joints[:, region.joints], np.zeros_like(loading.joints)
+        state[:, region.joints] = stress
+        z = self._in_region(region, region.scale**2 * wrenches)
+        row = loading.products(self._forms, state, applied=False)[0].times(z)
         work = float((wrenches[3:] * stress[3:]).sum())
-        return self._moment_weight_change(region) * work - state.of_joints(motion)
-
-    def _release(self, number: int, wrench: Array) -> JointRelease:
-        """The motion that releases a joint along its axes."""
-        joint, rows = self.topology.joints[number], self.closure.rows
-        centre = np.concatenate((self.structure.position, np.zeros((1, 3)))).T
-        axes, point = np.array(joint.axes), np.array(point_of(joint, self.number, centre), dtype=float)
-        motion = JointRelease(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
-        couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
-        locked = target[: len(rows.first)]
-        in_tree = number in self._tree_joints
-        if in_tree:
-            body, sign = self._tree_joints[number]
-            enter, leave = self._subtrees
-            motion.sign[:-1][(enter >= enter[body]) & (enter < leave[body])] = sign
-            locked -= motion.along(rows)
-        else:
-            rows_of_joint = np.flatnonzero(self.closure.loop[: len(locked)] == self.topology.cut.index(number))
-            locked[rows_of_joint] = motion.of_twist(rows)[rows_of_joint]
-        if couplers is not None:
-            row, coefficient = couplers.measured
-            measured = couplers.terms.measured
-            step = -motion.along(measured) if in_tree else motion.of_twist(measured) * (couplers.joint == number)
-            np.add.at(target, len(locked) + row, coefficient * step)
-        return replace(motion, tree_motion=self.virtual_displacements.unknowns(target)) if target.any() else motion
-
-    def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, tuple[tuple[int, Array], ...]]]:
-        """Elastic rows, the displacements of a motion along them, and their weights by derivative."""
-        parts = [(self.elastic, motion.along(self.springs.rows), self.springs.weights)]
-        if self._shared_rows is not None and self.shared is not None and self.shared.elastic is not None:
-            elastic = self.shared.elastic
-            parts.append((self._shared_rows, _along_composite(elastic.composite, motion),
-                          ((0, elastic.stiffness), (1, elastic.damping))))  # fmt: skip
-        for rows, along, weights in parts:
-            yield rows, along if motion.tree_motion is None else along + rows @ motion.tree_motion, weights
-
-    def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
-        """Work of inertia forces in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
-        rows = self.inertia.factor(motion.of_bodies(self.structure.position)[:, :, None])[:, 0]
-        if self.shared is not None and self.shared.mass is not None:
-            rows = np.concatenate((rows, _along_composite(self.shared.mass, motion)))
-        if motion.tree_motion is not None:
-            rows = rows + self.body_factor @ motion.tree_motion
-        return self._inertia_forces(rows)
-
-    def _inertia_forces(self, rows: Array) -> tuple[Array, Array]:
-        """Work of inertia forces in a motion from its inertia ``rows`` W u."""
-        through = np.zeros(len(self.port.input_units))
-        for column, base_motion in self._base:
-            through[column] = -(rows @ base_motion)
-        return -(self.body_factor.T @ rows), through
+        return np.asarray(self._moment_weight_change(region) * work + row[: self._draft.layout.size])
 
     def _moment_weight_change(self, region: Region) -> Array:
         """Derivative of the weight 1 / L^2 of moments in a region with respect to the pose, a row (size,)."""
         point = region.point[:, region.force_joints]
         from_centre = point - point.mean(axis=1, keepdims=True)
-        carrier = np.array([carrier_of(self.topology.joints[k], self.number)
-                            for k in region.joints[region.force_joints].tolist()])  # fmt: skip
-        ground = np.full(len(carrier), len(self.structure.parent))
-        directions = Rows(ground, carrier, point, from_centre, np.zeros_like(from_centre))
-        rows = relative_rows(self.structure, self.layout, directions)
+        carrier = self._carrier[region.joints[region.force_joints]]
+        directions = Rows(np.full(len(carrier), self._n), carrier, point, from_centre, np.zeros_like(from_centre))
+        rows = relative_rows(self._draft.structure, self._draft.layout, directions)
         return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
-    @cached_property
-    def _rotated(self) -> RotatedForces | None:
-        return None if self.geometric is None else RotatedForces(self.structure, self.layout, self.geometric)
+    def _on_ground(self, wrench: Array) -> Array:
+        """The change of the sum of gravity and loads along a wrench (6,) about the origin by a motion, (size,)."""
+        assert self._draft.loading is not None
+        applied, layout = self._draft.loading.applied, self._draft.layout
+        pairs, loads = applied.pairs, slice(0, applied.loads)
+        second = np.concatenate((pairs.second[loads], np.arange(self._n)))
+        point = np.concatenate((pairs.end[:, loads], self._centre[:-1].T), axis=1)
+        force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
+        at_end = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
+        moment = np.zeros_like(force)
+        moment[:, loads] = applied.follower * (cross(pairs.force[:, loads], at_end)
+                                               + cross(pairs.torque[:, loads], wrench[3:, None]))  # fmt: skip
+        rows = Rows(np.full(len(second), self._n), second, point, force, moment)
+        return np.asarray(relative_rows(self._draft.structure, layout, rows).sum(axis=0)).reshape(-1)
 
-    @cached_property
-    def _base(self) -> list[tuple[int, Array]]:
-        """Square roots of inertia times the rigid-body acceleration of the base motions."""
-        return [(column, self._rigid_inertia(np.array(source.wrench), np.array(source.position)))
-                for column, source in self.port.base_motions]  # fmt: skip
-
-    def _rigid_inertia(self, six: Array, origin: Array) -> Array:
+    def _rigid_inertia(self, six: Any, origin: Any) -> Array:
         """Square roots of inertia times a rigid motion (6,) of all bodies with the ground, about an origin."""
-        return inertia_of_ground_motion(six, origin, self.structure.position, self.inertia, self.shared)
-
-    @cached_property
-    def _shared_rows(self) -> csr_matrix | None:
-        """Elastic rows that more than two bodies share."""
-        if self.shared is None or self.shared.elastic is None:
-            return None
-        composite = self.shared.elastic.composite
-        return composite.of_sparse(relative_rows(self.structure, self.layout, composite.rows))
+        return inertia_of_ground_motion(six, origin, self._centre[:-1], self._draft.inertia, self._draft.shared)
 
     @cached_property
     def _tree_joints(self) -> dict[int, tuple[int, int]]:
         """The outer body of each joint of the tree, and its sign in this joint."""
-        return {b.joint: (b.body, b.sign) for b in self.topology.branches if b.joint != FLOATS}
+        return {b.joint: (b.body, b.sign) for b in self._draft.topology.branches if b.joint != FLOATS}
 
     @cached_property
     def _subtrees(self) -> tuple[Index, Index]:
         """Numbering of bodies in which each subtree is a range: begin and end of the ranges, (bodies,)."""
-        n, parent, outward = len(self.structure.parent), self.structure.parent.tolist(), self.structure.outward.tolist()
+        structure, n = self._draft.structure, self._n
+        parent, outward = structure.parent.tolist(), structure.outward.tolist()
         size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
         for body in reversed(outward):
             size[parent[body]] += size[body]
@@ -260,6 +288,8 @@ class ForceSums(SparseDraft):
         return enter, enter + np.array(size[:n], dtype=np.intp)
 
 
-def _along_composite(composite: Composite, motion: Motion) -> Array:
-    """Displacements of the rigid part of a motion along composite rows."""
-    return composite.of((motion.along(composite.rows) * composite.moves_with_ground)[:, None])[:, 0]
+def _product(rows: csr_matrix, z: Array) -> Array:
+    """Return R z, with zeros where terms cancel to rounding."""
+    result = np.asarray(rows @ z)
+    result[np.abs(result) <= ZERO_SUM * (abs(rows) @ np.abs(z))] = 0.0
+    return result

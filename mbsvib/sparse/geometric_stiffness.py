@@ -7,15 +7,17 @@ translations that cancel there would have a rounding that grows with the length 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.shift_forms import duals, own_curvatures, shift_hessian, turning
-from mbsvib.elements.rows import Rows
+from mbsvib.core.shift_forms import duals, own_curvatures, shift_hessian, turning, twists_of
+from mbsvib.elements.rows import Rows, columns
+from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rank import ZERO_FORM
+from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:
@@ -25,9 +27,11 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.core.geometric_stiffness import Pairs
-    from mbsvib.elements import Joint
+    from mbsvib.equations.wrenches import AppliedWrenches
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
+    from mbsvib.sparse.virtual import VirtualUnknowns
 
 _DIAGONAL = np.arange(3)
 
@@ -49,6 +53,10 @@ class Products:
 
         first, second = (vstack([getattr(part, key) for part in parts]).tocsr() for key in ("first", "second"))
         return Products(first, second, np.concatenate([part.owner for part in parts]))
+
+    def times(self, z: Array) -> Array:
+        """Return K z of a motion z (unknowns,)."""
+        return np.asarray(self.first.T @ (self.second @ z) + self.second.T @ (self.first @ z))
 
     def squares(self) -> tuple[csr_matrix, Array, Index]:
         """Return rows with signed weights and owners, whose squares are the products; see ``squares_of_products``. A
@@ -111,52 +119,110 @@ def _of_entries(row: Index, column: Index, value: Array, owner: Index, layout: L
                     owner[used[first]])  # fmt: skip
 
 
-def of_joints(tree: Tree, layout: Layout, joints: Sequence[tuple[Joint, int, int]], wrench: Array, owner: Index
-              ) -> Products:  # fmt: skip
-    """Return the products of coordinates of joints of the tree.
+@dataclass(frozen=True, slots=True)
+class JointForms:
+    """The coordinates of joints as rows ``q`` (n, unknowns), with their twists ``angular`` and ``linear`` (3, n).
 
-    ``joints``: joint, number of its first body, and first coordinate; ``wrench`` (6, j) (force, moment): on their
-    second bodies, about the points of their twists; ``owner`` (j,).
+    ``joint`` (n,) is the number of the joint of each; ``first`` (joints,) are their first bodies, ``fixed`` (joints,)
+    is true where the point of the joint is on the first body, and so does not slide. ``curved`` are coordinates, joints
+    and curvatures of ``own_curvatures``.
     """
-    first = np.array([body for _, body, _ in joints], dtype=np.intp)
-    start = np.array([coordinate for _, _, coordinate in joints], dtype=np.intp)
-    entry, nth = items_of_groups(np.array([len(joint.freedom) for joint, _, _ in joints], dtype=np.intp))
-    at = start[entry] + nth
-    turns = turning(tree.angular[:, at], tree.linear[:, at], wrench[3:, entry], wrench[:3, entry])
-    rotation = np.concatenate((layout.displacement[:, 3:], np.full((1, 3), -1)))[first[entry]]
-    which, direction = np.nonzero((rotation >= 0) & (turns.T != 0.0))
-    parts = [(at[which], rotation[which, direction], turns[direction, which])]
-    for _, numbers, curvature in own_curvatures([joint for joint, _, _ in joints]):
-        f = curvature.shape[-1]
-        own = start[numbers][:, None] + np.arange(f)
-        value = np.einsum("in,nifg->nfg", np.roll(wrench[:, numbers], 3, axis=0), curvature)
-        value = np.triu(value) * np.where(np.eye(f), 0.5, 1.0)
-        of_row, column = np.broadcast_arrays(own[:, :, None], layout.coordinate[own][:, None, :])
-        parts.append((of_row.reshape(-1), column.reshape(-1), value.reshape(-1)))
-    row, column, value = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    owner_of = np.zeros(len(tree.names), dtype=np.intp)
-    owner_of[at] = owner[entry]
-    return _of_entries(layout.coordinate[row], column, value, owner_of[row], layout)
+
+    unknowns: VirtualUnknowns
+    q: csr_matrix
+    angular: Array
+    linear: Array
+    joint: Index
+    first: Index
+    fixed: Array
+    curved: list[tuple[Index, Index, Array]]
+
+    def products(self, wrench: Array, owner: int) -> Products:
+        """Return the products of the coordinates of joints, and of their virtual motions.
+
+        ``wrench`` (6, joints) (force, moment): on their second bodies, about the points of their twists. ``owner``: the
+        number of the first joint.
+        """
+        from scipy.sparse import csr_matrix, vstack
+
+        layout, column, n = self.unknowns.layout, self.unknowns.column, len(self.joint)
+        of_first = np.concatenate((layout.displacement[:, 3:], np.full((1, 3), -1)))[self.first]
+        opened = np.flatnonzero(column >= 0)
+        of_virtual = np.where(column[:, None] >= 0, column[:, None] + np.arange(3, 6), -1)
+        # the own motion of a joint follows its virtual one; moments are about a point that slides with the second body
+        force, moment = wrench[:3], wrench[3:]
+        every = np.concatenate((self.joint, opened.repeat(6)))
+        six = np.tile(np.eye(6), len(opened))
+        angular, linear = (np.concatenate(pair, axis=1) for pair in ((self.angular, six[3:]), (self.linear, six[:3])))
+        parts = []
+        for which, rotation, push in ((np.arange(len(every)), of_first, force),
+                                      (np.arange(n), of_virtual, force * self.fixed)):  # fmt: skip
+            at = every[which]
+            turns = turning(angular[:, which], linear[:, which], moment[:, at], push[:, at]).T
+            row, direction = np.nonzero((rotation[at] >= 0) & (turns != 0.0))
+            parts.append((row, rotation[at[row], direction], turns[row, direction]))
+        row, of_column, value = (np.concatenate([part[i] for part in parts]) for i in range(3))
+        second = csr_matrix((value, (row, of_column)), shape=(len(every), layout.size))
+        for own, numbers, curvature in self.curved:
+            f = curvature.shape[-1]
+            form = np.einsum("in,nifg->nfg", np.roll(wrench[:, numbers], 3, axis=0), curvature)
+            form = np.triu(form) * np.where(np.eye(f), 0.5, 1.0)
+            places = [array.reshape(-1) for array in np.broadcast_arrays(own[:, :, None], own[:, None, :])]
+            second = second + csr_matrix((form.reshape(-1), places), shape=(len(every), n)) @ self.q
+        of_opened = (column[opened][:, None] + np.arange(6)).reshape(-1)
+        unit = csr_matrix((np.ones(len(of_opened)), (np.arange(len(of_opened)), of_opened)),
+                          shape=(len(of_opened), layout.size))  # fmt: skip
+        return Products(vstack((self.q, unit)).tocsr(), second.tocsr(), owner + every)
+
+
+def joint_forms(unknowns: VirtualUnknowns, topology: Topology, first: Index, second: Index, fixed: Array) -> JointForms:
+    """Return the coordinates of all joints: unknowns in the tree, relative displacements of cut joints.
+
+    ``first``, ``second`` (joints,): their bodies. ``fixed`` (joints,): those whose point is on the first body.
+    """
+    from scipy.sparse import csr_matrix
+
+    tree, layout, joints = unknowns.tree, unknowns.layout, topology.joints
+    count = np.array([len(joint.freedom) for joint in joints], dtype=np.intp)
+    joint, nth = items_of_groups(count)
+    six = columns([row for part in joints for _, row in part.freedom], 6)
+    outer = np.full(len(joints), -1)
+    for branch in topology.branches:
+        if branch.joint != FLOATS:
+            outer[branch.joint] = branch.body
+    in_tree = np.flatnonzero(outer[joint] >= 0)
+    at = layout.coordinate[tree.first[outer[joint[in_tree]]] + nth[in_tree]]
+    q = csr_matrix((np.ones(len(at)), (in_tree, at)), shape=(len(joint), layout.size))
+    if len(in_tree) < len(joint):
+        cut = np.flatnonzero(outer[joint] < 0)
+        numbers, local = np.unique(joint[cut], return_inverse=True)
+        wrench = duals(twists_of([joints[k] for k in numbers.tolist()]))[local.reshape(-1), :, nth[cut]].T
+        of_cut, ground = joint[cut], len(tree.parent)
+        rows = Rows(first[of_cut], second[of_cut], unknowns.point[:, of_cut], wrench[3:], wrench[:3])
+        by_ends = (rows.first == ground) | (rows.second == ground)
+        moved = unknowns.opened(relative_rows(tree, layout, rows, by_ends), rows, of_cut)
+        q = q + csr_matrix((np.ones(len(cut)), (cut, np.arange(len(cut)))), shape=(len(joint), len(cut))) @ moved
+    begin = np.cumsum(count) - count
+    curved = [(begin[numbers][:, None] + np.arange(curvature.shape[-1]), numbers, curvature)
+              for _, numbers, curvature in own_curvatures(joints)]  # fmt: skip
+    return JointForms(unknowns, q.tocsr(), six[3:], six[:3], joint, first, fixed, curved)
 
 
 def of_pairs(
-    tree: Tree, layout: Layout, pairs: Pairs, owner: Index, twists: Array | None = None
+    tree: Tree, layout: Layout, pairs: Pairs, owner: Index
 ) -> tuple[Products, csr_matrix | None]:
     """Return the products of the displacements of pairs, and the antisymmetric matrix of those without potential.
 
-    ``owner`` (p,). ``twists`` (p, 6, 6): columns are twists of the possible displacements, as cut joints have none
-    along their locked directions. Default: all.
+    ``owner`` (p,).
     """
     from scipy.sparse import csr_matrix
 
     p, ground = len(pairs.first), len(tree.parent)
-    all_twists = np.broadcast_to(np.eye(6), (p, 6, 6)) if twists is None else twists
-    dual = all_twists if twists is None else duals(twists)
-    upper = np.triu(shift_hessian(pairs, twists))
+    upper = np.triu(shift_hessian(pairs))
     upper[:, np.arange(6), np.arange(6)] *= 0.5
     wide = [np.repeat(array, 6, axis=1) for array in (-pairs.wrench[:3], -pairs.wrench[3:])]
-    columns = all_twists.transpose(1, 0, 2).reshape(6, -1)
-    moments = turning(columns[:3], columns[3:], *wide).T.reshape(p, 6, 3)
+    six = np.tile(np.eye(6), p)
+    moments = turning(six[:3], six[3:], *wide).T.reshape(p, 6, 3)
     moments[pairs.first == ground] = 0.0
     antisymmetric = np.zeros((p, 6, 6))
     if pairs.torsion is not None:
@@ -165,7 +231,7 @@ def of_pairs(
     which, i = np.nonzero(used)
     number = np.full((p, 6), -1)
     number[which, i] = np.arange(len(which))
-    six, first, second = dual[which, :, i].T, pairs.first[which], pairs.second[which]
+    six, first, second = np.eye(6)[i].T, pairs.first[which], pairs.second[which]
     xi = relative_rows(tree, layout, Rows(first, second, pairs.point[:, which], six[3:], six[:3]),
                        (first == ground) | (second == ground))  # fmt: skip
 
@@ -181,3 +247,41 @@ def of_pairs(
     half = xi.T @ combined(np.triu(antisymmetric)) @ xi
     return (Products(xi, (combined(upper) @ xi + rotations).tocsr(), owner[which]),
             (half - half.T).tocsr() if half.nnz else None)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Loading:
+    """The forces at the pose: ``applied`` ones, and wrenches ``joints`` (6, joints) in the joints on their second
+    bodies, at ``point`` (3, joints). ``names`` are those of the owners of geometric stiffness.
+
+    ``first``, ``second`` (joints,) are the bodies of joints, ``fixed`` (joints,) those whose point is on the first one.
+    """
+
+    topology: Topology
+    applied: AppliedWrenches
+    joints: Array
+    point: Array
+    names: tuple[str, ...]
+    first: Index
+    second: Index
+    fixed: Array
+
+    def products(self, forms: JointForms, wrench: Array, applied: bool = True) -> tuple[Products, csr_matrix | None]:
+        """Return the products of wrenches (6, joints) in joints and, if ``applied``, of loads and preloads, and the
+        antisymmetric matrix of those without potential.
+        """
+        tree, layout, circulatory = forms.unknowns.tree, forms.unknowns.layout, None
+        parts = [forms.products(wrench, len(self.applied.names))]
+        forces = [(self.second, self.point, wrench[:3]), (self.first, self.point, -wrench[:3])]
+        if applied and self.applied.names:
+            # weights act at the centres of mass, where they have no stiffness
+            pairs = applied_pairs(replace(self.applied, weight=np.zeros_like(self.applied.weight)), tree.position)
+            part, circulatory = of_pairs(tree, layout, pairs, np.arange(len(self.applied.names)))
+            parts.insert(0, part)
+            forces += [(pairs.second, pairs.point, -pairs.wrench[3:]), (pairs.first, pairs.point, pairs.wrench[3:])]
+        parts.append(of_bodies(tree, layout, forces, len(self.names) - len(tree.parent)))
+        return Products.join(parts), circulatory
+
+    def forms(self, unknowns: VirtualUnknowns) -> JointForms:
+        """Return the coordinates of joints over some unknowns."""
+        return joint_forms(unknowns, self.topology, self.first, self.second, self.fixed)

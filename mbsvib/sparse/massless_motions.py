@@ -18,6 +18,7 @@ from mbsvib.equations.massless_null_motion import independent_coordinates, null_
 from mbsvib.equations.massless_separation import check_gap
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
+from mbsvib.sparse.layout import kinematics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,9 +52,8 @@ class Motions:
 
 
 def massless_motions(
-    tree: Tree, layout: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
-    factor: csr_matrix, loops: csr_matrix,
-) -> Motions | None:  # fmt: skip
+    tree: Tree, layout: Layout, inertia: SpatialInertia, shared: Shared | None, factor: csr_matrix, loops: csr_matrix
+) -> Motions | None:
     """Return the motions without mass that joints and loops allow, None if there are none.
 
     x - X x_parent - T q = 0, W x = 0, Phi (x, q) = 0
@@ -63,7 +63,7 @@ def massless_motions(
     if inertia.regular:
         return None
     movable = ~_bodies_at_rest(tree, inertia, shared)
-    return _by_parts(tree, layout, movable, kinematics, factor, loops) if movable.any() else None
+    return _by_parts(tree, layout, movable, factor, loops) if movable.any() else None
 
 
 def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
@@ -125,18 +125,19 @@ def _nodes_with_mass(tree: Tree, shared: Shared | None) -> Mask:
 
 
 def _by_parts(
-    tree: Tree, layout: Layout, movable: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
+    tree: Tree, layout: Layout, movable: Mask, factor: csr_matrix, loops: csr_matrix
 ) -> Motions | None:
     """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
     from scipy.sparse import csc_matrix, vstack
 
+    joint_rows = kinematics(tree, layout)
     near = movable | np.concatenate((movable, [False]))[tree.parent]
     inward = np.argsort(tree.depth[:-1], kind="stable")
     moving, at_rest = (layout.displacement[inward[mask[inward]]] for mask in (movable, near & ~movable))
     moving, at_rest = moving[moving >= 0], at_rest[at_rest >= 0]
     coordinate = np.flatnonzero(near[tree.coordinate_body])
     column = np.concatenate((moving, layout.coordinate[coordinate]))
-    rows = vstack((kinematics[moving], kinematics[at_rest], factor, loops)).tocsr()
+    rows = vstack((joint_rows[moving], joint_rows[at_rest], factor, loops)).tocsr()
     turns = np.zeros(layout.size, dtype=bool)
     turns[layout.displacement[:, 3:][layout.displacement[:, 3:] >= 0]] = True
     turns[layout.coordinate[tree.turns]] = True

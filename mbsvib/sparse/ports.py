@@ -10,10 +10,6 @@ import numpy as np
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from scipy.sparse import csr_matrix
-
     from mbsvib.sparse.draft import SparseDraft
 
 
@@ -42,6 +38,7 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
         used = port.derivative[entries.row] == derivative
         rows = port.motion_outputs[entries.row[used]]
         outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
+    coupled = {k: name for k, name in enumerate(draft.model.springs) if name in draft.coupled}
     for row, owner, wrench in port.force_outputs:
         which = np.flatnonzero(springs.owner == owner)
         factors = springs.unit[which] @ wrench
@@ -49,20 +46,10 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
             line = (csr_matrix(factors * value[which]) @ draft.elastic[which]).tocoo()
             outputs[derivative] = outputs[derivative] + csr_matrix(
                 (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
-    return replace(draft, inputs=inputs, outputs=(*_with_cross_coupling(draft, outputs[:2]), outputs[2]), D=through)
-
-
-def _with_cross_coupling(draft: SparseDraft, outputs: Sequence[csr_matrix]) -> tuple[csr_matrix, csr_matrix]:
-    """Rows of outputs over the unknowns and their rates, with antisymmetric forces in bushings."""
-    result = list(outputs)
-    if draft.spins is not None:
-        from scipy.sparse import csr_matrix
-
-        elements = list(draft.model.springs.values())
-        for row, owner, wrench in draft.port.force_outputs:
-            lines = draft.spins.in_element(elements[owner].name, wrench)
-            for order, line in enumerate(() if lines is None else lines):
-                at = np.flatnonzero(line)
-                result[order] = result[order] + csr_matrix(
-                    (line[at], (np.full(len(at), row), at)), shape=result[order].shape)  # fmt: skip
-    return result[0], result[1]
+        if owner in coupled:
+            part, rows = draft.coupled[coupled[owner]]
+            for derivative, matrix in enumerate((part.stiffness, part.damping)):
+                line = csr_matrix((matrix.T @ (part.axes @ wrench))[None]) @ rows
+                outputs[derivative] = outputs[derivative] + csr_matrix(
+                    (line.data, (np.full(line.nnz, row), line.indices)), shape=shape)  # fmt: skip
+    return replace(draft, inputs=inputs, outputs=(outputs[0], outputs[1], outputs[2]), D=through)
