@@ -60,11 +60,17 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
         result = _general(basis, modal, w)
     else:
         by_modes = _by_modes(basis, modal, size)
-        result = basis.modal_sum.at(1j * size) if by_modes else _solved(basis, modal, size)
+        # solutions do not exist at 0 beside motions without stiffness, which the sum knows
+        static = np.zeros(len(w), dtype=bool) if by_modes or modal.square.all() else size == 0.0
+        at = np.where(static, NEARLY_STATIC * np.abs(modal.pairs[modal.pairs != 0.0]).min(initial=np.inf), size)
+        result = basis.modal_sum.at(1j * size) if by_modes else _solved(basis, modal, at)
+        result[:, :, static] = basis.modal_sum.at(1j * size[static])
         pole = None if np.isfinite(result).all() else basis.modal_sum.pole_at(1j * size)
         if pole:
             _refuse_pole(w, *pole)
-        result = recomputed(basis, modal, size, (result, by_modes), lambda part: _solver(basis, modal, part, by_modes))
+        exact = recomputed(basis, modal, at, (result, by_modes), lambda part: _solver(basis, modal, part, by_modes))
+        exact[:, :, static] = result[:, :, static]
+        result = exact
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result

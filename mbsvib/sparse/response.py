@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import angular
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
+from mbsvib.responses.basis import Basis
+from mbsvib.responses.frequency_response import frequency_response as dense_response
+from mbsvib.sparse.first_order import split_massless
+from mbsvib.sparse.galerkin import extended
+from mbsvib.sparse.operator import operator
 from mbsvib.sparse.quadratic import Quadratic
+from mbsvib.sparse.reduction import reduced
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -33,6 +40,11 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     for i, frequency in enumerate(w.tolist()):
         s = 1j * frequency
         answer = _answer(system, right, s, damped)
+        if answer is None and not frequency:
+            at_zero = _beside_free_motions(system)
+            if at_zero is not None:
+                result[:, :, i] = at_zero
+                continue
         if answer is None:
             kind = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
             raise ResponseError(
@@ -41,6 +53,29 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
             )
         result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + through
     return result
+
+
+def _beside_free_motions(system: SparseEquations) -> Array | None:
+    """G(0) of a system with motions that no spring resists; None where it is infinite or they are not known.
+
+    With the free motions N and the M-orthogonal inverse K^+ of K on the others, terms of displacements
+    z_-2 / s^2 + z_-1 / s + z_0 + ... are in the span of N, K^+ B and K^+ C N, and their equations at s = 0 are those of
+    the system in this span, which the dense path answers.
+    """
+    quadratic = Quadratic(system)
+    t = operator(system, None, system.dof)
+    if t.sigma or not t.rigid.shape[1] or not quadratic.symmetric:
+        return None
+    rates = system.elastic_rows.T @ (system.row_damping[:, None] * (system.elastic_rows @ t.rigid))
+    force = np.concatenate((system.input_rows.toarray().T, rates), axis=1)
+    force = force - t.wt @ t.deflated @ (t.rigid.T @ force)
+    mass, massless = split_massless(system, t.flexible(t.factor.solve(t.right(force))))
+    basis = np.concatenate((extended(quadratic, t.rigid, mass, quadratic.speed), massless), axis=1)
+    small = reduced(system, basis, t.rigid.shape[1], Equations, massless.shape[1])
+    try:
+        return np.asarray(dense_response(Basis(small), [0.0])[:, :, 0].real)
+    except ResponseError:
+        return None
 
 
 def static_compliance(system: SparseEquations) -> Array:

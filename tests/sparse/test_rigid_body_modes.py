@@ -252,3 +252,39 @@ def test_around_a_frequency_where_all_modes_are_rigid(damping):
     expected = model.linearize(method="dense").modes().eigenvalues
     slowest = np.sort(np.abs(expected[expected != 0.0]))[:5]
     assert_allclose(np.sort(np.abs(modes.eigenvalues[modes.eigenvalues != 0.0])), slowest, rtol=1e-11)
+
+
+def carts(brakes, forced, method):
+    """Two carts with a spring of 50 N/m between them, braked to the ground."""
+    model = mv.Model("carts")
+    for name, x, mass, brake in (("a", 0.0, 3.0, brakes[0]), ("b", 1.0, 2.0, brakes[1])):
+        model.add_body(name, mass, np.ones(3), (x, 0, 0))
+        model.add_joint(f"rail.{name}", "prismatic", "ground", name, (x, 0, 0), axis=(1, 0, 0))
+        if brake:
+            model.add_spring(f"brake.{name}", "ground", name, (x, 1, 0), (x + 1, 1, 0), stiffness=0.0, damping=brake)
+    model.add_spring("spring", "a", "b", (0, 0, 0), (1, 0, 0), stiffness=50.0, damping=0.3)
+    model.add_input("F", forced[0], "x", relative_to=forced[-1])
+    model.add_output("v", "a", "x", quantity="velocity")
+    model.add_output("gap", "b", "x", relative_to="a")
+    return model.linearize(method=method)
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_the_response_at_0_of_braked_motions_is_their_drift(method):
+    result = carts((1.5, 0.5), ("a", "ground"), method).frequency_response([0.0, 1e-9])
+    # v = F / (c_a + c_b), and the spring pulls the brake of b along
+    assert_allclose(result[:, 0, 0].real, (0.5, -0.25 / 50.0), rtol=1e-12)
+    assert_allclose(result[:, 0, 0], result[:, 0, 1], rtol=1e-7)
+    assert not result[:, 0, 0].imag.any()
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize("brakes", [(0.0, 0.0), (1.5, 0.5)])
+def test_the_response_at_0_to_a_force_within_is_finite(brakes, method):
+    result = carts(brakes, ("b", "a"), method).frequency_response([0.0])[:2, 0, 0]
+    assert_allclose(result, (0.0, 1 / 50.0), rtol=1e-12, atol=1e-15)
+
+
+def test_the_response_at_0_is_refused_where_a_motion_is_free():
+    with pytest.raises(mv.ResponseError, match="0 rad/s is a pole of the system"):
+        carts((0.0, 0.0), ("a", "ground"), "sparse").frequency_response([0.0])
