@@ -1,5 +1,7 @@
 """Modes: eigenvalues, damping, shapes, exact zeros, and error estimates that hold."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -13,6 +15,7 @@ from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, rotation, spatial
 from tests.support.sizes import examples, few
+from tests.support.unsymmetric import chain_model, eigenvalues, worst
 
 SMALL = st.one_of(
     open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -308,6 +311,27 @@ def test_frequencies_over_many_decades(seed):
 def test_damped_eigenvalues_over_many_decades(seed):
     model = stiff_chain(6, 8, 4, seed, damped=True)
     assert_same_eigenvalues(model.linearize().modes().eigenvalues, Exact(model).eigenvalues, rtol=1e-9)
+
+
+@pytest.mark.parametrize("chain", [
+    {"n": 2, "span": 5.0, "damp": 4120.7, "seed": 525102}, {"n": 3, "span": 8.0, "damp": 793.57, "seed": 710107},
+    {"n": 5, "span": 8.0, "damp": 0.10767, "seed": 349513},
+    {"n": 8, "span": 7.0, "damp": 0.40563, "seed": 182451, "ground": False},
+    {"n": 6, "span": 5.0, "damp": 0.0862, "seed": 869025}, {"n": 3, "span": 4.0, "damp": 0.1689, "seed": 643828},
+], ids=lambda chain: f"{chain['n']} bodies, {chain['span']:g} decades, {chain['damp']:g} N s/m")  # fmt: skip
+def test_error_estimates_hold_over_many_decades(chain):
+    """Eigenvalues for which one Newton step is too few, and lightly damped ones, which are as good as their basis."""
+    model = chain_model(**chain)
+    batch = model.linearize(values={"b0.mass": model.bodies["b0"].mass * np.array([1.0, 1.3])})
+    modes = batch.modes()
+    for i, system in enumerate(batch):
+        exact = eigenvalues(system)
+        for result in (system.modes(), SimpleNamespace(eigenvalues=modes.eigenvalues[i], errors=modes.errors[i])):
+            error, ratio = worst(result, exact)
+            assert error <= 1e-12
+            assert ratio <= 1.0
+            assert result.errors.max() <= 1e-10  # rtol
+            assert (result.errors[result.eigenvalues != 0.0] > 0.0).all()
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-10, 1e-13])

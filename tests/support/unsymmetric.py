@@ -15,7 +15,12 @@ from tests.support import fast_digits
 DIGITS = 60
 
 
-def chain(n, seed, span=1.0, ground=True, damp=0.02, sign=1.0):
+def chain(n, seed, **changes):
+    """The equations of ``chain_model``."""
+    return chain_model(n, seed, **changes).linearize()
+
+
+def chain_model(n, seed, span=1.0, ground=True, damp=0.02, sign=1.0):
     """Sliders along x with springs to the next two; ``span`` decades of masses and stiffnesses."""
     rng = np.random.default_rng(seed)
     model = mv.Model("chain")
@@ -36,7 +41,7 @@ def chain(n, seed, span=1.0, ground=True, damp=0.02, sign=1.0):
     model.add_output("x", f"b{n - 1}", "x")
     model.add_output("v", "b0", "x", quantity="velocity")
     model.add_output("a", "b0", "x", quantity="acceleration")
-    return model.linearize()
+    return model
 
 
 def unsymmetric(system, gyroscopic=0.0, circulatory=0.0, seed=0):
