@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
+    from mbsvib.sparse.virtual import VirtualUnknowns
 
     Mask = NDArray[np.bool_]
     Entry = tuple[Index, Index, Array]
@@ -70,13 +71,15 @@ class Constraints:
     """Locked rows of cut joints and couplers, ``cuts``.
 
     ``is_independent`` is the mask of independent rows, ``groups`` are those of coupled loops. ``path_joints`` are pairs
-    of an independent row, numbered among these, and the outer body of a joint on its path.
+    of an independent row, numbered among these, and the outer body of a joint on its path. ``joint`` (rows,) are the
+    numbers of the joints that lock the rows.
     """
 
     cuts: Cuts
     is_independent: Mask
     groups: tuple[LoopGroup, ...]
     path_joints: tuple[Index, Index]
+    joint: Index
     couplers: Coupled | None = None
 
     @property
@@ -117,15 +120,22 @@ class Constraints:
         used = self.is_independent[row]
         return (np.cumsum(self.is_independent) - 1)[row[used]], column[used], value[used]
 
-    def over_unknowns(self, tree: Tree, layout: Layout) -> csr_matrix:
-        """Return the independent rows over the unknowns of the tableau."""
-        rows = relative_rows(tree, layout, self.independent)
+    def over_unknowns(self, tree: Tree, layout: Layout, virtual: VirtualUnknowns | None = None) -> csr_matrix:
+        """Return the independent rows over the unknowns of the tableau, or over these and virtual motions."""
+        def moved(rows: Rows, joint: Index) -> csr_matrix:
+            if virtual is None:
+                return relative_rows(tree, layout, rows)
+            return virtual.opened(relative_rows(virtual.tree, virtual.layout, rows), rows, joint)
+
+        count = len(self.rows.first)
+        rows = moved(self.independent, self.joint[self.is_independent[:count]])
         if self.couplers is None:
             return rows
         from scipy.sparse import vstack
 
-        couplers = np.flatnonzero(self.is_independent[len(self.rows.first) :])
-        return vstack((rows, _coupler_rows(tree, layout, self.couplers)[couplers])).tocsr()
+        measured = moved(self.couplers.terms.measured, self.couplers.joint)
+        couplers = np.flatnonzero(self.is_independent[count:])
+        return vstack((rows, _coupler_rows(tree, layout, self.couplers, measured)[couplers])).tocsr()
 
 
 def constraints(
@@ -144,7 +154,8 @@ def constraints(
     number_of = np.cumsum(independent) - 1
     used = independent[entries.row]
     path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
-    return Constraints(cuts, independent, tuple([group for group, _ in decisions]), path_joints, coupled)
+    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[: len(cuts.rows.first)]]
+    return Constraints(cuts, independent, tuple([group for group, _ in decisions]), path_joints, joint, coupled)
 
 
 def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
@@ -166,16 +177,18 @@ def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
             np.concatenate((column, total.col.astype(np.intp))), np.concatenate((value, total.data)))  # fmt: skip
 
 
-def _coupler_rows(tree: Tree, layout: Layout, couplers: Coupled) -> csr_matrix:
-    """Rows of couplers over the unknowns, (couplers, size), scaled to coefficients of order one."""
+def _coupler_rows(tree: Tree, layout: Layout, couplers: Coupled, measured: csr_matrix) -> csr_matrix:
+    """Rows of couplers over the unknowns of ``measured`` (coordinates of cut joints, size), scaled to coefficients of
+    order one.
+    """
     from scipy.sparse import csr_matrix, diags
 
     couplings, (coupler, coefficient) = couplers.terms, couplers.measured
     count, inside = len(couplings.touched), np.flatnonzero(couplings.column >= 0)
     at = (couplings.row[inside], layout.coordinate[couplings.column[inside]])
-    of_tree = csr_matrix((couplings.value[inside], at), shape=(count, layout.size))
+    of_tree = csr_matrix((couplings.value[inside], at), shape=(count, measured.shape[1]))
     coefficients = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(count, len(coupler)))
-    total = of_tree + coefficients @ relative_rows(tree, layout, couplings.measured)
+    total = of_tree + coefficients @ measured
     unit = 2.0 ** np.round(np.log2(couplings.row_scale(tree.length)))
     unit[couplings.largest[1] > 0.0] *= tree.length  # the scale of the multiplier divides by it
     return (diags(unit) @ total).tocsr()

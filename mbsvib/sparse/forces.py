@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.tables import listed
 from mbsvib.core.shift_forms import duals, twists_of
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 from mbsvib.equations.force_paths import carries_nothing, joint_ends
 from mbsvib.equations.spin_terms import momenta
+from mbsvib.errors import ModelError
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.mechanism.topology import FLOATS
@@ -28,8 +30,8 @@ from mbsvib.sparse.draft import with_inerters, with_shared
 from mbsvib.sparse.ports import with_ports
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.spin import of_rotors, with_spin
+from mbsvib.sparse.tableau import FINE, SINGULAR
 from mbsvib.sparse.virtual import virtual_unknowns
-from mbsvib.sparse.virtual_displacements import Release
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.draft import SparseDraft
     from mbsvib.sparse.geometric_stiffness import JointForms, Products
     from mbsvib.sparse.self_stress import Region
+    from mbsvib.sparse.tableau import Factor
 
 
 def with_joint_forces(draft: SparseDraft) -> SparseDraft:
@@ -72,7 +75,6 @@ class VirtualWork:
         for step in (with_shared, with_inerters, with_spin, with_ports):
             forces = step(forces)
         self._forces = forces
-        self._release = Release(draft.structure, draft.layout, draft.closure)
 
     def in_joint(self, number: int, wrench: Array) -> tuple[Array, Array]:
         """Return rows (3, size) of the force or moment in a joint along a wrench, by derivative, and its feedthrough.
@@ -179,31 +181,34 @@ class VirtualWork:
             behind = np.flatnonzero((enter >= enter[body]) & (enter < leave[body]))
             z[layout.displacement[behind]] = sign * ground_motion(direction, self._unknowns.point[:, number],
                                                                   self._centre[behind])  # fmt: skip
-        target = -self._openings(z)
-        if target.any():
-            z[: self._draft.layout.size] += self._release.unknowns(target)
+        opening = _product(self._locked, z)
+        if opening.any():
+            z[: self._draft.layout.size] -= self._closing(opening)
         return z
 
-    def _openings(self, z: Array) -> Array:
-        """Displacements of the locked rows and couplers (locked rows,) in a motion."""
-        closure, result = self._draft.closure, np.zeros(len(self._draft.closure.names))
-        count = len(closure.rows.first)
-        result[:count] = _product(self._locked, z)[:count]
-        if closure.couplers is not None:
-            row, coefficient = closure.couplers.measured
-            np.add.at(result, count + row, coefficient * _product(self._locked, z)[count:])
-        return result
+    def _closing(self, opening: Array) -> Array:
+        """The smallest motion (size,) of the tree with some displacements (multipliers,) of the independent rows."""
+        layout = self._draft.layout
+        right = np.zeros((layout.size, 1))
+        right[layout.multiplier, 0] = opening
+        motion, change = self._kinematics.solve_closely(right, FINE)
+        if change > SINGULAR:
+            loops = listed([name for group in self._draft.closure.groups for name in group.joints])
+            raise ModelError(
+                f"forces in joints of the loops closed by {loops} are not determined to many digits: the constraints "
+                f"nearly depend on each other. Leave these outputs out, or use method='dense'.", field="method",
+            )  # fmt: skip
+        return np.asarray(motion[:, 0])
+
+    @cached_property
+    def _kinematics(self) -> Factor:
+        return self._draft.tableau.with_equal_springs(self._draft.layout)
 
     @cached_property
     def _locked(self) -> csr_matrix:
-        """Relative displacements that cut joints lock, then those that couplers measure, over the unknowns."""
-        closure, rows = self._draft.closure, [self._draft.closure.rows]
-        joint = np.array(self._draft.topology.cut, dtype=np.intp)[closure.loop[: len(rows[0].first)]]
-        if closure.couplers is not None:
-            rows.append(closure.couplers.terms.measured)
-            joint = np.concatenate((joint, closure.couplers.joint))
-        both = Rows.join(rows)
-        return self._unknowns.opened(relative_rows(self._unknowns.tree, self._unknowns.layout, both), both, joint)
+        """Independent locked rows over the unknowns with virtual motions."""
+        draft = self._draft
+        return draft.closure.over_unknowns(draft.structure, draft.layout, self._unknowns)
 
     def _in_region(self, region: Region, step: Array) -> Array:
         """The motion that releases the joints of a region by the compatible part of displacements (6, j)."""

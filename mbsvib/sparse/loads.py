@@ -74,7 +74,7 @@ def _joint_wrenches(
     result[:, joint] = -sign * subtree[:, body]
     result[3:, joint] += crossed_product(position[:, body] - point[:, joint], result[:3, joint])
     if cut is not None:
-        joint = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]]
+        joint = closure.joint
         if closure.couplers is not None:
             joint = np.concatenate((joint, closure.couplers.joint))
         moment = cut.torque + crossed_product(cut.end - point[:, joint], cut.force)

@@ -55,12 +55,10 @@ def check_mobility(topology: Topology, tree: Tree, closure: Constraints, layout:
 
 def _small_motion(tree: Tree, layout: Layout, tableau: Tableau, length: float) -> SmallMotion:
     """A small motion that every loop allows, with every joint on an equal spring."""
-    data = tableau.fixed.copy()
-    data[tableau.diagonal[layout.coordinate]] += 1.0
     right = np.zeros(layout.size)
     # an arbitrary direction, which no symmetry of the mechanism favours
     right[layout.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[layout.coordinate]
-    motion = tableau.factor_data(data).solve(right)
+    motion = tableau.with_equal_springs(layout).solve(right)
     q = motion[layout.coordinate]
     motion *= NEIGHBOUR_STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
     six = np.zeros((6, len(tree.parent) + 1))

@@ -16,17 +16,13 @@ from mbsvib.sparse.galerkin import extended
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.tableau import FINE, SINGULAR
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.sparse.equations import SparseEquations
-
-# If a step of refinement is larger than this share of the solution, the next residual has extended precision.
-FINE = 1e-11
-# If the step after that is still larger than this, the matrix is singular to rounding.
-SINGULAR = 1e-3
 
 
 def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:

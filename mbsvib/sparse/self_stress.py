@@ -30,7 +30,9 @@ from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
 from mbsvib.sparse.rows import paths
-from mbsvib.sparse.virtual_displacements import CONVERGED, STEPS
+
+# Iterative refinement stops when a step changes the solution by less than this; it has so many steps at most.
+CONVERGED, STEPS = 1e-13, 60
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -30,6 +30,10 @@ THRESHOLD_GENERAL = 0.1
 ROUNDED = float(np.finfo(float).eps)
 # One step of refinement recovers the accuracy that threshold pivoting loses.
 REFINEMENTS = 1
+# If a step of refinement is larger than this share of the solution, the next residual has extended precision.
+FINE = 1e-11
+# If the step after that is still larger than this, the matrix is singular to rounding.
+SINGULAR = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,12 @@ class Tableau:
             data = data.copy()
             data[self.diagonal[lock]] += 1.0
         return self.factor_data(data, pivot)
+
+    def with_equal_springs(self, layout: Layout) -> Factor:
+        """Factor the equations of kinematics with an equal spring on every coordinate."""
+        data = self.fixed.copy()
+        data[self.diagonal[layout.coordinate]] += 1.0
+        return self.factor_data(data)
 
     def factor_data(self, data: NDArray[Any], pivot: float | None = None) -> Factor:
         """Factor a matrix on the tableau's pattern, given by its scaled entries."""
