@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mbsvib.api.loops import ClosedLoop
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
 
 
 class Connecting:
@@ -16,7 +16,7 @@ class Connecting:
 
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
-        name: str | None = None,
+        name: str | None = None, noise: bool = False,
     ) -> ClosedLoop | Any:  # fmt: skip
         """Return the closed loop with a controller from sensors to actuators, u = w + K y: positive feedback.
 
@@ -33,6 +33,9 @@ class Connecting:
             that the controller has.
         name : str, optional
             Name of the controller in tables.
+        noise : bool
+            True: more inputs, "SENSOR.noise" [unit of the sensor], which the controller sees beside what is measured,
+            and "ACTUATOR.noise" [unit of the actuator], which acts beside what it commands: u = K (y + n) + d.
 
         Returns
         -------
@@ -44,6 +47,8 @@ class Connecting:
         ResponseError
             If a name is unknown, shapes do not match, or a discrete controller has no sample time or a pole at z = -1.
         """
-        from mbsvib.feedback.closed_loop import feedback
+        from mbsvib.api.loops import ClosedLoop
+        from mbsvib.feedback.closed_loop import connected
+        from mbsvib.feedback.loop import LoopPlant
 
-        return feedback(self, controller, sensors, actuators, name)
+        return connected(LoopPlant(self), controller, sensors, actuators, name, ClosedLoop, noise)

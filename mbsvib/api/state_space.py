@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing_space import ReducibleSpace
+from mbsvib.random.verbs import RandomVerbs
 from mbsvib.responses import state_space
 
 
-class StateSpace(Connecting, ReducibleSpace, state_space.StateSpace):
+class StateSpace(Connecting, ReducibleSpace, RandomVerbs, state_space.StateSpace):
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
     ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except

@@ -15,6 +15,7 @@ from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop import LoopPlant, Resolution
 from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
+from mbsvib.feedback.noise import with_noise
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.linalg.rank import EPS
@@ -236,23 +237,22 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
     return form(plant, controllers, united(*(c.inputs for c in controllers)), united(*(c.outputs for c in controllers)))
 
 
-def feedback(
-    system: Any, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
-) -> ClosedLoop | SampledLoop:
-    """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
+def connected(
+    plant: LoopPlant, controller: Any, sensors: Names, actuators: Names, name: str | None,
+    form: type[ClosedLoop] = ClosedLoop, noise: bool = False,
+) -> ClosedLoop | SampledLoop:  # fmt: skip
+    """Return a plant with a controller that feeds outputs back to inputs, u = w + K y.
 
     ``controller``: from sensors to actuators; an array has the shape (actuators, sensors); one of python-control in
     discrete time makes a sampled loop. ``sensors``, ``actuators``: names or patterns of outputs and inputs; default:
-    the names that the controller has. ``name``: name of the controller in tables.
+    the names that the controller has. ``name``: name of the controller in tables. ``noise``: whether the loop has the
+    noise of sensors and actuators as inputs.
     """
-    return connected(LoopPlant(system), controller, sensors, actuators, name)
-
-
-def connected(
-    plant: LoopPlant, controller: Any, sensors: Names, actuators: Names, name: str | None,
-    form: type[ClosedLoop] = ClosedLoop,
-) -> ClosedLoop | SampledLoop:  # fmt: skip
-    """Return a plant with one controller, in discrete time if the controller is; arguments as in ``feedback``."""
     period = sample_time(controller) if of_control(controller) else None
-    loop = close(plant, as_controller(controller, plant.system, sensors, actuators, name, period), form=form)
+    law = as_controller(controller, plant.system, sensors, actuators, name, period)
+    if noise:
+        noisy, law = with_noise(plant, law)
+        loop = replace(close(noisy, law, form=form), selection=(plant.system.outputs, noisy.system.inputs))
+    else:
+        loop = close(plant, law, form=form)
     return loop if period is None else loop.sampled(1.0 / period)

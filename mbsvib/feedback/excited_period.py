@@ -122,9 +122,8 @@ def steady_state(loop: SampledEquations, w: Array, shown: list[int], sources: li
                             f"{loop.rate:g} Hz, and beyond {loop.rate / EPS:g} rad/s rounding of "
                             f"omega is more than a turn in a period.")  # fmt: skip
     at = period(loop, shown, sources)
-    excited = _excited(at, np.zeros(1))
-    slow, none = excited.base - np.eye(len(excited.base)) + excited.change, np.empty((len(excited.base), 0))
-    solver, of_a = first_order_solver(slow, none, none.T, loop.name), spectrum(slow)
+    solver, slow = _slow_solver(loop, at)
+    of_a = spectrum(slow)
     size = len(slow) * (len(shown) + len(sources)) + len(shown) * len(sources)
     batch = max(1, BATCH_BYTES // (64 * max(1, size)))
 
@@ -162,10 +161,7 @@ def _excited(at: Period, w: Array | Complex) -> Excited:
 def _at(at: Period, solver: FirstOrderSolver, w: Array | Complex) -> SteadyState:
     """The response at some frequencies (n,), complex ones too."""
     excited, rate = _excited(at, w), 1.0 / (at.waiting + at.rest)
-    scale = np.ldexp(1.0, solver.power)[:, None, None]
-    x: Complex = np.empty_like(excited.driven)
-    for part, solution in solver.states(np.expm1(1j * w / rate), w, excited.driven / scale):
-        x[:, :, part] = scale * solution
+    x = _states(at, solver, excited, w)
     seen, (rows, through) = excited.seen.transpose(1, 0, 2), at.demand
     outputs = rate * (_each(seen, x) + excited.direct)
     terms = rate * (np.einsum("osn,sin->oin", np.abs(seen), np.abs(x)) + np.abs(excited.direct))
@@ -173,6 +169,27 @@ def _at(at: Period, solver: FirstOrderSolver, w: Array | Complex) -> SteadyState
         np.concatenate((product(rows, x) + through[:, :, None], outputs)),
         np.concatenate((product(np.abs(rows), np.abs(x)) + np.abs(through)[:, :, None], terms)),
     )
+
+
+def _states(at: Period, solver: FirstOrderSolver, excited: Excited, w: Array | Complex) -> Complex:
+    """The states (states, inputs, n) before the sample at t = 0."""
+    scale = np.ldexp(1.0, solver.power)[:, None, None]
+    x: Complex = np.empty_like(excited.driven)
+    for part, solution in solver.states(np.expm1(1j * w * (at.waiting + at.rest)), w, excited.driven / scale):
+        x[:, :, part] = scale * solution
+    return x
+
+
+def excited_states(loop: SampledEquations, at: Period, w: Array) -> Complex:
+    """Return the states (states, inputs, n) of a loop before the sample at t = 0 under inputs exp(i omega t)."""
+    return _states(at, _slow_solver(loop, at)[0], _excited(at, w), w)
+
+
+def _slow_solver(loop: SampledEquations, at: Period) -> tuple[FirstOrderSolver, Array]:
+    """The solver of a period less 1, and its matrix."""
+    excited = _excited(at, np.zeros(1))
+    slow, none = excited.base - np.eye(len(excited.base)) + excited.change, np.empty((len(excited.base), 0))
+    return first_order_solver(slow, none, none.T, loop.name), slow
 
 
 def _on_circle(

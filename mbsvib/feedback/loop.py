@@ -26,9 +26,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LoopPlant:
-    """A system, or a state space, whose outputs are sensors and whose inputs are actuators."""
+    """A system, or a state space, whose outputs are sensors and whose inputs are actuators.
+
+    With noise of sensors and actuators as inputs, ``without_noise`` is the plant without these and ``gathered`` are the
+    numbers of its outputs and inputs among which those of ``system`` are, -1 for the noise of a sensor.
+    """
 
     system: Any
+    without_noise: Any = field(default=None, repr=False, kw_only=True)
+    gathered: tuple[list[int], list[int]] | None = field(default=None, repr=False, kw_only=True)
+
+    @property
+    def source(self) -> Any:
+        """The plant without inputs of noise."""
+        return self.system if self.without_noise is None else self.without_noise
 
     @cached_property
     def space(self) -> StateSpace:

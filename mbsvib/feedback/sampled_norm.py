@@ -1,7 +1,8 @@
-"""H2 norm of loops with discrete-time controllers: the rms under white noise, between samples as well."""
+"""Loops with discrete-time controllers under white noise: mean squares between samples as well, and the H2 norm."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from mbsvib.linalg.spectrum import outside
 from mbsvib.responses.norms import pole_words
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array
     from mbsvib.feedback.sampled_equations import SampledEquations
 
@@ -21,48 +24,56 @@ LONGEST = 60  # doublings, after which a pole that is less than 1 by a rounding 
 
 
 class Stretch(NamedTuple):
-    """A stretch of time or an event: x+ = E x + noise.
+    """A stretch of time or an event: x+ = E x + noise, for s sources of white noise and o outputs.
 
-    ``transition`` E (after, before); ``noise`` (after, after) covariance of what white noise adds; ``weight`` (before,
-    before), so that x^T weight x is the integral of y^T y without noise; ``own`` the integral of the variance of y that
-    noise within the stretch causes.
+    ``transition`` E (after, before); ``noise`` (s, after, after) covariance of what each source adds; ``weight`` (o,
+    before, before), so that x^T weight x is the integral of y^2 without noise; ``own`` (o, s) the integral of the
+    variance of y that noise within the stretch causes.
     """
 
     transition: Array
     noise: Array
     weight: Array
-    own: float
-
-    @classmethod
-    def event(cls, transition: Array, _inputs: Array) -> Stretch:
-        """Return a change of the state that takes no time; no input acts at that moment."""
-        after, before = transition.shape
-        return cls(transition, np.zeros((after, after)), np.zeros((before, before)), 0.0)
+    own: Array
 
     def then(self, other: Stretch) -> Stretch:
         """Return both in a row."""
         e, f = self.transition, other.transition
+        between = np.tensordot(other.weight, self.noise, axes=((1, 2), (1, 2)))
         return Stretch(f @ e, f @ self.noise @ f.T + other.noise, self.weight + e.T @ other.weight @ e,
-                       self.own + other.own + float(np.sum(other.weight * self.noise)))  # fmt: skip
+                       self.own + other.own + between)  # fmt: skip
 
 
-def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float) -> Stretch:
+def event(transition: Array, inputs: Array, outputs: int, intensities: Array, together: bool) -> Stretch:
+    """Return a change of the state that takes no time, at which noise of some variances (s,) is sampled."""
+    before = transition.shape[1]
+    sampled = _outer((inputs * np.sqrt(intensities)).T, together)
+    return Stretch(transition, sampled, np.zeros((outputs, before, before)), np.zeros((outputs, len(sampled))))
+
+
+def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float, together: bool) -> Stretch:
     """Return the motion x' = A x + B w,  y = C x under white noise w over a time [s].
 
-    noise = integral of exp(A s) B B^T exp(A^T s),  weight = integral of exp(A^T s) C^T C exp(A s),
-    own = integral of (t - s) tr(C exp(A s) B B^T exp(A^T s) C^T), over s from 0 to a short time t, which is doubled
-    until it is the whole time
+    noise = integral of exp(A s) b b^T exp(A^T s),  weight = integral of exp(A^T s) c^T c exp(A s),
+    own = integral of (t - s) (c exp(A s) b)^2, over s from 0 to a short time t, which is doubled until it is the whole
+    time; ``together``: of all sources and of all outputs in one
     """
     from scipy.linalg import expm
 
     doublings, step, nodes, shares = short_time(time, float(np.linalg.norm(a, 2)))
-    noise, weight, own = np.zeros_like(a), np.zeros_like(a), 0.0
+    noise, weight, own = 0.0, 0.0, 0.0
     for s, share in zip(nodes, shares, strict=True):
         turn = expm(a * s)
         reached, seen = turn @ b, c @ turn
-        noise, weight = noise + share * reached @ reached.T, weight + share * seen.T @ seen
-        own += share * (step - s) * float(np.sum((c @ reached) ** 2))
-    return doubled(Stretch(expm(a * step), noise, weight, own), doublings)
+        noise, weight = noise + share * _outer(reached.T, together), weight + share * _outer(seen, together)
+        squares = (c @ reached) ** 2
+        own = own + share * (step - s) * (np.array([[squares.sum()]]) if together else squares)
+    return doubled(Stretch(expm(a * step), np.asarray(noise), np.asarray(weight), np.asarray(own)), doublings)
+
+
+def _outer(rows: Array, together: bool) -> Array:
+    """Products row^T row (rows, n, n), or their sum (1, n, n)."""
+    return (rows.T @ rows)[None] if together else rows[:, :, None] * rows[:, None]
 
 
 def h2_norm(loop: SampledEquations) -> float:
@@ -70,7 +81,6 @@ def h2_norm(loop: SampledEquations) -> float:
 
     ||G||^2 = (tr(weight P) + own) / h,  P = E P E^T + noise
 
-    P is the noise accumulated over so many periods that older noise has decayed; their number is doubled from one on.
     Poles that do not decay are left out if the outputs do not show what noise does to them.
 
     Source: Bamieh & Pearson, Syst. Control Lett. 19 (1992) 1: the H2 problem for sampled-data systems.
@@ -84,28 +94,53 @@ def h2_norm(loop: SampledEquations) -> float:
             raise ResponseError(f"H2 norm of '{loop.name}': input '{system.inputs[sources[i]]}' {why} "
                                 f"'{system.outputs[rows[o]]}', so that the norm is infinite. Choose displacements or "
                                 f"velocities, and other inputs: outputs=[...], inputs=[...].")  # fmt: skip
-    interval = _decaying(period(loop, shown, sources).composed(Stretch.event, free_motion), loop)
+    return float(np.sqrt(mean_squares(loop, np.zeros(len(sources)), together=True).sum()))
+
+
+def mean_squares(loop: SampledEquations, intensities: Array, together: bool = False) -> Array:
+    """Return the mean squares (outputs, sources) of a stable loop under white noises of unit intensity, averaged over a
+    period h; infinite where an output shows what a source does to poles that do not decay.
+
+    (tr(weight P) + own) / h,  P = E P E^T + noise
+
+    P is the noise accumulated over so many periods that older noise has decayed; their number is doubled from one on.
+
+    ``intensities`` (sources,): variances of those that are sampled sequences, 0 of others, which sampling must not meet
+    directly. ``together``: of all sources and all outputs in one sum, refused if it is infinite.
+    """
+    shown, sources = loop.selected_ports
+    part = period(loop, shown, sources)
+    outputs = 1 if together else len(shown)
+    whole = part.composed(partial(event, outputs=outputs, intensities=intensities, together=together),
+                          partial(free_motion, together=together))  # fmt: skip
+    interval, infinite = _decaying(whole, loop, together)
     lasting = interval
     for _ in range(LONGEST):
         if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:
             break
         lasting = lasting.then(lasting)
-    total = float(np.sum(interval.weight * lasting.noise)) + interval.own
-    return float(np.sqrt(max(0.0, total * loop.rate)))
+    total = np.tensordot(interval.weight, lasting.noise, axes=((1, 2), (1, 2))) + interval.own
+    return np.where(infinite, np.inf, np.maximum(0.0, total * loop.rate))
 
 
-def _decaying(interval: Stretch, loop: SampledEquations) -> Stretch:
-    """The part of a period that decays; refused if the rest grows or is in the norm."""
+def _decaying(interval: Stretch, loop: SampledEquations, refuse: bool) -> tuple[Stretch, NDArray[np.bool_]]:
+    """The part of a period that decays, and which outputs show what which sources do to the rest (o, s); refused if
+    that grows.
+    """
     e, noise, weight, own = interval
-    parts = separated(e, noise, weight, outside)
+    s, o, n = len(noise), len(weight), len(e)
+    infinite = np.zeros((o, s), dtype=bool)
+    parts = separated(e, noise.transpose(1, 0, 2).reshape(n, s * n), weight.reshape(o * n, n), outside)
     for group in parts.lasting:
         z, errors = group.part.poles, group.part.errors[0]
-        if group.shown.any() or (np.abs(z) > 1.0 + errors).any():
+        if (refuse and group.shown.any()) or (np.abs(z) > 1.0 + errors).any():
             k = int(z.imag.argmax())
             pole = 0j if abs(z[k] - 1.0) <= errors[k] else complex(loop.rate * np.log(z[k]))
-            raise ResponseError(f"H2 norm of '{loop.name}': {pole_words(pole)} does not decay, so that the norm is "
+            what = "H2 norm" if refuse else "mean squares"
+            raise ResponseError(f"{what} of '{loop.name}': {pole_words(pole)} does not decay, so that the norm is "
                                 f"infinite. Give it damping, or change the controller.")  # fmt: skip
+        infinite |= group.shown.reshape(o, n, s, n).any(axis=(1, 3))
     if not parts.lasting:
-        return interval
+        return interval, infinite
     rest = parts.decaying
-    return Stretch(rest.a, rest.left @ noise @ rest.left.T, rest.right.T @ weight @ rest.right, own)
+    return Stretch(rest.a, rest.left @ noise @ rest.left.T, rest.right.T @ weight @ rest.right, own), infinite

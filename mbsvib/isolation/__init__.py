@@ -3,6 +3,8 @@
 study      transmissibility, compliance and derived figures; ``.under(spectra)`` the vibration under base noise
 white, shaped, table      power spectral densities of the base's acceleration
 vc_curve   vibration criteria VC-A to VC-G
+vc_spectrum, seismic_spectrum, road_spectrum      densities of floors, of the seismic background, of roads
+iso_2631, moving_average, moving_deviation, integrated        weightings of outputs under noise
 actuated   actuators and sensors in the legs; ``.with_gains(controller)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      controllers
 collocation, root_locus, force_feedback_optimum, structured_singular_values      analysis of controllers
@@ -20,7 +22,6 @@ from mbsvib.isolation.design import Design, Front
 from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
 from mbsvib.isolation.isolation_study import Isolation, study
 from mbsvib.isolation.maxwell_parts import unfolded
-from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
@@ -29,15 +30,19 @@ from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
+from mbsvib.random.base_noise import BaseNoise
+from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_spectrum
+from mbsvib.random.octaves import vc_curve
+from mbsvib.random.weights import Integrated, Window, integrated, iso_2631, moving_average, moving_deviation
 from mbsvib.responses.densities import Shaped, Table, shaped, table, white
-from mbsvib.responses.power_spectra import BaseNoise
 
 __all__ = [
-    "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",
-    "Passive", "Platform", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated",
-    "collocation", "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "platform",
-    "ring", "root_locus", "shaped", "skyhook", "structured_singular_values", "struts", "study", "table", "unfolded",
-    "vc_curve", "velocity_feedback", "white",
+    "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Integrated", "Isolation",
+    "Margins", "Pair", "Passive", "Platform", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration",
+    "Window", "actuated", "collocation", "controller", "force_feedback", "force_feedback_optimum", "hinf",
+    "integrated", "iso_2631", "lqg", "moving_average", "moving_deviation", "passive", "platform", "ring",
+    "road_spectrum", "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts",
+    "study", "table", "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
 ]  # fmt: skip
 
 

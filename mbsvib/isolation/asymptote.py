@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.linalg.balancing import scaled
-from mbsvib.responses.feedthrough import entry_sizes, feedthrough
+from mbsvib.random.direct import direct, without_rounding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.linear import Linear
 
-# A Markov parameter below this share of the sum of its terms' magnitudes is rounding: sums over a hundred motions lose
-# two or three of sixteen digits.
-ROUNDING = 1e-12
 STEEPEST = 12  # maximum order: a response that falls faster is rounding where the asymptote holds
 AFTER = 2  # parameters after the leading one, from which the start of the asymptote follows
 
@@ -61,35 +58,6 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
     return Asymptote(order, sizes[0] * unit**order, start * unit)
 
 
-def without_rounding(value: Array, terms: Array) -> Array:
-    """Return a sum, with zeros where it is rounding of its terms; ``terms`` is the sum of their magnitudes."""
-    return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
-
-
-def direct(linear: Linear) -> Array:
-    """Return the feedthrough H0 (outputs, inputs), D of the first-order equations, with zeros where it is rounding."""
-    if isinstance(linear, System):
-        return _direct(linear)
-    plant, gain, (y, u) = _direct(linear.open_loop), linear.law.D, linear.ports
-    back = np.linalg.inv(np.eye(len(u)) - gain @ plant[np.ix_(y, u)]) @ gain
-    value = plant + plant[:, u] @ back @ plant[y]
-    return without_rounding(value, np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y]))
-
-
-def _direct(system: System) -> Array:
-    if not system.massless:
-        return feedthrough(system)
-    space, m = system.state_space(), system.dof
-    rate = space.transform[m:]
-    scale = np.sqrt(np.einsum("ik,ij,jk->k", rate, system.M, rate))  # states of one kinetic energy
-    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
-    terms = np.abs(system.D) + np.abs(system.Ca) @ (np.abs(rate) @ np.abs(space.B))
-    terms += entry_sizes(system.Ca @ rate, inverse) @ entry_sizes(space.B.T, scale).T
-    if space.through is not None:
-        terms += np.abs(system.Cv) @ np.abs(space.through[m:])
-    return without_rounding(space.D, terms)
-
-
 def _second_order(system: System, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
     """Markov parameters of M q'' + C q' + K q = B u with time in 1/``unit`` [s], zeros where they are rounding.
 
@@ -104,7 +72,7 @@ def _second_order(system: System, into: list[int], out: list[int], unit: float) 
     b = system.B[:, into]
     none = np.zeros_like(b), np.zeros_like(b)
     yield direct(system)[np.ix_(out, into)]
-    # by the number of damper factors: motions, and their rounding errors, in parts of ROUNDING
+    # by the number of damper factors: motions, and their rounding errors, in parts of ZERO_MARKOV
     motions: list[dict[int, tuple[Array, Array]]] = [{}, {0: (inverse @ b, rounding @ np.abs(b))}]
     while True:
         before, last = motions[-2:]

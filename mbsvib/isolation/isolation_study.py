@@ -17,8 +17,8 @@ from mbsvib.isolation.linear import numbers
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.random.base_noise import base_noise
 from mbsvib.responses import extrema
-from mbsvib.responses.power_spectra import base_noise
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

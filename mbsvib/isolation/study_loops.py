@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.feedback import closed_loop, sampled
+from mbsvib.api import loops
+from mbsvib.feedback import closed_loop
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.isolation.isolation_study import figures
 
@@ -43,11 +44,11 @@ class StudyFigures(FeedbackLoop):
         return figures(self.plant.scene, self, frequencies)
 
 
-class SampledLoop(StudyFigures, sampled.SampledLoop):
+class SampledLoop(StudyFigures, loops.SampledLoop):
     """A closed loop of a study whose controllers run in discrete time."""
 
 
-class ClosedLoop(StudyFigures, closed_loop.ClosedLoop):
+class ClosedLoop(StudyFigures, loops.ClosedLoop):
     """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces."""
 
     sampled_form = SampledLoop

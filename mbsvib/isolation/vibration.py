@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,23 +11,22 @@ import numpy as np
 from mbsvib.common.csv_columns import write_columns
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
-from mbsvib.errors import ResponseError
-from mbsvib.isolation import octaves
-from mbsvib.isolation.linear import responses
-from mbsvib.isolation.mean_square import integrals, moments, panels
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
-from mbsvib.responses.densities import Shaped
-from mbsvib.responses.power_spectra import BaseNoise
+from mbsvib.random import octaves
+from mbsvib.random.base_noise import base_sources
+from mbsvib.random.budget import random
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Mapping
     from pathlib import Path
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Figures
+    from mbsvib.random.base_noise import BaseNoise
+    from mbsvib.random.mean_squares import Random
 
 # Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
 # what rounding leaves of their squares.
@@ -50,7 +49,7 @@ class Vibration(Displayed):
     stroke: Mapping[str, float]
     force: Mapping[str, float]
     exact: bool
-    _inputs: tuple[str, ...] = field(repr=False, default=())
+    _random: Random = field(repr=False)
 
     def cumulative(self, frequencies: ArrayLike | None = None) -> Array:
         """Return the cumulative root mean square acceleration: what frequencies from the first one on contribute.
@@ -71,16 +70,7 @@ class Vibration(Displayed):
             If frequencies do not ascend.
         """
         f = hertz(self.study.frequencies if frequencies is None else frequencies)
-        low, high = _span(self.noise, self.band, float(f[-1]))
-        inside = np.clip(f, low, high)
-        return np.sqrt(self._below(inside, (low, high)))
-
-    def _below(self, frequencies: Array, band: tuple[float, float], power: int = 0) -> Array:
-        """Mean squares (6, n) of what a band contributes below frequencies in it [Hz]; ``power``: of ``integrals``."""
-        ends = panels(self.study.linear, self.noise, band, frequencies)
-        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends, power)
-        total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
-        return np.asarray(total[:, np.searchsorted(ends, frequencies)])
+        return np.asarray(np.sqrt(self._random.below(f)[:6].sum(axis=1)))
 
     def density(self, frequencies: ArrayLike | None = None) -> Array:
         """Return the one-sided power spectral density of the body's acceleration.
@@ -96,8 +86,7 @@ class Vibration(Displayed):
             Densities [(m/s^2)^2/Hz, (rad/s^2)^2/Hz].
         """
         f = hertz(self.study.frequencies if frequencies is None else frequencies)
-        g = responses(self.study.linear, 2.0 * np.pi * f, ACCELERATIONS, self._inputs)
-        return np.asarray(np.einsum("oin,nij,ojn->on", g, self.noise.at(f), g.conj()).real)
+        return np.asarray(self._random.densities(f)[:6].sum(axis=1))
 
     def velocity(self, centres: ArrayLike | None = None) -> Array:
         """Return the root mean square velocity of the body in one-third octaves.
@@ -114,12 +103,8 @@ class Vibration(Displayed):
         """
         middle = octaves.centres() if centres is None else hertz(centres)
         limits = octaves.edges(middle)
-        if self.band is not None:
-            limits = np.clip(limits, *self.band)
-        if limits[0] == limits[-1]:
-            return np.zeros((6, len(middle)))
-        below = self._below(limits, (float(limits[0]), float(limits[-1])), power=-2)
-        return np.sqrt(np.maximum(np.diff(below, axis=1), 0.0))
+        squares = self._random.below(limits, lambda f: (2.0 * np.pi * f) ** -2.0, float(limits[0]))[:6].sum(axis=1)
+        return np.asarray(np.sqrt(np.maximum(np.diff(squares, axis=1), 0.0)))
 
     @cached_property
     def criterion(self) -> str:
@@ -191,42 +176,12 @@ def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None
     """Return root mean squares of a study's body, strokes and forces over a ``band`` [Hz]; None: all frequencies."""
     legs = study.scene.legs
     outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]
-    inputs = tuple([f"base.{direction}" for direction in noise.directions])
-    if band is not None:
-        band = float(band[0]), float(band[1])
-    square, exact = _squares(study, inputs, outputs, noise, band)
-    root = np.sqrt(square)
+    under = random(study.linear, base_sources(noise), outputs, band, None, None)
+    exact = under.exact
+    if (not exact and not noise.unbounded) or band is not None:
+        under.check_finite()
+    root = np.sqrt(under.mean_squares().total)
     k = len(legs)
     names = [leg.name for leg in legs]
-    return Vibration(study, noise, band, root[:6], dict(zip(names, root[6 : 6 + k].tolist(), strict=True)),
-                     dict(zip(names, root[6 + k :].tolist(), strict=True)), exact, inputs)  # fmt: skip
-
-
-def _squares(
-    study: Figures, inputs: tuple[str, ...], outputs: list[str], noise: BaseNoise, band: tuple[float, float] | None
-) -> tuple[Array, bool]:
-    linear = study.linear
-    if band is None and noise.unbounded:
-        if noise.filters is not None:
-            return moments(linear, inputs, outputs, noise.filters, noise.correlation.real), True
-        if not np.array_equal(noise.correlation, np.eye(len(inputs))):
-            raise ResponseError("rms: correlated noise of different shapes has no moments in closed form; give a band, "
-                                "(first, last) [Hz], over which it is integrated.")  # fmt: skip
-        total = np.zeros(len(outputs))
-        for i, spectrum in enumerate(noise.spectra):
-            single = replace(noise, directions=noise.directions[i : i + 1], spectra=(spectrum,),
-                             correlation=np.eye(1, dtype=complex))  # fmt: skip
-            total += _squares(study, inputs[i : i + 1], outputs, single, None)[0]
-        return total, False
-    ends = panels(linear, noise, _span(noise, band, 0.0))
-    return integrals(linear, inputs, outputs, noise, ends).sum(axis=1), False
-
-
-def _span(noise: BaseNoise, band: tuple[float, float] | None, last: float) -> tuple[float, float]:
-    """The band, or that of the tables; of noise without a last frequency up to ``last``."""
-    if band is not None:
-        return band
-    breaks: NDArray[np.float64] = noise.breaks
-    if all(not isinstance(spectrum, Shaped) for spectrum in noise.spectra):
-        return float(breaks[0]), float(breaks[-1])
-    return 0.0, max(last, float(breaks[-1]) if len(breaks) else 0.0)
+    return Vibration(study, noise, under.band, root[:6], dict(zip(names, root[6 : 6 + k].tolist(), strict=True)),
+                     dict(zip(names, root[6 + k :].tolist(), strict=True)), exact, under)  # fmt: skip

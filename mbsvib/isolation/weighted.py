@@ -9,14 +9,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mbsvib.feedback.integrand import DENSE, response, solved
-from mbsvib.studies.responses import PortResponses, quadrature
+from mbsvib.random.base_noise import base_sources
+from mbsvib.studies.responses import PortResponses, nodes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.power_spectra import BaseNoise
+    from mbsvib.random.base_noise import BaseNoise
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.studies.dual import Dual
     from mbsvib.studies.evaluation import DesignPoint
@@ -150,9 +151,10 @@ class MeanSquares:
         return point.dual(self._last[2][rows], self._last[3][rows])
 
     def _computed(self, point: DesignPoint) -> tuple[Array, Array]:
-        f, weight = quadrature(point.system, PortResponses(self.outputs, self.inputs), self.noise, self.band)
+        known = base_sources(self.noise)
+        f, weight = nodes(point.system, self.outputs, known, self.band)
         g, slope = _by_laws(point, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
         # (G S) of each output, conjugated: the other half of the square
-        half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()
+        half = np.einsum("oin,nij,n->ojn", g, known.matrix(f), weight, optimize=True).conj()
         value = np.einsum("ojn,ojn->o", half, g).real
         return value, 2.0 * np.einsum("ojn,pojn->po", half, slope, optimize=True).real.T

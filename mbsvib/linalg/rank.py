@@ -180,3 +180,10 @@ ZERO_RIGID_FORM_BY_MATRICES = 1e-8
 ZERO_FACTOR = 1e-15
 # Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
 SAME_TRANSPOSE = 1e-12
+# A correlation matrix typed with so many digits may be indefinite by its rounding.
+SEMIDEFINITE = 1e-9
+# Its diagonal is 1 to so many digits.
+UNIT_CORRELATION = 1e-12
+# A Markov parameter or feedthrough below this share of the sum of its terms' magnitudes is rounding: sums over a
+# hundred motions lose two or three of sixteen digits.
+ZERO_MARKOV = 1e-12

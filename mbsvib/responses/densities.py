@@ -1,4 +1,8 @@
-"""Power spectral densities: tables, and white noise through filters."""
+"""Power spectral densities: tables, white noise through filters, and functions of the frequency.
+
+All are one-sided and per Hz: the mean square is their integral from 0 to infinity. ``unit`` is that of the signal,
+where it is known.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,8 @@ from mbsvib.linalg.rank import DECAYS
 from mbsvib.responses.realized import realized
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
@@ -26,6 +32,24 @@ class Table(Displayed):
 
     frequencies: Array
     values: Array
+    unit: str = ""
+
+    filter = None
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of a filter [1/s], none."""
+        return np.zeros(0, dtype=complex)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency [Hz] at which there is noise."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def breaks(self) -> Array:
+        """Frequencies [Hz] at which it is not smooth."""
+        return self.frequencies
 
     def at(self, frequencies: Array) -> Array:
         """Return the density.
@@ -56,6 +80,37 @@ class Shaped(Displayed):
     b: Array
     c: Array
     d: float
+    unit: str = ""
+
+    @property
+    def filter(self) -> Shaped:
+        """Itself: its mean squares are exact by a Lyapunov equation."""
+        return self
+
+    def alike(self, other: Shaped) -> bool:
+        """Return whether another filter is the same, the level aside.
+
+        Parameters
+        ----------
+        other : Shaped
+            The other one.
+
+        Returns
+        -------
+        bool
+            Whether A, B, C and D are equal.
+        """
+        return all(np.array_equal(getattr(self, part), getattr(other, part)) for part in "abcd")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency [Hz] at which there is noise."""
+        return 0.0, np.inf
+
+    @property
+    def breaks(self) -> Array:
+        """Frequencies [Hz] at which it is not smooth, none."""
+        return np.zeros(0)
 
     def at(self, frequencies: Array) -> Array:
         """Return the density.
@@ -70,17 +125,94 @@ class Shaped(Displayed):
         array, shape (n,)
             One-sided densities.
         """
-        f = np.asarray(frequencies, dtype=float)
+        return np.asarray(self.level * np.abs(self.response(2j * np.pi * np.asarray(frequencies, dtype=float))) ** 2)
+
+    def response(self, s: Complex) -> Complex:
+        """Return the transfer function of the filter.
+
+        Parameters
+        ----------
+        s : array, shape (n,)
+            Points [1/s].
+
+        Returns
+        -------
+        array, shape (n,)
+            H(s).
+        """
         if not len(self.a):
-            return np.full_like(f, self.level * self.d**2)
-        s = 2j * np.pi * f[..., None, None]
-        h = (self.c @ np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b))[..., 0, 0] + self.d
-        return np.asarray(self.level * np.abs(h) ** 2)
+            return np.full(np.shape(s), self.d, dtype=complex)
+        x = np.linalg.solve(s[..., None, None] * np.eye(len(self.a)) - self.a, self.b)
+        return np.asarray((self.c @ x)[..., 0, 0] + self.d)
 
     @property
     def poles(self) -> Complex:
         """Poles of the filter [1/s]."""
         return np.linalg.eigvals(self.a).astype(complex) if len(self.a) else np.zeros(0, dtype=complex)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Density(Displayed):
+    """A density by a ``function`` of the frequencies (n,) [Hz], at all of them."""
+
+    function: Callable[[Array], ArrayLike]
+    name: str = "density"
+    unit: str = ""
+
+    filter = None
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of a filter [1/s], none."""
+        return np.zeros(0, dtype=complex)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency [Hz] at which there may be noise."""
+        return 0.0, np.inf
+
+    @property
+    def breaks(self) -> Array:
+        """Frequencies [Hz] at which it is known not to be smooth, none."""
+        return np.zeros(0)
+
+    def at(self, frequencies: Array) -> Array:
+        """Return the density.
+
+        Parameters
+        ----------
+        frequencies : array, shape (n,)
+            Frequencies [Hz].
+
+        Returns
+        -------
+        array, shape (n,)
+            One-sided densities.
+
+        Raises
+        ------
+        ResponseError
+            If the function returns another shape, or what no density is.
+        """
+        f = np.asarray(frequencies, dtype=float)
+        result = np.asarray(self.function(f), dtype=float)
+        if result.shape != f.shape:
+            raise ResponseError(f"{self.name}: the function returns the shape {result.shape} for {len(f)} frequencies; "
+                                f"expected one density for each, ({len(f)},).")  # fmt: skip
+        wrong = np.flatnonzero(~(np.isfinite(result) & (result >= 0.0)))
+        if len(wrong):
+            raise ResponseError(f"{self.name}: the function returns {result[wrong[0]]:g} at {f[wrong[0]]:g} Hz; "
+                                f"expected a finite density, no less than 0.")  # fmt: skip
+        return result
+
+
+def density(value: Any, name: str) -> Table | Shaped | Density:
+    """Return a density of a number (white noise), of pairs (frequency [Hz], density), of a function, or as it is."""
+    if isinstance(value, (Table, Shaped, Density)):
+        return value
+    if isinstance(value, (int, float, np.floating, np.integer)):
+        return white(density_level(value, name))
+    return Density(value, name) if callable(value) else table(value, name)
 
 
 def white(level: float) -> Shaped:

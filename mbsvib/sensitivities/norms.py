@@ -95,12 +95,12 @@ def h2_norm(
         return Norm(value)
     slopes, k = np.zeros(len(names)), base.first
     parts = separated(base.A, base.B, base.C)
-    p, q = _gramians(parts)
+    p, q = gramians(parts)
     state, force, observed = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
     for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * observed).sum(axis=(1, 2))
-        infinite = dd.any(axis=(1, 2)) | _appears(parts, base.first, da, db, dc)
+        infinite = dd.any(axis=(1, 2)) | hidden_appear(parts, base.first, da, db, dc)
         slopes[which] = np.where(infinite, np.inf, total / value if value else total)
     return Norm(value, names, slopes)
 
@@ -136,21 +136,26 @@ def _space(basis: Basis, ports: tuple[list[int], list[int]]) -> StateSpace:
     return space.with_ports([system.outputs[k] for k in o], [system.inputs[k] for k in i])
 
 
-def _gramians(parts: Separation) -> tuple[Array, Array]:
-    """Gramians P and Q in the states x; of groups of poles that no response contains only the parts with all others.
+def gramians(parts: Separation, weight: Array | None = None) -> tuple[Array, Array]:
+    """Return Gramians P and Q in the states x; of groups of poles that no response contains only the parts with all
+    others.
+
+    ``weight`` W (inputs, inputs): A P + P A^T + B W B^T = 0; default: 1.
     """
     rest, hidden = parts.minimal, [group.part for group in parts.lasting if not group.shown.any()]
-    p = rest.right @ solve_continuous_lyapunov(rest.a, -rest.b @ rest.b.T) @ rest.right.T
+    driven = rest.b if weight is None else rest.b @ weight
+    p = rest.right @ solve_continuous_lyapunov(rest.a, -driven @ rest.b.T) @ rest.right.T
     q = rest.left.T @ solve_continuous_lyapunov(rest.a.T, -rest.c.T @ rest.c) @ rest.left
     for group in hidden:
-        cross = group.right @ solve_sylvester(group.a, rest.a.T, -group.b @ rest.b.T) @ rest.right.T
+        cross = group.right @ solve_sylvester(group.a, rest.a.T, -group.b @ driven.T) @ rest.right.T
         dual = group.left.T @ solve_sylvester(group.a.T, rest.a, -group.c.T @ rest.c) @ rest.left
         p, q = p + cross + cross.T, q + dual + dual.T
     return p, q
 
 
-def _appears(parts: Separation, first: int, da: Array, db: Array, dc: Array) -> NDArray[np.bool_]:
-    """Whether each change, of rows of A and B from the ``first`` on and of C, shows poles that no response contains.
+def hidden_appear(parts: Separation, first: int, da: Array, db: Array, dc: Array) -> NDArray[np.bool_]:
+    """Return whether each change, of rows of A and B from the ``first`` on and of C, shows poles that no response
+    contains.
     """
     rest, result = parts.minimal, np.zeros(len(da), dtype=bool)
     for group in (group.part for group in parts.lasting if not group.shown.any()):

@@ -9,9 +9,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.random.mean_squares import Random
+from mbsvib.random.sources import sources
 from mbsvib.responses import extrema
+from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
-from mbsvib.responses.power_spectra import base_noise
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.quantities import Leaf
@@ -19,7 +21,7 @@ from mbsvib.studies.quantities import Leaf
 if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.power_spectra import BaseNoise
+    from mbsvib.random.sources import Sources
     from mbsvib.studies.evaluation import DesignPoint
     from mbsvib.studies.quantities import Quantity
 
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
 
 SEEDS = 24  # points distributed over a band, in addition to those at the modes
 LOWER = 0.1  # local maxima below this share of the largest are not bounded yet
-BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in one panel over 1/f
-TAIL_POINTS = 16
 
 
 class PortResponses:
@@ -136,13 +136,11 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
     if not isinstance(spectra, Mapping) or not spectra:
         raise ResponseError(f"rms: spectra = {check.shown(spectra)}; expected a density for each input, such as "
                             f"{{'floor.x': 1e-6}}.")  # fmt: skip
-    inputs = tuple(spectra)
-    numbered = {str(k): spectra[name] for k, name in enumerate(inputs)}  # names may hold blanks
-    noise = base_noise(numbered, tuple(numbered))
-    ports, span_ = PortResponses(outputs, inputs), band_of(band, lowest=0.0)
+    known = {name: density(value, f"noise at '{name}'") for name, value in spectra.items()}
+    ports, span_ = PortResponses(outputs, known), band_of(band, lowest=0.0)
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
-                lambda point: _rms(point, ports, noise, span_))  # fmt: skip
+                lambda point: _rms(point, ports, known, span_))  # fmt: skip
 
 
 def band_of(band: Any, lowest: float | None = None) -> Band | None:
@@ -159,12 +157,12 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
     return low, high
 
 
-def _rms(point: DesignPoint, ports: PortResponses, noise: BaseNoise, band: Band | None) -> Dual:
+def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], band: Band | None) -> Dual:
     system = point.system
     outputs, inputs = ports.of(system)
-    f, weight = quadrature(system, ports, noise, band)
-    spectrum = dict(zip(ports.inputs or (), noise.spectra, strict=True))
-    density = np.array([spectrum[name].at(f) for name in inputs]) * weight
+    known = sources(spectra, system.inputs, system.input_units, system.name)
+    f, weight = nodes(system, outputs, known, band)
+    density = known.of(f)[[known.names.index(name) for name in inputs]] * weight
     g, slope = point.response(2.0 * np.pi * f, inputs, outputs)
     square = float((np.abs(g) ** 2 * density).sum())
     change = 2.0 * ((g.conj() * slope).real * density).sum(axis=(1, 2, 3))
@@ -172,42 +170,15 @@ def _rms(point: DesignPoint, ports: PortResponses, noise: BaseNoise, band: Band 
     return point.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
 
 
-def quadrature(system: System, ports: PortResponses, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
+def nodes(system: System, outputs: list[str], known: Sources, band: Band | None) -> tuple[Array, Array]:
     """Return frequencies and weights (n,) [Hz] of the integral of responses to noise over a band, exact to rounding.
 
-    ``band``: first and last frequency [Hz]; None: all.
+    ``band``: first and last frequency [Hz]; None: all. A mean square that is infinite is refused.
     """
-    poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
-    if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
-        raise ResponseError(f"rms: '{system.name}' is not stable, so its rms value is unbounded.")
-    undamped = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
-    tail = band is None and noise.unbounded
-    breakpoints = np.concatenate((noise.breaks, np.abs(poles)))
-    if band is None:
-        low = 0.0 if noise.unbounded else float(noise.breaks[0])
-        high = BEYOND * float(breakpoints.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
-    else:
-        low, high = band
-    _refuse_undamped(system, poles[undamped] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
-                     lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
-    if low == 0.0 and (poles == 0.0).any():
-        least = 1e-3 * float(breakpoints[breakpoints > 0.0].min(initial=high))
-        gain_near_zero, gain_at_least = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
-        if gain_near_zero > 10.0 * gain_at_least:
-            raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
-                                f"or give a band that starts above 0 Hz.")  # fmt: skip
-    # tables are powers of the frequency
-    ends = extrema.panels(np.append(poles[~undamped], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
-    f, w = extrema.gauss_rule(ends)
-    if tail:
-        gain_beyond = ports.magnitude(system, 2.0 * np.pi * high * np.array([1.0, 1e3]))
-        if gain_beyond[1] > 0.1 * gain_beyond[0] > 0.0:
-            raise ResponseError(f"rms: noise comes through {ports.label} at all frequencies, so that its mean square "
-                                f"has no bound; give a band, (first, last) [Hz].")  # fmt: skip
-        node, weight = np.polynomial.legendre.leggauss(TAIL_POINTS)
-        t = 0.5 * (1.0 + node)
-        f, w = np.concatenate((f, high / t)), np.concatenate((w, 0.5 * weight * high / t**2))
-    return f, w
+    part = system.with_ports(outputs, list(known.names))
+    under = Random(part, known, (None,) * len(part.outputs), band)
+    under.check_finite()
+    return under.rule().nodes()
 
 
 def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, quantity: str) -> None:

@@ -1,0 +1,1 @@
+"""Random vibration: mean squares under noise, error budgets, and their derivatives."""

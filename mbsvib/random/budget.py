@@ -1,0 +1,319 @@
+"""Error budgets: which source of noise contributes how much to each output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import hertz
+from mbsvib.common.units import pretty
+from mbsvib.errors import ResponseError, counted
+from mbsvib.random.mean_squares import MeanSquares, Random
+from mbsvib.random.sources import CORRELATION, sources
+from mbsvib.random.weights import weights
+from mbsvib.responses.frequency_grid import frequency_grid
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
+    from mbsvib.random.slopes import Requested
+    from mbsvib.random.sources import Correlation, Sources
+
+# Contributions to a variance below this share of it are counted together in the table.
+SMALL = 1e-3
+DECADES = 2.0  # of the frequencies that figures show beyond poles and break-points
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Budget(Displayed):
+    """Root mean squares of outputs under noise, by source.
+
+    ``rms`` {output: value}; ``contributions`` {output: {source: value}}: the largest first; their squares add up to
+    that of the rms. With correlated sources each is that of the source alone, and the entry "correlation" is the root
+    of what correlation adds, negative where it takes away. ``error`` bounds the relative error of integrals over
+    densities given as functions, 0 of others, which are exact to rounding. ``units`` are those of the outputs behind
+    their weighting, ``band`` [Hz] is None for all frequencies.
+    """
+
+    name: str
+    rms: Mapping[str, float]
+    contributions: Mapping[str, Mapping[str, float]]
+    units: Mapping[str, str]
+    band: tuple[float, float] | None
+    error: float
+    _random: Random = field(repr=False)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(self.rms)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the inputs at which there is noise."""
+        return self._random.sources.names
+
+    def frequencies(self) -> Array:
+        """Return frequencies [Hz] that resolve all resonances, and show where densities begin and end, (n,)."""
+        low, high = self._random.span
+        f = frequency_grid(self._random.linear, self._random.linear_poles) / (2.0 * np.pi)
+        breaks = self._random.sources.breaks
+        f = np.concatenate((f, breaks[breaks > 0.0]))
+        last = high if high < np.inf else float(f.max())
+        return np.unique(np.clip(f, low if low > 0.0 else float(f.min()), last))
+
+    def psd(self, frequencies: ArrayLike | None = None, source: str | None = None) -> Array:
+        """Return the one-sided power spectral densities of the outputs.
+
+        S_y = G S_x G^H
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Frequencies [Hz]; default: ``frequencies()``.
+        source : str, optional
+            A source, the contribution of which is asked for; default: all together.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Densities [unit^2/Hz].
+
+        Raises
+        ------
+        ResponseError
+            If frequencies are no numbers, or there is no such source.
+        """
+        f = self.frequencies() if frequencies is None else hertz(frequencies)
+        return np.asarray(self._of(self._random.densities(f), source))
+
+    def cumulative(self, frequencies: ArrayLike | None = None, source: str | None = None) -> Array:
+        """Return the cumulative root mean squares: what frequencies from 0 or the first of the band on contribute.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Ascending frequencies [Hz]; default: ``frequencies()``.
+        source : str, optional
+            A source, the contribution of which is asked for; default: all together.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Root mean squares of the part below each frequency, which tend to ``rms``.
+
+        Raises
+        ------
+        ResponseError
+            If frequencies do not ascend, or there is no such source.
+        """
+        f = self.frequencies() if frequencies is None else hertz(frequencies)
+        return np.sqrt(np.maximum(self._of(self._random.below(f), source), 0.0))
+
+    def _of(self, parts: Array, source: str | None) -> Array:
+        """The sum over the sources of (outputs, sources + 1, ...), or the part of one."""
+        if source is None:
+            return np.asarray(parts.sum(axis=1))
+        if source not in (*self.sources, CORRELATION):
+            raise ResponseError(f"budget of '{self.name}': there is no source '{source}'; expected one of "
+                                f"{', '.join(self.sources)}.")  # fmt: skip
+        return np.asarray(parts[:, [*self.sources, CORRELATION].index(source)])
+
+    def sensitivities(self, parameters: Requested = None) -> dict[str, dict[str, float]]:
+        """Return the derivatives of the root mean squares to parameters of the mechanism.
+
+        d rms / dp = (2 tr(Q dA P) + 2 tr(Q dB W B^T) + 2 dC P C^T) / (2 rms), with the Gramians P and Q; likewise of
+        integrals
+
+        Parameters
+        ----------
+        parameters : str, sequence of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+
+        Returns
+        -------
+        dict
+            {output: {parameter: derivative}} [unit of the output per unit of the parameter]; infinite where a change
+            makes the rms so, not a number of an rms that is 0 or infinite.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or there is no mechanism.
+        ResponseError
+            If the loop is sampled, or the weighting is an average over a time.
+
+        Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 4.3, for the Gramians.
+        """
+        from mbsvib.random.slopes import sensitivities
+
+        return sensitivities(self._random, parameters)
+
+    def controller_sensitivities(self) -> dict[str, dict[str, Array]]:
+        """Return the derivatives of the root mean squares to the entries of the controller.
+
+        Returns
+        -------
+        dict
+            {output: {"A": (k, k), "B": (k, sensors), "C": (actuators, k), "D": (actuators, sensors)}}, of ``loop.law``.
+
+        Raises
+        ------
+        ResponseError
+            If there is no controller, the loop is sampled, or the weighting is an average over a time.
+        """
+        from mbsvib.random.slopes import law_sensitivities
+
+        return law_sensitivities(self._random)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of contributions as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows: list[tuple[str, ...]] = []
+        for name, parts in self.contributions.items():
+            total, unit = self.rms[name], pretty(self.units[name])
+            rows.append((name, "all", f"{total:.4g}", unit, ""))
+            shown = {source: value for source, value in parts.items() if _share(value, total) > SMALL}
+            rows += [("", source, f"{value:.4g}", unit, _percent(value, total)) for source, value in shown.items()]
+            others = [value for source, value in parts.items() if source not in shown]
+            if others and any(others):
+                rest = float(np.sqrt(np.sum(np.square(others))))
+                rows.append(("", f"{len(others)} more", f"{rest:.2g}", unit, _percent(rest, total)))
+        notes = ["All frequencies." if self.band is None else f"From {self.band[0]:g} to {self.band[1]:g} Hz."]
+        if any(np.isinf(list(self.rms.values()))):
+            notes.append("Infinite: a driven motion does not decay, or noise without a last frequency comes through "
+                         "directly.")  # fmt: skip
+        if self.error:
+            notes.append(f"Integrals over densities given as functions: relative error at most {self.error:.1e}.")
+        columns: list[tuple[str, Any]] = [("output", "left"), ("source", "left"), ("rms", "right"), ("unit", "left"),
+                                          ("of the variance", "right")]  # fmt: skip
+        return {"title": f"Error budget of {self.name}", "columns": columns, "rows": rows, "notes": notes}
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write densities and cumulative root mean squares over frequency as comma-separated values.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
+        f = self.frequencies()
+        columns = {"frequency_hz": f}
+        for form, values in (("psd {} [({})^2/Hz]", self.psd(f)), ("cumulative rms {} [{}]", self.cumulative(f))):
+            columns |= {form.format(*unit): row for unit, row in zip(self.units.items(), values, strict=True)}
+        return write_columns(path, columns)
+
+    def plot(self, output: str | None = None, frequencies: ArrayLike | None = None) -> Figure:
+        """Draw density and cumulative root mean square of an output with those of its largest sources.
+
+        Parameters
+        ----------
+        output : str, optional
+            Name; default: the first one.
+        frequencies : array-like, shape (n,), optional
+            Ascending frequencies [Hz]; default: ``frequencies()``.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such output.
+        """
+        from mbsvib.plots.budget import budget_figure
+
+        name = self.outputs[0] if output is None else output
+        if name not in self.outputs:
+            raise ResponseError(f"budget of '{self.name}': there is no output '{name}'; expected one of "
+                                f"{', '.join(self.outputs)}.")  # fmt: skip
+        f = self.frequencies() if frequencies is None else hertz(frequencies)
+        row = self.outputs.index(name)
+        shown = [source for source in self.contributions[name] if source != CORRELATION]
+        curves = {source: (self.psd(f, source)[row], self.cumulative(f, source)[row]) for source in shown}
+        return budget_figure(self.name, name, self.units[name], f, (self.psd(f)[row], self.cumulative(f)[row]), curves,
+                             self.contributions[name])  # fmt: skip
+
+    def __repr__(self) -> str:
+        return (f"Budget({self.name!r}: {counted(len(self.outputs), 'output')}, "
+                f"{counted(len(self.sources), 'source')})")  # fmt: skip
+
+
+def _share(value: float, total: float) -> float:
+    return 1.0 if np.isinf(value) else (value / total) ** 2 if 0.0 < total < np.inf else 0.0
+
+
+def _percent(value: float, total: float) -> str:
+    return f"{100.0 * np.sign(value) * _share(value, total):.3g} %" if np.isfinite(total) else ""
+
+
+def random(
+    linear: Any, floor: Mapping[str, Any] | Sources, outputs: Names, band: Iterable[float] | None,
+    correlation: Correlation, weighting: Any,
+) -> Random:  # fmt: skip
+    """Return linear equations under noise; arguments as of ``RandomVerbs.budget``."""
+    found = sources(floor, linear.inputs, linear.input_units, linear.name, correlation)
+    part = linear.with_ports(outputs, list(found.names))
+    if not part.outputs:
+        raise ResponseError(f"noise: '{linear.name}' has no outputs; add one by add_output.")
+    form = Random
+    if getattr(linear, "period", None) is not None:
+        from mbsvib.random.sampled import SampledRandom
+
+        form = SampledRandom
+    return form(part, found, weights(weighting, part.outputs, linear.name), _band(band))
+
+
+def budget(under: Random) -> Budget:
+    """Return the error budget of equations under noise."""
+    result = under.mean_squares()
+    root = np.sqrt(result.total)
+    names, units = under.outputs, dict(zip(under.outputs, under.units, strict=True))
+    parts = {name: _ranked(result, row, under) for row, name in enumerate(names)}
+    return Budget(under.linear.name, dict(zip(names, root.tolist(), strict=True)), parts, units, under.band,
+                  result.error, under)  # fmt: skip
+
+
+def _ranked(result: MeanSquares, row: int, under: Random) -> dict[str, float]:
+    parts = dict(zip(under.sources.names, np.sqrt(result.parts[row]).tolist(), strict=True))
+    ranked = dict(sorted(parts.items(), key=lambda item: -item[1]))
+    if under.sources.correlation is None:
+        return ranked
+    extra = float(result.correlation[row])
+    return ranked | {CORRELATION: float(np.copysign(np.sqrt(abs(extra)), extra))}
+
+
+def _band(band: Iterable[float] | None) -> tuple[float, float] | None:
+    if band is None:
+        return None
+    try:
+        low, high = (float(f) for f in band)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"noise: band = {band!r}; expected two frequencies, (first, last) [Hz].") from error
+    if not 0.0 <= low < high < np.inf:
+        raise ResponseError(f"noise: band = ({low:g}, {high:g}) Hz; expected two finite frequencies, ascending from "
+                            f"0 Hz on.")  # fmt: skip
+    return low, high

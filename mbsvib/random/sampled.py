@@ -1,0 +1,185 @@
+"""Loops with discrete-time controllers under noise: mean squares over time, with what sampling folds.
+
+The density of an output is that of its component at the same frequency, |G|^2 S, and what the controllers make of all
+other frequencies: the forces that they demand are a sequence, the density of which repeats after the rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.feedback.loop import LoopPlant
+from mbsvib.feedback.noise import NOISE
+from mbsvib.feedback.sampled_norm import mean_squares
+from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers
+from mbsvib.random.mean_squares import MeanSquares, Random
+from mbsvib.random.moments import in_rows
+from mbsvib.responses import extrema
+from mbsvib.responses.densities import Table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.sampled import SampledLoop
+
+WHITE = "white."  # inputs of the filters of noise
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRandom(Random):
+    """A sampled loop under noise. White noise of a sensor is a sequence of numbers, one a sample, with this density up
+    to half the rate.
+    """
+
+    linear: SampledLoop
+
+    def mean_squares(self) -> MeanSquares:
+        """Return the mean squares over the band, averaged over time."""
+        self._check()
+        if self.band is not None:
+            total = self.rule().integral(self.densities).value[:, :-1]
+            return MeanSquares(np.where(self._grows().any(axis=0), np.inf, total), np.zeros(len(total)))
+        count = len(self.sources.names)
+        parts = np.zeros((len(self.linear.outputs), count))
+        tables = [k for k, part in enumerate(self.sources.densities) if isinstance(part, Table)]
+        rational = [k for k in range(count) if k not in tables]
+        if rational:
+            parts[:, rational] = self._moments(rational)
+        if tables:
+            loop = self._filtered([]).with_ports(None, [self.sources.names[k] for k in tables])
+            chosen = replace(self.sources, names=loop.inputs,
+                             densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
+            rule = replace(self, sources=chosen).rule()
+            parts[:, tables] = rule.integral(lambda f: mean_powers(loop, 2.0 * np.pi * f) * chosen.of(f)).value
+        return MeanSquares(parts, np.zeros(len(parts)))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency [Hz] of outputs: sampling folds noise to all of them."""
+        return super().span if self.band is None else self.band
+
+    def _grows(self) -> NDArray[np.bool_]:
+        """Which outputs show what which sources do to undamped poles within the span, (poles, outputs, s)."""
+        poles = self.linear_poles
+        turns = np.abs(poles[np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)])
+        at = np.unique(turns[(turns >= 2.0 * np.pi * self.span[0]) & (turns <= 2.0 * np.pi * self.span[1])])
+        near, farther = (np.abs(self.linear.frequency_response(at * (1.0 + k * extrema.CLOSE))) for k in (1.0, 10.0))
+        return np.asarray(near > extrema.GROWTH * farther).transpose(2, 0, 1)
+
+    def check_finite(self) -> None:
+        """Refuse mean squares over a band that are infinite."""
+        if self.band is not None and self._grows().any():
+            raise ResponseError(f"rms: a mode of '{self.linear.name}' from {self.band[0]:g} to {self.band[1]:g} Hz is "
+                                f"not damped, and noise at its frequency drives it without bound; give the mechanism "
+                                f"damping, or a band without it.")  # fmt: skip
+
+    def _check(self) -> None:
+        """Refuse what there is no way to for sampled loops."""
+        name = self.linear.name
+        if self.sources.correlation is not None:
+            raise ResponseError(f"noise: '{name}' is sampled, and correlated sources of sampled loops are not "
+                                f"available; leave correlation out, or drive one input by all of them.")  # fmt: skip
+        for part, source in zip(self.sources.densities, self.sources.names, strict=True):
+            if part.filter is None and not isinstance(part, Table):
+                raise ResponseError(f"noise: '{name}' is sampled, and needs all that sampling folds; give the density "
+                                    f"at '{source}' as a table, or as filtered white noise.")  # fmt: skip
+        if self.band is None and any(weight is not None and weight.filter is None for weight in self.weights):
+            raise ResponseError(f"noise: '{name}' is sampled; expected a rational weighting, 'Wk', 'Wd' or "
+                                f"isolation.shaped(...), unless a band is given.")  # fmt: skip
+
+    def _is_sequence(self, name: str) -> bool:
+        """Whether an input is the noise of a sensor."""
+        known = self.linear.plant.without_noise
+        return known is not None and name.endswith(NOISE) and name[: -len(NOISE)] in known.outputs
+
+    @cached_property
+    def _sequences(self) -> list[int]:
+        return [k for k, name in enumerate(self.sources.names) if self._is_sequence(name)]
+
+    def _moments(self, which: list[int]) -> Array:
+        loop = self._filtered(which)
+        loop = loop.with_ports(None, [f"{WHITE}{self.sources.names[k]}" for k in which])
+        space, (shown, into), (y, _) = loop.plant.space, loop.selected_ports, loop.ports
+        plain = np.array([k in self._sequences and not len(self.sources.densities[k].poles) for k in which])
+        at_once = (space.D[np.ix_(y, into)] != 0.0).any(axis=0) & ~plain
+        # what is sampled directly has no bound; it is left out of the sums, and told
+        sampled = replace(loop, plant=LoopPlant(replace(space, D=_without(space.D, y, into, at_once))))
+        squares = mean_squares(sampled, np.where(plain, loop.rate, 0.0))
+        squares[:, at_once] = np.inf
+        squares[space.D[np.ix_(shown, into)] != 0.0] = np.inf
+        return squares
+
+    def _filtered(self, which: list[int]) -> SampledLoop:
+        """The loop with outputs behind their filters, and white noise before those of some sources as inputs."""
+        loop, space = self.linear, self.linear.plant.space
+        source = in_rows([self.sources.densities[k].filter for k in which], levels=True)
+        output = in_rows([None if weight is None else weight.filter for weight in self.weights], levels=False)
+        into = [space.inputs.index(self.sources.names[k]) for k in which]
+        out = [space.outputs.index(name) for name in loop.outputs]
+        n, k, m = len(space.A), len(source.a), len(output.a)
+        a = np.zeros((n + k + m, n + k + m))
+        a[:n, :n], a[:n, n : n + k], a[n : n + k, n : n + k] = space.A, space.B[:, into] @ source.c, source.a
+        c = np.concatenate((space.C, space.D[:, into] @ source.c, np.zeros((len(space.C), m))), axis=1)
+        d = np.concatenate((space.D, space.D[:, into] @ source.d), axis=1)
+        b = np.zeros((n + k + m, d.shape[1]))
+        b[:n] = np.concatenate((space.B, space.B[:, into] @ source.d), axis=1)
+        b[n : n + k, len(space.inputs) :] = source.b
+        a[n + k :], b[n + k :] = output.b @ c[out], output.b @ d[out]
+        a[n + k :, n + k :] = output.a
+        filtered = output.d @ c[out]
+        filtered[:, n + k :] = output.c
+        names = tuple([f"filtered.{name}" for name in loop.outputs])
+        inputs = (*space.inputs, *[f"{WHITE}{self.sources.names[k]}" for k in which])
+        whole = space.from_arrays(a, b, np.concatenate((c, filtered)), np.concatenate((d, output.d @ d[out])), inputs,
+                                  (*space.outputs, *names), name=space.name)  # fmt: skip
+        return replace(loop, plant=LoopPlant(whole), selection=(names, inputs))
+
+    def densities(self, f: Array) -> Array:
+        """Return the densities (outputs, s + 1, n) due to each source; correlation adds nothing."""
+        self._check()
+        loop, w = self.linear, 2.0 * np.pi * f
+        g, out = loop.frequency_response(w), held(loop, w)
+        for row, weight in enumerate(self.weights):
+            if weight is not None:
+                gain = weight.at(f)
+                g[row], out[row] = g[row] * gain, out[row] * gain
+        result = np.zeros((len(g), len(self.sources.names) + 1, len(f)))
+        result[:, :-1] = np.abs(g) ** 2 * self.sources.of(f)
+        for k, part in enumerate(self.sources.densities):
+            if k not in self._sequences:
+                extra = self._folded_table(k, f) if isinstance(part, Table) else self._folded_filter(k, w)
+                result[:, k] += np.einsum("oun,nuv,ovn->on", out, extra, out.conj(), optimize=True).real
+        return result
+
+    def _folded_filter(self, k: int, w: Array) -> Complex:
+        """What sampling folds of filtered white noise into the forces demanded, (n, actuators, actuators)."""
+        loop = self._filtered([k]).with_ports(None, f"{WHITE}{self.sources.names[k]}")
+        return 2.0 * folded(loop, w, np.zeros(0, dtype=np.intp))[:, 0]  # unit intensity is a density of 2
+
+    def _folded_table(self, k: int, f: Array) -> Complex:
+        """The same of a table, whose frequencies end."""
+        loop, density = self.linear.with_ports(None, self.sources.names[k]), self.sources.densities[k]
+        last = density.span[1]
+        result = np.zeros((len(f), len(loop.actuators), len(loop.actuators)), dtype=complex)
+        for fold in range(-int((last + f.max()) / loop.rate), int((last + f.max()) / loop.rate) + 1):
+            there = f - fold * loop.rate
+            inside = (np.abs(there) <= last) & (fold != 0)
+            if not inside.any():
+                continue
+            size = density.at(np.abs(there[inside]))
+            u = demanded(loop, 2.0 * np.pi * there[inside])[:, 0].T
+            result[inside] += size[:, None, None] * u[:, :, None] * u[:, None, :].conj()
+        return result
+
+
+def _without(d: Array, rows: list[int], columns: list[int], which: Array) -> Array:
+    """D with zeros from some of the columns to some rows."""
+    result = d.copy()
+    result[np.ix_(rows, [column for column, zero in zip(columns, which, strict=True) if zero])] = 0.0
+    return result

@@ -1,0 +1,217 @@
+"""Gradients of mean squares to the entries of first-order equations, and to the parameters behind these.
+
+With A P + P A^T + B W B^T = 0 and A^T Q + Q A + C^T C = 0 the mean square c P c^T has the gradients 2 Q P to A,
+2 Q B W to B and 2 C P to C: two Lyapunov equations for all parameters. Where the mean square is an integral, that of
+T S T^H has the gradient 2 Re([C R 1]^T (S T^H)^T [R B; 1]^T), R = (s - A)^-1, at each frequency.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.feedback.loop_gradient import Closure
+from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.lyapunov import Lyapunov
+from mbsvib.random.moments import Equations
+from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.sensitivities.norms import gramians, hidden_appear
+from mbsvib.sensitivities.states import changed, states
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.random.mean_squares import Random
+    from mbsvib.sensitivities.states import States
+
+    Requested = str | Sequence[str] | Mapping[str, Mapping[str, float]] | None
+
+BLOCK = 4_000_000  # numbers of the derivatives of some parameters
+
+
+class Scene:
+    """A system, or a loop around one, as equations of the plant whose entries have derivatives to its parameters."""
+
+    def __init__(self, under: Random) -> None:
+        linear = under.linear
+        if getattr(linear, "period", None) is not None:
+            raise ResponseError(f"sensitivities: '{linear.name}' is sampled, and derivatives are those of continuous "
+                                f"loops: ask loop.continuous.")  # fmt: skip
+        self.under = under
+        loop = linear if linear.kind == "closed loop" else None
+        self.system = linear if loop is None else loop.plant.source
+        gathered = None if loop is None else loop.plant.gathered
+        outputs, inputs = self.system.outputs, self.system.inputs
+        self.rows: list[int] = list(range(len(outputs))) if gathered is None else gathered[0]
+        self.columns: list[int] = list(range(len(inputs))) if gathered is None else gathered[1]
+        self.base: States | None = None
+        if self.system.kind == "system":
+            self.base = states(self.system.basis, list(range(len(inputs))), list(range(len(outputs))))
+        a, b, c, d = self._plant(self.base or self.system.state_space())
+        self.closure: Closure | None = None
+        if loop is None:
+            self.equations = Equations(a, b, c, d)
+        else:
+            law, (y, u), (o, i) = loop.law, loop.ports, loop.selected_ports
+            self.closure = Closure((a, b, c, d), (law.A, law.B, law.C, law.D), y, u, o, i)
+            self.equations = Equations(*self.closure.closed)
+
+    def _plant(self, space: Any) -> Equations:
+        """The equations of the plant with the inputs of noise, -1 among the columns, which act at once alone."""
+        b, d = (np.append(part, np.zeros((len(part), 1)), axis=1)[:, self.columns] for part in (space.B, space.D))
+        d = d[self.rows]
+        noise = [k for k, column in enumerate(self.columns) if column < 0]
+        d[len(self.rows) - len(noise) + np.arange(len(noise)), noise] += 1.0
+        return Equations(space.A, b, space.C[self.rows], d)
+
+    def to_plant(self, gradient: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the gradient to A, B, C and D of the system, of one to the entries of the equations."""
+        inside = gradient if self.closure is None else self.closure.to_plant(gradient)
+        n = self.system_states
+        outputs, inputs = len(self.system.outputs), len(self.system.inputs)
+        rows, columns = np.zeros((outputs, inside.shape[1])), np.zeros((n + outputs, n + inputs + 1))
+        np.add.at(rows, self.rows, inside[n:])
+        whole = np.concatenate((inside[:n], rows))
+        columns[:, :n] = whole[:, :n]
+        np.add.at(columns.T, n + np.array([c % (inputs + 1) for c in self.columns], dtype=np.intp), whole[:, n:].T)
+        columns = columns[:, :-1]
+        return columns[:n, :n], columns[:n, n:], columns[n:, :n], columns[n:, n:]
+
+    @property
+    def system_states(self) -> int:
+        """Number of states of the plant."""
+        return len(self.equations.a) - (0 if self.closure is None else len(self.closure.law[0]))
+
+
+def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, float]]:
+    """Return the derivatives of root mean squares {output: {parameter: value}}.
+
+    ``parameters``: as of the sensitivities of systems; None: all. An infinite root mean square, or one of 0, has none:
+    not a number.
+    """
+    scene = Scene(under)
+    if scene.base is None:
+        raise ModelError(f"sensitivities: '{under.linear.name}' has matrices and no parameters; derivatives are those "
+                         f"of a system of a mechanism, model.linearize().")  # fmt: skip
+    result: dict[str, dict[str, float]] = {}
+    squares = under.mean_squares().total
+    basis, first = scene.system.sensitivity_basis, scene.base.first
+    ports = list(range(len(scene.system.inputs))), list(range(len(scene.system.outputs)))
+    finite = np.flatnonzero((squares > 0.0) & (squares < np.inf)).tolist()
+    gradients = {row: scene.to_plant(gradient(scene, row)) for row in finite}
+    parts = {row: _hidden(scene, row) for row in gradients}
+    count = max(1, BLOCK // max(1, scene.system.dof**2))
+    for name in under.outputs:
+        result[name] = {}
+    for _, change in basis.matrix_derivatives_in_parts(parameters, count):
+        da, db, dc, dd = changed(scene.base, change, *ports)
+        for row, name in enumerate(under.outputs):
+            if row not in gradients:
+                result[name] |= dict.fromkeys(change.variables, np.nan)
+                continue
+            to_a, to_b, to_c, to_d = gradients[row]
+            pairs = (da, to_a[first:]), (db, to_b[first:]), (dc, to_c), (dd, to_d)
+            slope = np.asarray(sum(np.einsum("vij,ij->v", d, g) for d, g in pairs)) * 0.5 / np.sqrt(squares[row])
+            if parts[row] is not None:
+                slope = np.where(hidden_appear(parts[row], first, da, db, dc[:, [row]]), np.inf, slope)
+            result[name] |= dict(zip(change.variables, slope.tolist(), strict=True))
+    return result
+
+
+def _hidden(scene: Scene, row: int) -> Any:
+    """Groups of poles that no response contains, in open loops, which changes may bring into them."""
+    if scene.closure is not None or scene.under.band is not None:
+        return None
+    a, b, c, _ = scene.equations
+    parts = separated(a, b, c[[row]])
+    return parts if len(parts.shown) < len(parts.lasting) else None
+
+
+def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:
+    """Return the derivatives of root mean squares to the entries of the controller, {output: {"A": (k, k), ...}}."""
+    scene = Scene(under)
+    if scene.closure is None:
+        raise ResponseError(f"controller_sensitivities: '{under.linear.name}' has no controller; ask a closed loop.")
+    squares, result = under.mean_squares().total, {}
+    k = len(scene.closure.law[0])
+    for row, name in enumerate(under.outputs):
+        shape = k + len(scene.closure.actuators), k + len(scene.closure.sensors)
+        value = np.full(shape, np.nan)
+        if 0.0 < squares[row] < np.inf:
+            value = scene.closure.to_law(gradient(scene, row)) * (0.5 / np.sqrt(squares[row]))
+        result[name] = {"A": value[:k, :k], "B": value[:k, k:], "C": value[k:, :k], "D": value[k:, k:]}
+    return result
+
+
+def gradient(scene: Scene, row: int) -> Array:
+    """Return the gradient of the mean square of one output to the entries of the equations, (states + outputs, states +
+    sources).
+    """
+    a, b, c, d = scene.equations
+    one = Equations(a, b, c[[row]], d[[row]])
+    under = replace(scene.under, weights=(scene.under.weights[row],))
+    if under.weights[0] is not None and under.weights[0].window is not None:
+        raise ResponseError("sensitivities: those of averages over a time are not available; choose another weighting.")
+    names = range(len(under.sources.names))
+    rational = under.rational
+    result = np.zeros((len(a) + len(c), len(a) + b.shape[1]))
+    rows = [*range(len(a)), len(a) + row]
+    if rational:
+        columns = [*range(len(a)), *[len(a) + k for k in rational]]
+        result[np.ix_(rows, columns)] += _by_moments(under, one, rational)
+    others = [k for k in names if k not in rational]
+    if others:
+        columns = [*range(len(a)), *[len(a) + k for k in others]]
+        result[np.ix_(rows, columns)] += _by_quadrature(under, one, others)
+    return result
+
+
+def _by_moments(under: Random, one: Equations, which: list[int]) -> Array:
+    whole = under.behind_filters(which, one)
+    a, b, c, _ = whole.all
+    weight = np.eye(len(which)) if under.cross is None else np.eye(len(which)) + under.cross
+    parts = separated(a, b, c)
+    if parts.lasting:
+        p, q = gramians(parts, weight)
+    else:
+        solver = Lyapunov(a)
+        p, q = solver.controlled(b @ weight @ b.T), solver.observed(c.T @ c)
+    to_a, to_b, to_c = 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p
+    (x, f, z), source, output = whole.slices, whole.sources, whole.outputs
+    result = np.zeros((len(one.a) + 1, len(one.a) + len(which)))
+    n = len(one.a)
+    result[:n, :n] = to_a[x, x]
+    result[:n, n:] = to_a[x, f] @ source.c.T + to_b[x] @ source.d.T
+    result[n:, :n] = output.b.T @ to_a[z, x] + output.d.T @ to_c[:, x]
+    result[n:, n:] = (output.b.T @ (to_a[z, f] @ source.c.T + to_b[z] @ source.d.T)
+                      + output.d.T @ to_c[:, f] @ source.c.T)  # fmt: skip
+    return result
+
+
+def _by_quadrature(under: Random, one: Equations, which: list[int]) -> Array:
+    a, b, c, d = one
+    f, weight = under.rule().nodes()
+    s, w = np.asarray(2j * np.pi * f, dtype=complex), 2.0 * np.pi * f
+    inputs, n = b[:, which], len(a)
+    right, left = first_order_solver(a, inputs, c, under.linear.name), first_order_solver(
+        a.T, c.T, inputs.T, under.linear.name)  # fmt: skip
+    density = np.sqrt(under.sources.of(f)[which])
+    cross, gain = under.sources.across(f), under.weights[0]
+    factor = 2.0 * weight * (1.0 if gain is None else np.abs(gain.at(f)) ** 2)
+    result = np.zeros((n + 1, n + len(which)))
+    for (part, x), (_, y) in zip(right.states(s, w, inputs), left.states(s, w, c.T), strict=True):
+        x, y = np.ldexp(1.0, right.power)[:, None, None] * x, np.ldexp(1.0, left.power)[:, None] * y[:, 0]
+        t = np.tensordot(c, x, axes=1)[0] + d[0, which][:, None]  # (sources, n)
+        root = density[:, part]
+        seen = root * t.conj()
+        if cross is not None:
+            block = cross[part if len(cross) > 1 else slice(None)][:, which][:, :, which]
+            seen = seen + np.einsum("nij,jn->in", np.broadcast_to(block, (t.shape[1], *block.shape[1:])), seen)
+        v = root * seen  # S T^H
+        drive = np.concatenate((np.einsum("xkn,kn->xn", x, v), v))
+        result += ((np.concatenate((y, np.ones((1, y.shape[1])))) * factor[part]) @ drive.T).real
+    return result

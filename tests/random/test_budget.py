@@ -1,0 +1,68 @@
+"""Error budgets: what they print, draw and write."""
+
+import csv
+import pickle
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.random.scenes import two_masses
+
+TABLE = [(0.5, 1.0), (30.0, 0.1)]
+
+
+def made(**settings):
+    return two_masses().linearize().budget({"F1": TABLE, "F2": 1e-6}, ["x1", "v2"], **settings)
+
+
+def test_densities_and_cumulative_values():
+    budget, system = made(), two_masses().linearize()
+    f = np.array([0.2, 0.5, 3.0, 7.0, 29.0])
+    g = np.abs(system.frequency_response(2.0 * np.pi * f, ["x1", "v2"], ["F1", "F2"])) ** 2
+    table = np.where(f < 0.5, 0.0, np.exp(np.interp(np.log(f), np.log([0.5, 30.0]), np.log([1.0, 0.1]))))
+    parts = g * np.stack((table, np.full(5, 1e-6)))
+    for k, source in enumerate(("F1", "F2")):
+        np.testing.assert_allclose(budget.psd(f, source), parts[:, k], rtol=1e-11)
+    np.testing.assert_allclose(budget.psd(f), parts.sum(axis=1), rtol=1e-11)
+    bands = [system.rms(["x1", "v2"], {"F1": TABLE, "F2": 1e-6}, band=(0.0, end)) for end in (3.0, 7.0)]
+    np.testing.assert_allclose(budget.cumulative([3.0, 7.0]), np.array([list(b.values()) for b in bands]).T, rtol=1e-12)
+    np.testing.assert_allclose(budget.cumulative([1e5])[:, 0], list(budget.rms.values()), rtol=1e-4)
+    np.testing.assert_array_equal(budget.cumulative([0.2, 0.5], "F1"), 0.0)
+
+
+def test_it_prints_sources_in_the_order_of_their_size():
+    text = str(made())
+    assert "Error budget of two" in text
+    assert text.index("F1") < text.index("1 more")
+    assert "All frequencies." in text
+    assert "From 1 to 20 Hz." in str(made(band=(1.0, 20.0)))
+    assert repr(made()) == "Budget('two': 2 outputs, 2 sources)"
+    assert "Infinite" in str(two_masses(0.0, 0.0).linearize().budget({"F1": 1.0}))
+
+
+def test_it_is_drawn_and_written(tmp_path):
+    budget = made()
+    figure = budget.plot("v2")
+    density, cumulative = figure.axes
+    assert density.get_title(loc="left") == "v2 of two"
+    line = density.get_lines()[0]
+    np.testing.assert_allclose(line.get_ydata(), np.sqrt(budget.psd()[1]))
+    np.testing.assert_allclose(cumulative.get_lines()[0].get_ydata()[-1], budget.cumulative()[1][-1])
+    with open(budget.to_csv(tmp_path / "budget.csv"), encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0][:2] == ["frequency_hz", "psd x1 [(m)^2/Hz]"]
+    np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 2], budget.psd()[1])
+
+
+def test_it_pickles():
+    budget = pickle.loads(pickle.dumps(made()))
+    assert budget.rms == made().rms
+    np.testing.assert_array_equal(budget.psd([3.0]), made().psd([3.0]))
+
+
+def test_unknown_names():
+    with pytest.raises(mv.ResponseError, match="no source 'F3'"):
+        made().psd([1.0], "F3")
+    with pytest.raises(mv.ResponseError, match="no output 'y'"):
+        made().plot("y")

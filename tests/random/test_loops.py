@@ -1,0 +1,210 @@
+"""Noise in closed loops, continuous and sampled."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import mbsvib as mv
+from mbsvib import isolation
+from tests.random.scenes import oscillator, two_masses
+
+M, C, K = 2.0, 3.0, 800.0
+W = 2.0 * np.pi
+GAINS = np.array([[-300.0, -8.0]])
+
+
+def controlled():
+    """An oscillator under feedback of displacement and velocity, with noise."""
+    return oscillator().linearize().feedback(GAINS, ["x", "v"], ["F"], noise=True)
+
+
+def test_noise_of_sensors_and_actuators_are_inputs():
+    loop = controlled()
+    assert loop.inputs == ("F", "F2", "base", "x.noise", "v.noise", "F.noise")
+    assert loop.input_units == ("N", "N", "m/s^2", "m", "m/s", "N")
+    assert loop.outputs == ("x", "v", "a", "a_abs")
+    w = np.array([3.0, 20.0, 30.0])
+    g = loop.frequency_response(w, "x")[0]
+    stiffness = K + 300.0 + 1j * w * (C + 8.0) - w * w * M
+    for row, force in zip(g, (1.0, 1.0, -M, -300.0, -8.0, 1.0), strict=True):
+        np.testing.assert_allclose(row, force / stiffness, rtol=1e-12)
+
+
+def test_direct_sensors():
+    """u = K (y + n) + d around a sensor of acceleration, which sees forces at once."""
+    k = -0.5
+    loop = oscillator().linearize().feedback([[k]], ["a"], ["F"], noise=True)
+    w = np.array([5.0, 40.0])
+    z = K + 1j * w * C - w * w * M
+    plant = -(w**2) / z
+    closed = 1.0 / (1.0 - k * plant)
+    response = loop.frequency_response(w, "a", ["F", "a.noise", "F.noise"])[0]
+    np.testing.assert_allclose(response, np.array([plant, plant * k, plant]) * closed, rtol=1e-12)
+
+
+def test_noise_around_a_state_space_and_dynamic_controllers():
+    """The same as around the system; names of a controller with states."""
+    system = two_masses().linearize()
+    law = mv.StateSpace.from_arrays([[-30.0]], [[1.0]], [[-500.0]], [[-20.0]], ["v2"], ["F2"])
+    w = np.array([2.0, 15.0, 33.0])
+    for loop in (system.feedback(law, noise=True), system.state_space().feedback(law, noise=True)):
+        assert loop.inputs[-2:] == ("v2.noise", "F2.noise")
+        g = system.frequency_response(w, ["x1", "v2"], ["F2"])[:, 0]
+        k = -20.0 - 500.0 / (1j * w + 30.0)
+        expected = g[0] * np.array([k, np.ones(3)]) / (1.0 - k * g[1])
+        np.testing.assert_allclose(loop.frequency_response(w, "x1", ["v2.noise", "F2.noise"])[0], expected, rtol=1e-11)
+
+
+def test_names_that_are_taken_are_refused():
+    model = oscillator()
+    model.add_input("x.noise", "b", "z")
+    with pytest.raises(mv.ResponseError, match=r"'x\.noise', which there is already"):
+        model.linearize().feedback(GAINS, ["x", "v"], ["F"], noise=True)
+
+
+def test_budget_of_a_loop_in_closed_form():
+    """Every source acts as a force: rms of x is sqrt(S / (4 c' k')) times its gain."""
+    budget = controlled().budget({"F": 1.0, "x.noise": 1e-6, "v.noise": 1e-6, "F.noise": 4.0}, "x")
+    unit = np.sqrt(1.0 / (4.0 * (C + 8.0) * (K + 300.0)))
+    expected = {"F": unit, "x.noise": 300e-3 * unit, "v.noise": 8e-3 * unit, "F.noise": 2.0 * unit}
+    assert {name: pytest.approx(value, rel=1e-12) for name, value in expected.items()} == budget.contributions["x"]
+
+
+def periodic_variance(rate, delay, sensor, substeps=400):
+    """Variance of x and v over a period under white force noise or sensor noise, by a covariance that is propagated.
+
+    States: x, v, held force, and the force that waits for the delay.
+    """
+    a = np.array([[0.0, 1.0, 0.0], [-K / M, -C / M, 1.0 / M], [0.0, 0.0, 0.0]])
+    h = 1.0 / rate
+
+    def step(time):
+        n = np.zeros((6, 6))
+        q = np.zeros((3, 3))
+        q[1, 1] = 0.0 if sensor else 1.0 / M**2
+        n[:3, :3], n[:3, 3:], n[3:, 3:] = -a, q, a.T
+        e = expm(n * time)
+        turn = e[3:, 3:].T
+        return turn, turn @ e[:3, 3:]
+
+    def wide(matrix):
+        result = np.eye(4)
+        result[:3, :3] = matrix
+        return result
+
+    sample = np.eye(4)
+    sample[3] = [GAINS[0, 0], GAINS[0, 1], 0.0, 0.0]
+    act = np.eye(4)
+    act[2] = [0.0, 0.0, 0.0, 1.0]
+    noise = np.zeros((4, 4))
+    if sensor:
+        noise[3, 3] = GAINS[0, 0] ** 2 * rate  # variance S rate / 2 with S = 2
+    p = np.zeros((4, 4))
+    parts = [(delay, round(substeps * delay / h)), (h - delay, round(substeps * (h - delay) / h))]
+    moves = [[np.asarray(part) for part in step(time / max(1, count))] for time, count in parts]
+    for period in range(4000):
+        p = sample @ p @ sample.T + noise
+        means, before = np.zeros(2), p.copy()
+        for (turn, added), (time, count), event in zip(moves, parts, (None, act), strict=True):
+            if event is not None:
+                p = event @ p @ event.T
+            values = [np.diag(p)[:2]]
+            for _ in range(count):
+                p = wide(turn) @ p @ wide(turn).T
+                p[:3, :3] += added
+                values.append(np.diag(p)[:2])
+            if count:  # Simpson's rule
+                weight = np.array([1.0, *[4.0, 2.0] * (count // 2 - 1), 4.0, 1.0]) / 3.0 * time / count
+                means = means + weight @ np.array(values)
+        if period > 20 and np.allclose(sample @ p @ sample.T + noise, before, rtol=1e-13, atol=0.0):
+            break
+    return means / h
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensor", [False, True])
+@pytest.mark.parametrize("delay", [0.0, 2e-3])
+def test_sampled_loops_between_samples(sensor, delay):
+    loop = controlled().sampled(100.0, delay)
+    rms = loop.rms(["x", "v"], {"x.noise" if sensor else "F": 2.0})
+    np.testing.assert_allclose(list(rms.values()), np.sqrt(periodic_variance(100.0, delay, sensor)), rtol=1e-7)
+
+
+def test_sampled_budgets_tend_to_continuous_ones():
+    noise = {"F": 1.0, "x.noise": isolation.shaped([W * 20.0], [1.0, W * 20.0], 1e-8),
+             "F.noise": isolation.shaped([30.0], [1.0, 30.0])}  # fmt: skip
+    loop = controlled()
+    slow, fast, limit = (each.budget(noise, ["x", "v"]) for each in (loop.sampled(200.0), loop.sampled(2e4), loop))
+    for name in ("x", "v"):
+        for source, value in limit.contributions[name].items():
+            np.testing.assert_allclose(fast.contributions[name][source], value, rtol=1e-3)
+            assert abs(slow.contributions[name][source] / value - 1.0) > 2e-3
+
+
+@pytest.mark.parametrize("source", ["F", "x.noise"])
+def test_sampled_densities_add_up_to_the_mean_square(source):
+    """Two ways with nothing in common: integrals of what sampling folds, and covariances from sample to sample."""
+    loop = controlled().sampled(60.0, 3e-3)
+    whole = loop.rms("x", {source: 1.0})["x"]
+    np.testing.assert_allclose(loop.rms("x", {source: 1.0}, band=(0.0, 900.0))["x"], whole, rtol=2e-8)
+
+
+def test_sampled_density_against_a_sum_over_folds():
+    """Noise at f + k rate comes out at f by the samples alone; 2000 of these."""
+    rate, f = 60.0, np.array([2.0, 40.0])
+    loop = controlled().sampled(rate)
+    got = loop.psd("x", {"F": 1.0}, f)[0]
+    z = np.exp(1j * W * f / rate)
+    a = np.array([[0.0, 1.0], [-K / M, -C / M]])
+    b = np.array([0.0, 1.0 / M])
+    e = expm(a / rate)
+    held = np.linalg.solve(a, (e - np.eye(2)) @ b)
+    folds = np.arange(-2000, 2001)
+    for i, (at, zi) in enumerate(zip(f, z, strict=True)):
+        gain = 1.0 / (1.0 - GAINS[0] @ np.linalg.solve(zi * np.eye(2) - e, held))
+        w = W * (at + folds * rate)
+        compliance = 1.0 / (K + 1j * w * C - w * w * M)
+        demanded = gain * (GAINS[0, 0] + 1j * w * GAINS[0, 1]) * compliance
+        wi = W * at
+        out = (1.0 - 1.0 / zi) / (1j * wi / rate) / (K + 1j * wi * C - wi * wi * M)
+        zero = folds == 0
+        direct = np.abs(compliance[zero] + out * demanded[zero]) ** 2
+        expected = direct + (np.abs(out * demanded[~zero]) ** 2).sum()
+        np.testing.assert_allclose(got[i], expected[0], rtol=2e-5)
+
+
+@pytest.mark.slow
+def test_tables_in_sampled_loops():
+    """A table that ends beyond the rate: mean powers of single frequencies, and densities of what is folded."""
+    loop, table = controlled().sampled(60.0, 3e-3), {"F": [(0.1, 1.0), (150.0, 1.0)]}
+    whole = loop.rms("x", table)["x"]
+    np.testing.assert_allclose(loop.rms("x", table, band=(0.0, 900.0))["x"], whole, rtol=2e-8)
+    assert 0.9 < whole / loop.rms("x", {"F": 1.0})["x"] < 1.0
+
+
+def test_sampled_outputs_behind_filters():
+    """A filter behind the loop, and the same one as weighting; of a table and of white noise."""
+    loop, weight = controlled().sampled(60.0), isolation.shaped([12.0], [1.0, 12.0])
+    for noise in ({"F": 1.0}, {"F": [(0.5, 1.0), (40.0, 1.0)]}):
+        by_band = loop.rms("v", noise, band=(0.0, 400.0), weighting=weight)["v"]
+        np.testing.assert_allclose(loop.rms("v", noise, weighting=weight)["v"], by_band, rtol=1e-5)
+
+
+def test_what_sampling_meets_directly_is_infinite():
+    """White noise that a sensor sees at once, which no filter takes before it is sampled."""
+    loop = oscillator().linearize().feedback([[-0.1]], ["a"], ["F"], noise=True).sampled(100.0)
+    budget = loop.budget({"F2": 1.0, "a.noise": 1.0}, "x")
+    assert budget.contributions["x"]["F2"] == np.inf
+    assert 0.0 < budget.contributions["x"]["a.noise"] < np.inf
+
+
+@pytest.mark.parametrize(("noise", "settings", "words"), [
+    ({"F": lambda f: 1.0 / (1.0 + f)}, {}, "as a table"),
+    ({"F": 1.0, "F2": 1.0}, {"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "correlated sources"),
+    ({"F": 1.0}, {"weighting": isolation.moving_average(0.1)}, "rational weighting"),
+])  # fmt: skip
+def test_refusals_of_sampled_loops(noise, settings, words):
+    with pytest.raises(mv.ResponseError, match=words):
+        controlled().sampled(100.0).rms("x", noise, **settings)
+    with pytest.raises(mv.ResponseError, match="is sampled"):
+        controlled().sampled(100.0).budget({"F": 1.0}, "x").sensitivities()

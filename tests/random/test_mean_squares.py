@@ -1,0 +1,217 @@
+"""Root mean squares under noise against closed forms, extended precision and integrals by mpmath."""
+
+import mpmath
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation
+from tests.random.scenes import oscillator, two_masses
+
+M, C, K = 2.0, 3.0, 800.0
+W = 2.0 * np.pi
+
+
+def test_white_noise_on_an_oscillator():
+    """E[x^2] = S / (4 c k), E[v^2] = S / (4 c m); white noise reaches an acceleration directly."""
+    rms = oscillator().linearize().rms(None, {"F": 0.3})
+    np.testing.assert_allclose([rms["x"], rms["v"]], np.sqrt(0.3 / (4.0 * C * np.array([K, M]))), rtol=1e-13)
+    assert rms["a"] == rms["a_abs"] == np.inf
+
+
+def exact(a, b, c):
+    """Diagonal of C P C^T, A P + P A^T + B B^T = 0, in 50 digits; by source (outputs, inputs)."""
+    with mpmath.workdps(50):
+        n = len(a)
+        big = mpmath.matrix(n * n)
+        for i in range(n):
+            for j in range(n):
+                for k in range(n):
+                    big[i * n + j, k * n + j] += mpmath.mpf(float(a[i, k]))
+                    big[i * n + j, i * n + k] += mpmath.mpf(float(a[j, k]))
+        result = np.zeros((len(c), b.shape[1]))
+        for s in range(b.shape[1]):
+            w = mpmath.matrix([-mpmath.mpf(float(x)) * mpmath.mpf(float(y)) for x in b[:, s] for y in b[:, s]])
+            p = mpmath.lu_solve(big, w)
+            for o in range(len(c)):
+                result[o, s] = float(sum(mpmath.mpf(float(c[o, i])) * p[i * n + j] * mpmath.mpf(float(c[o, j]))
+                                         for i in range(n) for j in range(n)))  # fmt: skip
+    return result
+
+
+@pytest.mark.parametrize("inputs", [1, 3])
+def test_moments_against_extended_precision(inputs):
+    """Both ways, by the source and by the output, of stiff equations in bad units."""
+    rng = np.random.default_rng(inputs)
+    a = rng.normal(size=(4, 4)) - 4.0 * np.eye(4)
+    unit = np.array([1.0, 1e5, 1e-4, 10.0])
+    a, b, c = a / unit[:, None] * unit, rng.normal(size=(4, inputs)) / unit[:, None], rng.normal(size=(2, 4)) * unit
+    space = mv.StateSpace.from_arrays(a, b, c, 0)
+    budget = space.budget({f"u{k + 1}": 2.0 for k in range(inputs)})
+    parts = [[budget.contributions[y][u] for u in space.inputs] for y in space.outputs]
+    np.testing.assert_allclose(np.square(parts), exact(a, b, c), rtol=1e-12)
+
+
+def test_squares_of_contributions_add_up():
+    budget = two_masses().linearize().budget({"F1": 1.0, "F2": isolation.shaped([40.0], [1.0, 40.0], 3.0)})
+    for name, parts in budget.contributions.items():
+        np.testing.assert_allclose(sum(value**2 for value in parts.values()), budget.rms[name] ** 2, rtol=1e-15)
+        assert list(parts.values()) == sorted(parts.values(), reverse=True)
+
+
+def test_shaped_noise_against_its_density():
+    """Filters before the input and behind the output, by moments and by an integral of the same functions."""
+    system, pole = two_masses().linearize(), 50.0
+    noise, weight = isolation.shaped([pole], [1.0, pole], 2.0), isolation.shaped([1.0, 0.0], [1.0, 9.0])
+    by_moments = system.rms(None, {"F1": noise}, weighting=weight)
+    density = system.budget({"F1": lambda f: 2.0 / (1.0 + (W * f / pole) ** 2)},
+                            weighting=lambda f: 1j * W * f / (1j * W * f + 9.0))  # fmt: skip
+    assert 0.0 < density.error < 1e-9
+    for name, value in by_moments.items():
+        np.testing.assert_allclose(density.rms[name], value, rtol=1e-11)
+
+
+def test_tables_are_powers_of_the_frequency():
+    """A light mode within a table of two slopes, against mpmath."""
+    points = [(2.0, 1e-3), (3.0, 4e-2), (9.0, 1e-5)]
+    c = 0.02
+    got = oscillator(c=c).linearize().rms("x", {"F": points})["x"]
+
+    def density(f):
+        (f0, s0), (f1, s1) = points[:2] if f < 3.0 else points[1:]
+        slope = mpmath.log(mpmath.mpf(s1) / s0) / mpmath.log(mpmath.mpf(f1) / f0)
+        return s0 * (f / f0) ** slope / abs(K + 2j * mpmath.pi * f * c - (2 * mpmath.pi * f) ** 2 * M) ** 2
+
+    peak = np.sqrt(K / M) / W
+    width = c / (2.0 * M) / W
+    stops = sorted({2.0, 3.0, 9.0, peak, *(peak + s * width * 4.0**k for k in range(6) for s in (-1, 1))})
+    reference = mpmath.sqrt(mpmath.quad(density, stops))
+    np.testing.assert_allclose(got, float(reference), rtol=1e-11)
+
+
+def test_a_band_cuts_white_noise():
+    """Of a filter of first order: S a^2 times the arc tangents."""
+    space = mv.StateSpace.from_arrays([[-5.0]], [[1.0]], [[1.0]], 0)
+    low, high = 0.2, 3.0
+    expected = (np.arctan(W * high / 5.0) - np.arctan(W * low / 5.0)) / (W * 5.0)
+    np.testing.assert_allclose(space.rms("y1", {"u1": 1.0}, band=(low, high))["y1"] ** 2, expected, rtol=1e-13)
+    np.testing.assert_allclose(space.rms("y1", {"u1": 1.0}, band=(0.0, 1e6))["y1"] ** 2, 0.25 / 5.0, rtol=1e-6)
+
+
+def test_what_does_not_decay_is_infinite_only_where_it_is_driven_and_seen():
+    undamped = two_masses(c1=0.0, c2=0.0).linearize()
+    assert set(undamped.rms(None, {"F1": 1.0}).values()) == {np.inf}
+    frequencies = undamped.modes().frequencies
+    between = [(frequencies[0] * 1.1, 1.0), (frequencies[1] * 0.9, 1.0)]
+    assert 0.0 < undamped.rms("x1", {"F1": between})["x1"] < np.inf
+    assert undamped.rms("x1", {"F1": [(1.0, 1.0), (20.0, 1.0)]})["x1"] == np.inf
+    assert undamped.rms("x1", {"F1": 1.0}, band=(frequencies[0] * 1.1, frequencies[1] * 0.9))["x1"] < np.inf
+    # two modes that do not know each other: one decays, the other does not
+    a = np.zeros((4, 4))
+    a[:2, :2], a[2:, 2:] = [[0.0, 1.0], [-9.0, 0.0]], [[0.0, 1.0], [-16.0, -0.5]]
+    b = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    c = np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    budget = mv.StateSpace.from_arrays(a, b, c, 0).budget({"u1": 2.0, "u2": 2.0})
+    assert budget.contributions["y1"]["u1"] == np.inf
+    assert budget.contributions["y2"]["u1"] == 0.0
+    np.testing.assert_allclose(budget.rms["y2"] ** 2, 1.0 / (2.0 * 0.5 * 16.0), rtol=1e-13)
+
+
+def test_an_integrator_that_no_output_shows_does_not_count():
+    """PI control of a velocity hides a pole at 0: v is exact; the noise of its sensor goes into the integrator."""
+    system = oscillator().linearize()
+    pi = mv.StateSpace.from_arrays([[0.0]], [[1.0]], [[-20.0]], [[-5.0]], ["v"], ["F"])
+    loop = system.feedback(pi, noise=True)
+    np.testing.assert_allclose(loop.rms("v", {"F": 1.0})["v"], np.sqrt(1.0 / (4.0 * (C + 5.0) * M)), rtol=1e-12)
+    assert loop.rms("x", {"v.noise": 1.0})["x"] == np.inf
+    # two free masses, driven and seen from within, and pushed from outside
+    free = mv.Model("free")
+    for name, x in (("p", 0.0), ("q", 1.0)):
+        free.add_body(name, 1.0, (1, 1, 1), position=(0, 0, x))
+        free.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(0, 0, 1))
+    free.add_spring("k", "p", "q", (0, 0, 0), (0, 0, 1), stiffness=50.0, damping=0.8)
+    free.add_input("inner", "q", "z", relative_to="p")
+    free.add_input("outer", "q", "z")
+    free.add_output("gap", "q", "z", relative_to="p")
+    free.add_output("far", "q", "z")
+    budget = free.linearize().budget({"inner": 1.0, "outer": 1.0})
+    reduced = 0.5  # mass of the relative motion
+    np.testing.assert_allclose(budget.contributions["gap"]["inner"] ** 2, 1.0 / (4.0 * 0.8 * 50.0), rtol=1e-12)
+    np.testing.assert_allclose(budget.contributions["gap"]["outer"] ** 2, reduced**2 / (4.0 * 0.8 * 50.0), rtol=1e-12)
+    assert budget.contributions["far"]["outer"] == np.inf
+
+
+def test_correlated_sources():
+    """A second force that repeats the first one tau later acts as one force does through 1 + exp(-i w tau)."""
+    system, tau, table = two_masses().linearize(), 0.05, [(1.0, 1.0), (30.0, 0.2)]
+
+    def delayed(f):
+        matrix = np.ones((len(f), 2, 2), dtype=complex)
+        matrix[:, 0, 1] = np.exp(1j * W * f * tau)
+        matrix[:, 1, 0] = matrix[:, 0, 1].conj()
+        return matrix
+
+    budget = system.budget({"F1": table, "F2": table}, correlation=delayed)
+    f = np.linspace(1.0, 30.0, 200_001)
+    g = system.frequency_response(W * f)
+    density = np.exp(np.interp(np.log(f), np.log([1.0, 30.0]), np.log([1.0, 0.2])))
+    for row, name in enumerate(system.outputs):
+        both = np.abs(g[row, 0] + g[row, 1] * np.exp(-1j * W * f * tau)) ** 2 * density
+        np.testing.assert_allclose(budget.rms[name], np.sqrt(np.trapezoid(both, f)), rtol=1e-7)
+        signed = sum(np.copysign(value**2, value) for value in budget.contributions[name].values())
+        np.testing.assert_allclose(signed, budget.rms[name] ** 2, rtol=1e-13)
+        at = system.psd(name, {"F1": table, "F2": table}, f[::20_000], correlation=delayed)
+        np.testing.assert_allclose(at[0], both[::20_000], rtol=1e-12)
+
+
+def test_correlated_white_noise_has_exact_moments():
+    """All entries 1: one source of both, the sum of their columns; and a matrix between."""
+    system = two_masses().linearize()
+    a, b, c = (getattr(system.state_space(), key) for key in "ABC")
+    for r in (1.0, -0.4):
+        budget = system.budget({"F1": 2.0, "F2": 8.0}, correlation=[[1.0, r], [r, 1.0]])
+        turned = b[:, :2] @ np.linalg.cholesky([[1.0, 2.0 * r], [2.0 * r, 4.0 + 1e-300]]) if abs(r) < 1.0 else \
+            (b[:, :1] + 2.0 * b[:, 1:2])  # fmt: skip
+        expected = exact(a, turned, c).sum(axis=1)
+        np.testing.assert_allclose([value**2 for value in budget.rms.values()], expected, rtol=1e-11)
+        assert budget.error == 0.0
+
+
+def test_densities_in_a_band_where_a_mode_is_very_light():
+    """The integral of a Lorentz peak that a grid of frequencies would miss."""
+    c = 1e-6
+    got = oscillator(c=c).linearize().rms("x", {"F": [(1.0, 1.0), (10.0, 1.0)]})["x"] ** 2
+    np.testing.assert_allclose(got, 1.0 / (4.0 * c * K), rtol=1e-4)  # but for the tails
+    mode = np.sqrt(K / M) / W
+    whole, *halves = [oscillator(c=c).linearize().rms("x", {"F": 1.0}, band=band)["x"] ** 2
+                      for band in ((1.0, 10.0), (1.0, mode), (mode, 10.0))]  # fmt: skip
+    np.testing.assert_allclose(whole, got, rtol=1e-12)
+    np.testing.assert_allclose(sum(halves), got, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("noise", "settings", "words"), [
+    ({}, {}, "expected the density of each input"),
+    ({"G": 1.0}, {}, "has no such input"),
+    ({"F": -1.0}, {}, "no less than 0"),
+    ({"F*": 1.0, "?2": 2.0}, {}, "'F2' has two densities"),
+    ({"F": lambda f: np.ones(3)}, {}, "the function returns the shape"),
+    ({"F": lambda f: -f}, {}, "no less than 0"),
+    ({"base": isolation.road_spectrum("A", 20.0)}, {}, "has the unit m/s\\^2"),
+    ({"F": [(1.0, 1.0), (2.0, 1.0)]}, {"band": (3.0, 4.0)}, "has no noise"),
+    ({"F": 1.0}, {"band": (3.0, 2.0)}, "expected two finite frequencies"),
+    ({"F": 1.0, "F2": 1.0}, {"correlation": [[1.0, 2.0], [2.0, 1.0]]}, "not that of any noise"),
+    ({"F": 1.0}, {"correlation": [[1.0, 0.0], [0.0, 1.0]]}, "shape \\(2, 2\\)"),
+    ({"F": 1.0}, {"weighting": "Wz"}, "ISO 2631"),
+    ({"F": 1.0}, {"weighting": {"x": "Wk", "*": "Wd"}}, "has two"),
+    ({"F": 1.0}, {"weighting": 3.0}, "expected 'Wk' or 'Wd'"),
+])  # fmt: skip
+def test_refusals(noise, settings, words):
+    with pytest.raises(mv.ResponseError, match=words):
+        oscillator().linearize().rms("x", noise, **settings)
+
+
+def test_an_unstable_system_is_refused():
+    with pytest.raises(mv.ResponseError, match="grows"):
+        oscillator(c=-1.0).linearize().rms("x", {"F": 1.0})
+    with pytest.raises(mv.ResponseError, match="grows"):
+        oscillator(c=-1.0).linearize().rms("x", {"F": [(1.0, 1.0), (2.0, 1.0)]})

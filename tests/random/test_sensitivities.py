@@ -1,0 +1,128 @@
+"""Derivatives of root mean squares against differences of fourth order, and closed forms."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from tests.random.scenes import oscillator, two_masses
+
+NAMES = ["m1.mass", "k1.stiffness", "k1.damping", "k2.stiffness", "k2.damping", "k2.end.z"]
+SHAPED = isolation.shaped([20.0], [1.0, 20.0])
+TABLE = [(0.5, 1.0), (30.0, 0.1)]
+
+
+def plain(model):
+    return model.linearize()
+
+
+def static(model):
+    return model.linearize().feedback([[-40.0, -2.0]], ["x2", "v2"], ["F1"], noise=True)
+
+
+def dynamic(model):
+    law = mv.StateSpace.from_arrays([[-30.0]], [[1.0]], [[-500.0]], [[-20.0]], ["v2"], ["F2"])
+    return model.linearize().feedback(law, noise=True)
+
+
+def difference(value, at, step):
+    low2, low, high, high2 = (value(at + k * step) for k in (-2.0, -1.0, 1.0, 2.0))
+    return (low2 - 8.0 * low + 8.0 * high - high2) / (12.0 * step)
+
+
+@pytest.mark.parametrize(("plant", "noise", "settings"), [
+    (plain, {"F1": 1.0, "F2": SHAPED}, {}),
+    (plain, {"F1": TABLE}, {}),
+    (plain, {"F1": 1.0}, {"band": (0.5, 20.0)}),
+    (plain, {"F1": 1.0, "F2": 4.0}, {"correlation": [[1.0, 0.6], [0.6, 1.0]]}),
+    (plain, {"F1": TABLE, "F2": TABLE}, {"correlation": [[1.0, 0.3 + 0.4j], [0.3 - 0.4j, 1.0]]}),
+    (plain, {"F1": 1.0}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
+    (static, {"F2": 1.0, "x2.noise": 1e-4, "F1.noise": SHAPED}, {}),
+    (dynamic, {"F1": TABLE, "v2.noise": 1e-3}, {}),
+    (dynamic, {"F1": lambda f: 1.0 / (1.0 + f), "F2.noise": 0.1}, {"weighting": lambda f: 1.0 / (1.0 + 0.1j * f)}),
+])  # fmt: skip
+def test_derivatives_to_parameters(plant, noise, settings):
+    model = two_masses()
+    exact = plant(model).budget(noise, ["x1", "v2"], **settings).sensitivities(NAMES)
+    for name in NAMES:
+        start = model.parameters[name]
+
+        def rms(value, name=name):
+            changed = plant(model.with_values({name: value})).rms(["x1", "v2"], noise, **settings)
+            return np.array(list(changed.values()))
+
+        expected = difference(rms, start, 2e-3 * abs(start))
+        got = [exact[output][name] for output in ("x1", "v2")]
+        np.testing.assert_allclose(got, expected, rtol=2e-7, atol=1e-9 * abs(rms(start) / start).max())
+
+
+def test_closed_form():
+    """rms = sqrt(S / 4 c k): its derivatives are -rms / 2 c, -rms / 2 k and 0."""
+    system = oscillator().linearize()
+    budget = system.budget({"F": 1.0}, "x")
+    slopes, rms = budget.sensitivities(["s.stiffness", "s.damping", "b.mass"])["x"], budget.rms["x"]
+    np.testing.assert_allclose(list(slopes.values()), [-rms / 1600.0, -rms / 6.0, 0.0], rtol=1e-12, atol=1e-16)
+
+
+@pytest.mark.parametrize("noise", [{"F1": 1.0, "v2.noise": 1e-2}, {"F1": TABLE, "v2.noise": 1e-2}])
+def test_derivatives_to_the_controller(noise):
+    model = two_masses()
+    loop = dynamic(model)
+    exact = loop.budget(noise, ["x1", "v2"]).controller_sensitivities()
+    for key in "ABCD":
+        start = getattr(loop.law, key)[0, 0]
+
+        def rms(value, key=key):
+            entries = {part: getattr(loop.law, part) for part in "ABCD"} | {key: [[value]]}
+            law = mv.StateSpace.from_arrays(*(entries[part] for part in "ABCD"), ["v2"], ["F2"])
+            changed = model.linearize().feedback(law, noise=True).rms(["x1", "v2"], noise)
+            return np.array(list(changed.values()))
+
+        got = [exact[output][key][0, 0] for output in ("x1", "v2")]
+        np.testing.assert_allclose(got, difference(rms, start, 1e-3 * abs(start)), rtol=1e-7)
+
+
+def test_several_sensors_and_actuators():
+    """All 6 x 6 gains of a platform: the sum of entries times a direction is the slope along it."""
+    system = library.cubic_hexapod().linearize()
+    gains = -1e3 * np.eye(6)
+    noise = {"Fz": 1.0, "z.noise": 1e-14, "Mx.noise": 1e-3}
+
+    def loop(k):
+        return system.feedback(k, list(system.outputs), list(system.inputs), noise=True)
+
+    exact = loop(gains).budget(noise, ["z", "rx"]).controller_sensitivities()
+    direction = np.random.default_rng(1).normal(size=(6, 6)) * 1e3
+
+    def rms(share):
+        return np.array(list(loop(gains + share * direction).rms(["z", "rx"], noise).values()))
+
+    got = [(exact[name]["D"] * direction).sum() for name in ("z", "rx")]
+    np.testing.assert_allclose(got, difference(rms, 0.0, 1e-2), rtol=1e-6)
+
+
+def test_changes_that_make_it_infinite():
+    """Noise drives a mass that nothing holds along another direction: a tilted spring would let it drift."""
+    model = mv.Model("plane")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("j", None, "ground", "b", (0, 0, 0), free=("x", "z"))
+    model.add_spring("s", "ground", "b", (0, 0, -1), (0, 0, 0), stiffness=100.0, damping=2.0)
+    model.add_input("F", "b", "z")
+    model.add_output("z", "b", "z")
+    budget = model.linearize().budget({"F": 1.0})
+    slopes = budget.sensitivities(["s.stiffness", "s.start.x"])["z"]
+    np.testing.assert_allclose(slopes["s.stiffness"], -budget.rms["z"] / 200.0, rtol=1e-12)
+    assert slopes["s.start.x"] == np.inf
+
+
+def test_refusals():
+    with pytest.raises(mv.ModelError, match="has matrices and no parameters"):
+        plain(two_masses()).state_space().budget({"F1": 1.0}).sensitivities()
+    with pytest.raises(mv.ResponseError, match="has no controller"):
+        plain(two_masses()).budget({"F1": 1.0}).controller_sensitivities()
+    with pytest.raises(mv.ResponseError, match="averages over a time"):
+        plain(two_masses()).budget({"F1": 1.0}, weighting=isolation.moving_average(1.0)).sensitivities()
+    with pytest.raises(mv.ModelError, match="no parameter 'k9"):
+        plain(two_masses()).budget({"F1": 1.0}).sensitivities("k9.stiffness")
+    slopes = two_masses(c1=0.0, c2=0.0).linearize().budget({"F1": 1.0}, "x1").sensitivities("k1.stiffness")
+    assert np.isnan(slopes["x1"]["k1.stiffness"])
