@@ -43,19 +43,23 @@ if TYPE_CHECKING:
 class SensitivityBasis:
     """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known.
 
-    If ``pose_moves``, loaded mechanisms follow their equilibrium as parameters change.
+    ``network``, ``known`` modes and ``groups`` of all parameters are computed where they are not given. If
+    ``pose_moves``, loaded mechanisms follow their equilibrium as parameters change.
     """
 
     pose_moves: ClassVar[bool] = True
 
-    def __init__(self, responses: Basis, network: Network | None = None) -> None:
+    def __init__(
+        self, responses: Basis, network: Network | None = None, known: Modes | None = None,
+        groups: ParameterGroups | None = None,
+    ) -> None:  # fmt: skip
         self.responses = responses
-        self._network = network
-        self._groups_of_all: dict[bool, ParameterGroups] = {}
+        self._network, self._known = network, known
+        self._groups_of_all = {} if groups is None else {groups.network.bare: groups}
 
     def __getstate__(self) -> dict[str, object]:
         """Return what the rest is computed of: rules of parameters are functions, which pickle cannot hold."""
-        return {"responses": self.responses, "_network": self._network, "_groups_of_all": {}}
+        return {"responses": self.responses, "_network": self._network, "_known": self._known, "_groups_of_all": {}}
 
     @staticmethod
     def of(equations: Equations) -> SensitivityBasis:
@@ -84,6 +88,8 @@ class SensitivityBasis:
         Those will not do, even where their errors are small: vectors of coupled modes that are as close as 1e-5 then
         have ten times the residual, and derivatives ten times the error.
         """
+        if self._known is not None:
+            return self._known
         if self.responses.computed & {"modes", "response_modes"}:
             return self.responses.response_modes
         return modes(self.equations, RESPONSE_RTOL, form=self.responses.form)

@@ -6,18 +6,21 @@ along those that act by no rule of a part. Parameters are those of the plan: rot
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.batch_equations import of_variant
 from mbsvib.equations.terms import MATRICES
 from mbsvib.mechanism.changes import to_angular_velocities
 from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import bare_network
+from mbsvib.sensitivities.parameter_groups import ParameterGroups
+from mbsvib.sensitivities.products import MatrixDerivativeGroup
+from mbsvib.sensitivities.variables import ListedLater, Variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,7 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_assembly import BatchPlan
     from mbsvib.equations.batch_equations import BatchEquations
-    from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
     from mbsvib.modes.batch import BatchModes
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
@@ -37,24 +39,15 @@ WORTH_ADJOINT, WORTH_ADJOINT_LOADED, OWN = 10_000, 60_000, 8
 
 
 class PoseBasis(SensitivityBasis):
-    """What sensitivities of variant ``i`` of a batch share in its pose as it is.
-
-    ``known``: its modes, if they are asked for; ``steps``: derivatives of matrices along all parameters, if they are
-    known; ``by_rules``: whether parameters act by the rules of their parts where there are any.
+    """What sensitivities of variant ``i`` of a batch share in its pose as it is; ``known``: its modes, if they are
+    asked for.
     """
 
     pose_moves = False
 
-    def __init__(
-        self, plan: BatchPlan, batch: BatchEquations, i: int, known: Modes | None = None,
-        steps: Mapping[str, Array] | None = None, by_rules: bool = True,
-    ) -> None:  # fmt: skip
-        system: Equations = batch[i] if by_rules else of_variant(batch, i)
-        super().__init__(Basis(system), None if by_rules else bare_network(system))
-        if known is not None:
-            self.__dict__["modes"] = known
+    def __init__(self, plan: BatchPlan, batch: BatchEquations, i: int, known: Modes | None = None) -> None:
+        super().__init__(Basis(batch[i]), known=known)
         self._variant = plan, batch.slice(i, i + 1)
-        self._steps = steps
 
     @cached_property
     def loaded(self) -> LoadedNetwork | None:
@@ -70,8 +63,6 @@ class PoseBasis(SensitivityBasis):
             return super().matrix_slopes(directions, True)
         names = plan.slots.names
         which = [names.index(direction.name) for direction in directions]
-        if self._steps is not None:
-            return {key: array[which] for key, array in self._steps.items()}
         return {key: array[0] for key, array in steps(plan, batch, np.eye(len(names))[:, which]).items()}
 
     def rates(self, rates: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
@@ -94,15 +85,29 @@ def eigenvalue_slopes(plan: BatchPlan, batch: BatchEquations, modes: BatchModes)
     """
     names, coordinates = plan.slots.names, len(plan.scene.coordinates.names)
     at_once, worth = plan.at_once(batch.values), WORTH_ADJOINT_LOADED if plan.own_decisions else WORTH_ADJOINT
-    by_rules = not at_once or (
-        len(names) * (coordinates**2 + OWN**2) > worth and plan.nominal.provenance.separation is None)  # fmt: skip
-    known = {} if by_rules else steps(plan, batch, np.eye(len(names)))
+    if at_once and (len(names) * (coordinates**2 + OWN**2) <= worth or plan.nominal.provenance.separation is not None):
+        return _by_steps(plan, batch, modes)
     result = []
     for i in range(len(batch)):
-        own = None if by_rules else {key: array[i] for key, array in known.items()}
-        basis = PoseBasis(plan, batch, i, modes[i], own, by_rules)
+        basis = PoseBasis(plan, batch, i, modes[i])
         rates = basis.rates([{name: 1.0} for name in names])
         result.append(eigenvalue_sensitivities(basis, dict(zip(names, rates, strict=True))).T)
+    return np.array(result)
+
+
+def _by_steps(plan: BatchPlan, batch: BatchEquations, modes: BatchModes) -> Complex:
+    """Derivatives of the eigenvalues of all variants by complex steps along all parameters."""
+    parameters, names, every = plan.slots.parameters, plan.slots.names, np.arange(len(plan.slots.names))
+    network, slopes = bare_network(batch.nominal), steps(plan, batch, np.eye(len(names)))
+    entries = ListedLater(len(names), lambda: [parameters.entry(name) for name in names])
+    requested = Variables(names, entries, parameters.parts, every, every, np.ones(len(names)))
+    result = []
+    for i in range(len(batch)):
+        known = {key: array[i] for key, array in slopes.items()}
+        groups = ParameterGroups(network, requested, (), lambda *_: {}, MatrixDerivativeGroup(every, known), every=True)
+        system = replace(batch.nominal, M=batch.M[i], C=batch.C[i], K=batch.K[i])
+        basis = SensitivityBasis(Basis(system), network, modes[i], groups)
+        result.append(eigenvalue_sensitivities(basis).T)
     return np.array(result)
 
 

@@ -47,7 +47,7 @@ class MatrixDerivativeGroup:
             weight = getattr(left, power) if right is None else getattr(left, power) + getattr(right, power)
             shape = other.vectors.shape
             pushed = change @ other.vectors.reshape(len(other.vectors), prod(shape[1:]))
-            works = np.stack([(left.vectors * push.reshape(shape)).sum(axis=0) for push in pushed])
+            works = (left.vectors * pushed.reshape(len(change), *shape)).sum(axis=1)
             result = result + 0.5 * weight * works
         if isinstance(result, float):
             tail = np.broadcast_shapes(left.vectors.shape[1:], other.vectors.shape[1:], np.shape(left.stiff))
