@@ -85,6 +85,11 @@ class Plant(Displayed):
         return 1 + sum(self._plan.decided)
 
     @property
+    def pose_stays(self) -> bool:
+        """Whether no forces act at the pose, whatever the values, so that none has to balance there."""
+        return not self._plan.loaded
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
         return self._plan.nominal.inputs

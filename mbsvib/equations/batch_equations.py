@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from mbsvib.equations.terms import MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from numpy.typing import ArrayLike
 
@@ -200,9 +200,13 @@ def _provenance(batch: BatchEquations, k: int) -> Provenance:
     if batch.provenances is not None:
         return batch.provenances[k]
     nominal, values = batch.nominal.provenance, batch.values
-    topology, reduction = nominal.topology, nominal.reduction
-    topology = replace(topology, joints=tuple([values.of_variant(joint, k) for joint in topology.joints]))
+    topology, reduction, origin = nominal.topology, nominal.reduction, nominal.origin
+    changed: dict[str, Any] = {name: values.of_variant(values.parameters.parts[name], k) for name in values.index}
+
+    def at(parts: Iterable[Any]) -> tuple[Any, ...]:  # the node of a connection has joints of its name
+        return tuple([changed[part.name] if type(part) is type(changed.get(part.name)) else part for part in parts])
+
     if batch.closure is not None:
         reduction = replace(reduction, matrix=batch.closure[k])
-    parts = tuple([values.of_variant(part, k) for part in nominal.parts])
-    return replace(nominal, topology=topology, reduction=reduction, parts=parts)
+    return replace(nominal, topology=replace(topology, joints=at(topology.joints)), parts=at(nominal.parts),
+                   reduction=reduction, origin=None if origin is None else origin.with_changed(changed))  # fmt: skip

@@ -235,7 +235,21 @@ class Mechanism:
         """
         from mbsvib.mechanism.changes import parts_with
 
-        changed: dict[str, Any] = parts_with(self.parameters, values)
+        return self.with_changed(parts_with(self.parameters, values))
+
+    def with_changed(self, changed: Mapping[str, Any]) -> Self:
+        """Return a mechanism in which some parts are replaced by others of their names, which are not checked again.
+
+        Parameters
+        ----------
+        changed : mapping of str to Part
+            The new parts by name.
+
+        Returns
+        -------
+        Mechanism
+            The changed mechanism, of the same class; this one does not change.
+        """
         gravity = changed.get("gravity")
         groups: Any = {key: {name: changed.get(name, part) for name, part in self._group(key).items()}
                   for key in GROUPS[:-2]}  # fmt: skip

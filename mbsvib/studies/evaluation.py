@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.system import System
 from mbsvib.common.expected import kind_of
-from mbsvib.errors import ModelError
+from mbsvib.equations.assembly import is_small
+from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
 from mbsvib.studies.dual import Dual
@@ -22,8 +26,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
+    from mbsvib.api.plant import Plant
+    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
+    from mbsvib.studies.design import StudyVariables
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,35 @@ class DesignPoint:
     def station(self) -> Station:
         """The modes with their shapes weighted by the inertia, to be followed."""
         return station(self.modes, self.system)
+
+
+class Systems:
+    """Systems of a model at values of variables: those of a compiled plant where forces at the pose need not balance,
+    else of models in equilibrium. ``independent``: requested minimal coordinates, in which a search keeps its systems.
+    """
+
+    def __init__(self, model: Model, design: StudyVariables, independent: Sequence[str] | None = None) -> None:
+        self.model, self.design, self.independent = model, design, independent
+
+    @cached_property
+    def plant(self) -> Plant | None:
+        """The compiled plant; None where models find their equilibrium, or are large."""
+        if not is_small(self.model):
+            return None
+        with catch_warnings(), suppress(MbsvibError):
+            simplefilter("ignore")
+            plant = self.model.compile(list(self.design.values(self.design.start)), independent=self.independent)
+            if plant.pose_stays and (self.independent is None or plant.coordinates == tuple(self.independent)):
+                return plant
+        return None
+
+    def at(self, values: Mapping[str, float]) -> System | SparseSystem:
+        """Return the system at values of the variables."""
+        changed = self.design.values(values)
+        if self.plant is not None:
+            with suppress(MbsvibError):  # other coordinates may do, and refusals are those of models
+                return self.plant.system([changed[name] for name in self.plant.names])
+        return in_equilibrium(self.model.with_values(changed), independent=self.independent)[1]
 
 
 def station(modes: Modes, system: System, at: float = 0.0) -> Station:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, match_next, reference
 from mbsvib.studies.dual import Dual, stacked
-from mbsvib.studies.evaluation import DesignPoint, check_variables, checked, station
+from mbsvib.studies.evaluation import DesignPoint, Systems, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Constraint, Quantity
@@ -57,7 +56,7 @@ class Search:
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
-        self._independent: tuple[str, ...] | None = None
+        self._systems = Systems(model, design)
         self._references: list[tuple[Array, Reference]] = []
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
@@ -71,7 +70,7 @@ class Search:
         start = self.point(np.zeros(len(scales.start)))
         if self.needs_equations:
             check_variables(start.system, start.rates)
-            self._independent = start.system.coordinates
+            self._systems = Systems(model, design, start.system.coordinates)
         true = {item: float(item.true(start).value[0]) for item in self.largest}
         self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
         self._active = {item: item.seeds(start) for item in self.largest}
@@ -87,8 +86,7 @@ class Search:
         """Return the system at the unknowns of variables."""
         values = dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
         try:
-            changed = self.model.with_values(self.design.values(values))
-            return checked(in_equilibrium(changed, independent=self._independent)[1])
+            return checked(self._systems.at(values))
         except MbsvibError as error:
             error.add_note(f"at {_text(values)}")
             raise

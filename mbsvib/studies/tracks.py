@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import station
+from mbsvib.studies.evaluation import Systems, station
 from mbsvib.studies.figures import root_locus
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.modes import Modes
-    from mbsvib.studies.design import StudyVariables, Ties
+    from mbsvib.studies.design import Ties
 
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "1"}
@@ -153,7 +152,7 @@ def track(
     if swept["eigenvalues"].dtype == object:
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
                          "as a mass that vanishes.", field="values")  # fmt: skip
-    interval = _Interval(model, design(model, swept.parameters, ties), swept.parameters)
+    interval = _Interval(Systems(model, design(model, swept.parameters, ties)), swept.parameters)
     titles = _titles(interval.system(int(good[0])).modes(), names)
     order = _followed(swept, interval)
     results = {label: np.take_along_axis(swept[label], order, axis=1) for label in UNITS}
@@ -174,15 +173,14 @@ def modal(system: Any) -> dict[str, NDArray[Any]]:
 
 @dataclass(frozen=True)
 class _Interval:
-    """The model between points."""
+    """The systems between points."""
 
-    model: Model
-    design: StudyVariables
+    systems: Systems
     columns: Mapping[str, Array]
 
     def system(self, first: int, second: int = 0, share: float = 0.0) -> Any:
         values = {name: float(x[first] + share * (x[second] - x[first])) for name, x in self.columns.items()}
-        return in_equilibrium(self.model.with_values(self.design.values(values)))[1]
+        return self.systems.at(values)
 
     def between(self, first: int, second: int) -> Callable[[float], Station]:
         def at(share: float) -> Station:

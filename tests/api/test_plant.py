@@ -108,6 +108,18 @@ def test_gradients_by_the_adjoint_are_those_by_complex_steps(name, turned, monke
     assert (np.abs(steps - adjoint) <= 1e-10 * size).all()
 
 
+def test_systems_know_the_model_at_their_values():
+    """Sensitivities to what no rule tells come of variants of it, such as those to the inertia of a spinning body."""
+    model = library.rotor_stator()
+    speed = 2.0 * model.parameters["spin.speed"]
+    there = model.with_values({"spin.speed": speed})
+    system = model.compile("spin.speed").system([speed])
+    assert system.provenance.origin.parameters == there.parameters
+    names = ["rotor.inertia.zz", "rotor.mass", "spin.speed"]
+    result, expected = (each.eigenvalue_sensitivities(names) for each in (system, there.linearize()))
+    assert (np.abs(result - expected) <= 1e-9 * np.abs(expected).max(axis=1, keepdims=True)).all()
+
+
 def test_derivatives_to_beams():
     """They are linearized one variant after the other: complex steps would not reach them."""
     plant = library.cantilever().compile(["tube.rho", "tube.radius"])
