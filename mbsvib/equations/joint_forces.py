@@ -85,7 +85,7 @@ def with_forces_in_joints(
     and multipliers of forces at the pose. ``axes`` (variants, 3, 3): of joints by name, where variants differ in them.
     ``stress``: states of self-stress of redundant loops, which are the same in all variants.
     """
-    relative, phi, reduction, kept = loops
+    phi, reduction, kept = loops[1:]
     outputs = [item for item in scene.port.wrench_outputs if item[1] == "joint"]
     if len(outputs) < len(scene.port.wrench_outputs):
         terms = with_sums(scene, terms, spin[0])
@@ -96,7 +96,7 @@ def with_forces_in_joints(
     asked = sorted(wanted.union(*(part.joints.tolist() for part in stress)))
     points = _points(scene, asked)
     work = VirtualWork(scene, reduction, phi, kept, virtual_motions(scene, asked, axes, points))
-    rows = work.at_rest(*_rows(scene, relative), *spin, terms)
+    rows = work.at_rest(*spin)
     q = rows.q if loaded is None else rows.q + work.of_forces(loaded[0], *all_pairs(scene, *loaded))
     result: dict[str, Any] = {}
     place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(asked)}
@@ -140,13 +140,6 @@ def _points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
     return result
 
 
-def _rows(scene: Scene, relative: Triplets) -> tuple[Array, Array, Array]:
-    """Rows (..., rows, n) of elements, ports and base rows of shared elements."""
-    ends = np.cumsum([scene.locked, len(scene.springs.owner), len(scene.port.rows.first)]).tolist()
-    elements, ports, base = (relative.dense(*pair) for pair in zip(ends, [*ends[1:], relative.shape[0]], strict=True))
-    return elements, ports, base
-
-
 def _reactions(draft: Draft) -> Reactions:
     scene = draft.scene
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
@@ -161,7 +154,7 @@ def _in_joints(draft: Draft, to_joints: Reactions) -> dict[str, dict[int, Array]
     joints = sorted(asked.union(*(part.joints.tolist() for part in stress)))
     motions = virtual_motions(scene, joints, {}, {number: to_joints.paths.point[:, number] for number in joints})
     work = VirtualWork(scene, draft.reduction, draft.phi, kept_rows(draft), motions)
-    rows = work.at_rest(*_rows(scene, draft.relative), *_spin(draft.model, scene), draft.terms)
+    rows = work.at_rest(*_spin(draft.model, scene))
     result = {"Cq": rows.q, "Cv": rows.v, "Ca": rows.a, "D": rows.u}
     place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(joints)}
     frames = {number: np.array(scene.topology.joints[number].axes) for number in joints}

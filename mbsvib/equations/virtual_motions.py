@@ -21,10 +21,10 @@ import numpy as np
 
 from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, bracket_form, geometric_stiffness
 from mbsvib.core.motion_order import MotionOrder
-from mbsvib.equations.base_motion import inertia_of_ground_motion
 from mbsvib.equations.force_paths import carrier_of
 from mbsvib.equations.load_stiffness import leading, rounding
-from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.products import concatenated, product_with_zeros
 from mbsvib.linalg.rank import ZERO_SUM
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.equations.terms import Terms
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.topology import Branch
 
 Kept = list[tuple["Index", "Index"]]
@@ -193,66 +191,44 @@ class VirtualWork:
                          value=couplings.value[..., cut], touched=touched)  # fmt: skip
         return of_cut.dense(self._motions.twists)
 
-    def along(self, rows: Rows, in_joints: Array) -> Array:
-        """Relative displacements (..., rows, v) of virtual motions, for rows that are (..., rows, n) in coordinates."""
-        own = relative_motion(self._motions.twists, rows).dense(0, len(rows.first))
-        return np.asarray(own + in_joints @ self.following)
+    def _extended(self) -> tuple[Scene, Reduction]:
+        """The scene with the virtual motions behind its coordinates, and behind its minimal coordinates."""
+        scene, virtual = self._scene, self._motions.twists
+        linear, angular, point = (trailing(concatenated([leading(getattr(part, key)) for part in (
+            scene.coordinates, virtual)], -1)) for key in ("linear", "angular", "point"))  # fmt: skip
+        coordinates = Twists(
+            scene.coordinates.names + virtual.names, linear, angular, point,
+            np.concatenate((scene.coordinates.path, virtual.path), axis=1),
+            np.concatenate((scene.coordinates.turns, virtual.turns)), scene.coordinates.pitch,
+        )  # fmt: skip
+        n = len(scene.coordinates.names)
+        independent = np.append(self._reduction.independent, np.arange(n, n + len(virtual.names)))
+        extended, matrix = replace(scene, coordinates=coordinates), self._reduction.matrix
+        if matrix is None:
+            return extended, Reduction(independent, None, ())
+        m, unit = matrix.shape[-1], np.eye(len(virtual.names))
+        rows = concatenated((matrix, self.following), -1), np.concatenate((np.zeros((len(unit), m)), unit), axis=1)
+        return extended, Reduction(independent, concatenated(rows, -2), ())
 
-    def at_rest(
-        self, relative: Array, ports: Array, base: Array, momenta: Sequence[tuple[int, Array]],
-        couplings: Sequence[CrossCoupling], terms: Terms,
-    ) -> JointWrenches:  # fmt: skip
-        """Return the wrenches without the forces at the pose; arguments are rows (..., rows, n) of elements, ports and
-        base rows of shared elements, and the parts of spin.
-        """
-        scene, reduction = self._scene, self._reduction
-        sums = [_Sum(), _Sum(), _Sum()]
-        minimal, virtual = reduction.apply_exactly(relative), self.along(scene.springs.rows, relative)
-        for order, value in scene.springs.weights:
-            sums[order].add(virtual, value[..., None] * minimal)
-        motion = body_motion(scene.coordinates, scene.position)
-        of_bodies = body_motion(self._motions.twists, scene.position)
-        *lead, bodies, _, n = motion.shape
-        flat = motion.reshape(*lead, 6 * bodies, n) @ self.following
-        of_bodies = of_bodies + flat.reshape(*flat.shape[:-2], bodies, 6, flat.shape[-1])
-        factor = scene.inertia.factor(of_bodies)
-        if scene.shared is not None and scene.shared.base:
-            mine = [len(part.first) for part in scene.shared.base]
-            parts = zip(scene.shared.base, np.split(base, np.cumsum(mine)[:-1], axis=-2), strict=True)
-            moved = concatenated([self.along(own, part) for own, part in parts], -2)
-            factor = scene.shared.inertia_rows(factor, moved)
-            if scene.shared.elastic is not None:
-                elastic, start = scene.shared.elastic, 0 if scene.shared.mass is None else mine[0]
-                rows = elastic.composite.of(reduction.apply(base)[..., start:, :])
-                for order, value in enumerate((elastic.stiffness, elastic.damping)):
-                    sums[order].add(elastic.composite.of(moved[..., start:, :]), value[:, None] * rows)
-        inertial = factor.shape[-2]
-        sums[2].add(factor, terms.inertia_factor[..., :inertial, :])
-        for body, momentum in momenta:
-            turned = product_with_zeros(-skew(momentum), terms.body_motion[..., body, 3:, :])
-            sums[1].add(of_bodies[..., body, 3:, :], turned)
-        for part in couplings:
-            rows = relative_motion(scene.coordinates, part.rows).dense(0, 6)
-            own, other = self.along(part.rows, rows), reduction.apply_exactly(rows)
-            sums[0].add(own, part.stiffness @ other)
-            sums[1].add(own, part.damping @ other)
-        q, v, a = (part.total() for part in sums)
-        return JointWrenches(q, v, a, self._inputs(ports, factor))
+    def at_rest(self, momenta: Sequence[tuple[int, Array]], couplings: Sequence[CrossCoupling]) -> JointWrenches:
+        """Return the wrenches without the forces at the pose, of which ``momenta`` and ``couplings`` are spin."""
+        scene, reduction = self._extended()
+        terms = matrices(scene, minimal_rows(scene, scene.relative(), reduction), closed=reduction.matrix is not None)
+        if momenta or couplings:
+            from mbsvib.equations.spin_terms import with_antisymmetric_terms
 
-    def _inputs(self, ports: Array, factor: Array) -> Array:
-        """Minus the work (..., v, inputs) of a unit of each input."""
-        scene = self._scene
-        port, forces = scene.port, len(scene.port.force_inputs)
-        rows = port.rows.take(slice(forces))
-        acts = self.along(rows, ports[..., :forces, :])
-        result = np.zeros((*np.broadcast_shapes(acts.shape[:-2], factor.shape[:-2]), acts.shape[-1],
-                           len(port.input_units)), np.result_type(acts, factor))  # fmt: skip
-        result[..., port.force_inputs] = -acts.swapaxes(-1, -2)
-        for column, source in port.base_motions:
-            inertia = inertia_of_ground_motion(source.wrench, source.position, scene.position, scene.inertia,
-                                               scene.shared)  # fmt: skip
-            result[..., column] += (inertia[..., None, :] @ factor)[..., 0, :]
-        return result
+            terms = with_antisymmetric_terms(scene, reduction, terms, momenta, couplings)
+        m = len(self._reduction.independent)
+        elastic, factor = terms.elastic_rows, terms.inertia_factor
+        virtual = elastic[..., m:].swapaxes(-1, -2)
+        q, v = (product_with_zeros(virtual * value[..., None, :], elastic[..., :m])
+                for value in (terms.row_stiffness, terms.row_damping))  # fmt: skip
+        if terms.circulatory is not None:
+            q = q + terms.circulatory[..., m:, :m]
+        if terms.gyroscopic is not None:
+            v = v + terms.gyroscopic[..., m:, :m]
+        a = product_with_zeros(factor[..., m:].swapaxes(-1, -2), factor[..., :m])
+        return JointWrenches(q, v, a, -terms.B[..., m:, :])
 
     def of_forces(self, loaded: LoadedPairs, pairs: Pairs, motion: Array) -> Array:
         """Return the rows (..., v, m) of the forces at the pose in ``pairs`` with their ``motion`` (..., 6, p, n)."""
@@ -336,25 +312,3 @@ class VirtualWork:
                     before[mine, column] = beyond[branch_of[other].parent]
         sign = np.concatenate((order.sign, np.ones(v)))
         return MotionOrder(before, np.concatenate((order.joint, np.repeat(motions.joints, 6))), sign, order.rods)
-
-
-class _Sum:
-    """A sum of products V^T R, with zeros for what rounding leaves of terms that cancel."""
-
-    def __init__(self) -> None:
-        self._sum: Array | float = 0.0
-        self._size: Array | float = 0.0
-
-    def add(self, virtual: Array, rows: Array) -> None:
-        """Add the product of rows (..., r, v) and (..., r, m)."""
-        left = virtual.swapaxes(-1, -2)
-        self._sum = self._sum + left @ rows
-        self._size = self._size + np.abs(left) @ np.abs(rows)
-
-    def total(self) -> Array:
-        """The sum (..., v, m)."""
-        result = np.array(self._sum)
-        result.real[np.abs(result) <= ZERO_SUM * np.asarray(self._size)] = 0.0
-        return result
-
-
