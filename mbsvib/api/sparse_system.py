@@ -267,7 +267,7 @@ class SparseSystem(SparseEquations, Displayed):
                 f"reduced: correction of '{self.name}' around near = {near:g} Hz; modes below that have no static "
                 f"part. Take the lowest modes (near=0), or no correction."
             )
-        from mbsvib.sparse.truncation import corrected
+        from mbsvib.sparse.response import corrected
 
         return corrected(self, small, order)
 
@@ -293,7 +293,7 @@ class SparseSystem(SparseEquations, Displayed):
         ResponseError
             If the ports are not the same, a frequency is not finite, or is an undamped pole.
         """
-        from mbsvib.sparse.truncation import truncation_error
+        from mbsvib.sparse.response import truncation_error
 
         return truncation_error(self, small, omega)
 

@@ -11,15 +11,14 @@ import numpy as np
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.wrenches import is_loaded
+from mbsvib.sparse.constraints import check_mobility
 from mbsvib.sparse.cuts import short_span
-from mbsvib.sparse.draft import first_draft, with_inerters, with_shared
+from mbsvib.sparse.draft import first_draft
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.massless import separation
 from mbsvib.sparse.massless_motions import massless_motions
-from mbsvib.sparse.mobility import check_mobility
-from mbsvib.sparse.ports import with_ports
-from mbsvib.sparse.spin import with_spin
+from mbsvib.sparse.steps import with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.tableau import build
 
 if TYPE_CHECKING:

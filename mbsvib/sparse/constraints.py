@@ -9,6 +9,9 @@ the certain ones, and a pivoted QR decides.
 
 The coordinate of a joint in the tree that a coupler relates is an unknown of the tableau; that of a cut joint is the
 relative motion of its bodies. Each coupler is a loop of its own, with one multiplier.
+
+Redundant constraints must be redundant in neighbouring poses too: the mechanism moves a little along all its freedoms,
+and the rank of every group of loops with redundant rows is determined again, of large groups loop by loop.
 """
 
 from __future__ import annotations
@@ -22,10 +25,19 @@ import numpy as np
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import appended, terms
 from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_members
+from mbsvib.kinematics.mobility import SmallMotion, crossing_axes, jump, rank_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import CERTAIN_DISTANCE, DEPENDENT_DISTANCE, NEAR_SINGULAR, RANK_FACTOR, REGULARISATION
+from mbsvib.linalg.rank import (
+    CERTAIN_DISTANCE,
+    DEPENDENT_DISTANCE,
+    NEAR_SINGULAR,
+    NEIGHBOUR_PIVOT,
+    NEIGHBOUR_STEP,
+    RANK_FACTOR,
+    REGULARISATION,
+)
 from mbsvib.sparse.rows import path_entries, relative_rows
 
 if TYPE_CHECKING:
@@ -41,12 +53,13 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.layout import Layout, VirtualUnknowns
+    from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
-    from mbsvib.sparse.virtual import VirtualUnknowns
 
     Mask = NDArray[np.bool_]
     Entry = tuple[Index, Index, Array]
+
 
 # Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.
 MOST_DENSE_ENTRIES = 250_000
@@ -327,3 +340,46 @@ def _distances(s: csr_matrix) -> tuple[Array, Any]:
     lu = splu((s @ s.T + REGULARISATION * eye(s.shape[0])).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
               options={"SymmetricMode": True})  # fmt: skip
     return np.abs(lu.U.diagonal())[lu.perm_c], lu
+
+
+def check_mobility(topology: Topology, tree: Tree, closure: Constraints, layout: Layout, tableau: Tableau) -> None:
+    """Refuse a pose in which fewer constraints are independent than in neighbouring poses."""
+    groups = [group for group in closure.groups if group.redundant]
+    if not groups or len(tree.names) <= len(layout.multiplier):
+        return
+    small = _small_motion(tree, layout, tableau, min(group.length for group in groups))
+    (linear, angular, point), cuts = small.applied(topology, (tree.linear, tree.angular, tree.point), closure.cuts,
+                                crossing_axes(topology, closure.cuts), rods_in_loops(topology, tree, closure.cuts))
+    moved_tree = replace(tree, linear=linear, angular=angular, point=point)
+    couplers = closure.couplers
+    if couplers is not None and cuts.couplings is not None:
+        couplers = replace(couplers, terms=cuts.couplings)
+    entries = closure.entries(tree), replace(closure, cuts=cuts, couplers=couplers).entries(moved_tree)
+    for group in groups:
+        members = [group.rows]
+        if len(group.rows) * len(group.columns) > MOST_DENSE_ENTRIES:
+            members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
+        for rows in members:
+            ranks = []
+            # a single loop may be nearly singular without being an error
+            for part, limit in zip(entries, (DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT), strict=True):
+                columns, phi = part.dense(rows)
+                scale = np.where(tree.turns[columns], 1.0, group.length)
+                phi *= closure.cuts.row_scale(group.length, rows)[:, None] * scale
+                ranks.append(rank_nearby(phi, max(limit, RANK_FACTOR * group.noise)))
+            rank = group.rank if rows is group.rows else ranks[0]
+            if ranks[1] > rank:
+                raise jump(group.joints, len(rows), rank, ranks[1])
+
+
+def _small_motion(tree: Tree, layout: Layout, tableau: Tableau, length: float) -> SmallMotion:
+    """A small motion that every loop allows, with every joint on an equal spring."""
+    right = np.zeros(layout.size)
+    # an arbitrary direction, which no symmetry of the mechanism favours
+    right[layout.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[layout.coordinate]
+    motion = tableau.with_equal_springs(layout).solve(right)
+    q = motion[layout.coordinate]
+    motion *= NEIGHBOUR_STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
+    six = np.zeros((6, len(tree.parent) + 1))
+    six.T[:-1][tree.moves] = motion[layout.displacement[tree.moves]]
+    return SmallMotion(six[:3], six[3:], np.concatenate((tree.position, np.zeros((1, 3)))).T)

@@ -142,40 +142,6 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
     return draft.over(structure, layout)
 
 
-def with_shared(draft: SparseDraft) -> SparseDraft:
-    """Return a draft with mass and elastic rows that more than two bodies share."""
-    shared, factor = draft.shared, draft.factor
-    if shared is None:
-        return draft
-    from scipy.sparse import vstack
-
-    if shared.mass is not None:
-        mass_rows = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
-        factor = vstack((factor, mass_rows)).tocsr()
-    draft = replace(draft, body_factor=factor, factor=factor)
-    if shared.elastic is None:
-        return draft
-    elastic = shared.elastic
-    rows = elastic.composite.of_sparse(relative_rows(draft.structure, draft.layout, elastic.composite.rows))
-    rows.eliminate_zeros()
-    used = np.flatnonzero(np.diff(rows.indptr))
-    number = {name: shared.first + i for i, name in enumerate(shared.names)}
-    owner = np.array([number[name] for name in elastic.owner], dtype=np.intp)
-    return draft.with_rows(rows[used], elastic.stiffness[used], elastic.damping[used], owner[used])
-
-
-def with_inerters(draft: SparseDraft) -> SparseDraft:
-    """Return a draft with the rows of inerters, times the square roots of their inertance, below those of bodies."""
-    inertance = draft.springs.inertance
-    if inertance is None:
-        return draft
-    from scipy.sparse import diags, vstack
-
-    used = inertance.nonzero()[0]
-    rows = diags(np.sqrt(inertance[used])) @ draft.elastic[used]
-    return replace(draft, factor=vstack((draft.factor, rows)).tocsr())
-
-
 def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
     """Return W (6 bodies, size) of M = W^T W: three rows for the translation of each body and three for its rotation.
     """

@@ -26,12 +26,10 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.draft import with_inerters, with_shared
-from mbsvib.sparse.ports import with_ports
+from mbsvib.sparse.layout import virtual_unknowns
 from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.spin import of_rotors, with_spin
+from mbsvib.sparse.steps import of_rotors, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.tableau import FINE, SINGULAR
-from mbsvib.sparse.virtual import virtual_unknowns
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from mbsvib.core.geometric_stiffness import Pairs
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.layout import Layout, VirtualUnknowns
     from mbsvib.sparse.tree import Tree
-    from mbsvib.sparse.virtual import VirtualUnknowns
 
 _DIAGONAL = np.arange(3)
 

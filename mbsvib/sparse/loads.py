@@ -22,7 +22,7 @@ from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.geometric_stiffness import Loading
-from mbsvib.sparse.virtual import VirtualUnknowns
+from mbsvib.sparse.layout import VirtualUnknowns
 
 if TYPE_CHECKING:
 

@@ -3,6 +3,7 @@
 T is symmetric, acts on h = W x, and has the eigenvalues 1 / (omega^2 - sigma). One application is one solve with the
 factored tableau. At sigma = 0 rigid-body modes are constrained: each coordinate without stiffness is locked by an
 additional spring, which a self-equilibrated load does not deform, and the modes are deflated on both sides.
+The structure of the springs, and no tolerance, determines these coordinates.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.linalg.rank import SAME_ENERGY
+from mbsvib.linalg.groups import by_label, connected_parts
+from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import DEPENDENT_ROWS, SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.quadratic import Quadratic
-from mbsvib.sparse.rigid import coordinates_without_stiffness, far_rows, without_far
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,12 +26,15 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
+
 # Shifts, relative to the square of the highest frequency, at which modes are counted if the springs do not determine
 # which coordinates are free. Below the last one rounding of the stiffness dominates.
 SHIFTS = 10.0 ** -np.arange(2.0, 13.5, 0.5)
 # Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all. Up to this number all are
 # computed, even if fewer modes are wanted.
 COUPLED_RIGID = 200
+# In larger parts of coordinates that springs and loops couple, all coordinates are assumed to have stiffness.
+PART = 600
 
 
 @dataclass(frozen=True)
@@ -193,3 +198,88 @@ def _shifted(first: Operator) -> Operator:
 def count_below(system: SparseEquations, square: float) -> int | None:
     """Return the number of modes with squared angular frequencies below one; None if they cannot be counted."""
     return system.tableau.factor(square=square, pivot=0.0).negative(system.layout)
+
+
+def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
+    """Return the mask of rows with stiffness that act on displacements, since the path between their ends is long."""
+    is_displacement = np.zeros(system.layout.size, dtype=bool)
+    is_displacement[system.layout.displacement[system.layout.displacement >= 0]] = True
+    entries = system.elastic_rows.tocoo()
+    result = np.zeros(entries.shape[0], dtype=bool)
+    result[entries.row[is_displacement[entries.col]]] = True
+    return np.asarray(result & (system.row_stiffness != 0.0))
+
+
+def coordinates_without_stiffness(system: SparseEquations) -> Index:
+    """Return the coordinates that must be locked so that every motion deforms a spring along a short path.
+
+    Springs and loops couple coordinates into parts; within each part a pivoted QR of all its rows determines the free
+    coordinates. A coordinate that is the only entry of some row is not free. Parts that are too large are assumed to
+    have no free coordinates.
+    """
+    m = len(system.joint_coordinates)
+    row, column, value = _entries(system)
+    resisted = np.zeros(m, dtype=bool)
+    while True:
+        single_entry = np.bincount(row, minlength=1)[row] == 1
+        if not single_entry.any():
+            break
+        resisted[column[single_entry]] = True
+        others = ~resisted[column]
+        row, column, value = row[others], column[others], value[others]
+    has_entry = np.zeros(m, dtype=bool)
+    has_entry[column] = True
+    free = np.flatnonzero(~resisted & ~has_entry).tolist()
+    for rows, columns, values in _parts(row, column, value):
+        coordinates, local_column = np.unique(columns, return_inverse=True)
+        if len(coordinates) > PART:
+            continue
+        part_rows, local_row = np.unique(rows, return_inverse=True)
+        block = np.zeros((len(part_rows), len(coordinates)))
+        block[local_row, local_column] = values
+        # unit rows and columns: the rank depends neither on the size of a stiffness nor on the unit of a coordinate
+        block /= np.linalg.norm(block, axis=1)[:, None]
+        block /= np.linalg.norm(block, axis=0)
+        qr, order, _ = pivoted_qr(block)
+        pivots = np.abs(qr.diagonal())
+        free += coordinates[order[int(np.count_nonzero(pivots > DEPENDENT_ROWS * pivots[0])) :]].tolist()
+    return np.array(sorted(free), dtype=np.intp)
+
+
+def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
+    """Entries of springs along short paths and of all loops over the joint coordinates."""
+    near = system.elastic_rows[(system.row_stiffness != 0.0) & ~far_rows(system)].tocoo()
+    coordinate_number = np.full(system.layout.size, -1)
+    coordinate_number[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
+    row, column, value = system.constraints.independent_entries(system.structure)
+    used = value != 0.0
+    return (np.concatenate((near.row, near.shape[0] + row[used])),
+            np.concatenate((coordinate_number[near.col], column[used])),
+            np.concatenate((near.data, value[used])))  # fmt: skip
+
+
+def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, Array]]:
+    """Entries by independent parts."""
+    if not len(row):
+        return []
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    return [(row[part], column[part], value[part]) for part in by_label(connected_parts(row, column, shape)[0][row])]
+
+
+def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Index, Array]:
+    """Return the remaining locks and free motions, after springs along long paths are taken into account.
+
+    ``lock`` (n,): coordinates that the other springs leave free. ``modes`` (size, n): the free motions: each moves its
+    own lock by one, and no other.
+    """
+    rows = system.elastic_rows[far_rows(system)]
+    block = np.asarray(rows @ modes)
+    block /= np.maximum(np.asarray(abs(rows) @ np.abs(modes)).max(axis=1, initial=0.0), 1e-300)[:, None]
+    qr, order, _ = pivoted_qr(block)
+    pivots = np.abs(qr.diagonal())
+    rank = int(np.count_nonzero(pivots > DEPENDENT_ROWS))
+    null = np.zeros((len(lock), len(lock) - rank))
+    null[order[rank:], np.arange(len(lock) - rank)] = 1.0
+    if 0 < rank < len(lock):
+        null[order[:rank]] = -np.linalg.solve(np.triu(qr[:rank, :rank]), qr[:rank, rank:])
+    return lock[order[rank:]], modes @ null
