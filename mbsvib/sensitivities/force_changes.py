@@ -12,12 +12,10 @@ from mbsvib.sensitivities.families.rules import crossed
 from mbsvib.sensitivities.force_layout import ForceChanges, ForceLayout, RowTerms
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.variables import FieldLayout
 
 
 def internal_parameters(network: Network) -> list[tuple[str, str, tuple[int, ...]]]:
@@ -28,10 +26,10 @@ def internal_parameters(network: Network) -> list[tuple[str, str, tuple[int, ...
     return [(name, field, (i,)) for name, field, count in internal for i in range(count)]
 
 
-def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]) -> ForceChanges:
+def force_changes(network: Network, forces: Forces, layout: FieldLayout) -> ForceChanges:
     """Return what parameters change of the forces at the pose."""
     at = ForceLayout.of(forces)
-    keys = (*[(entry.part, entry.field, entry.index) for entry in entries], *internal_parameters(network))
+    keys = (*layout.keys(), *internal_parameters(network))
     terms = RowTerms({key: k for k, key in enumerate(keys)}, at)
     for part, k in network.carriers_of_force:
         rules_of(part).add_force_terms(terms, network, forces, part, k)

@@ -38,9 +38,11 @@ from mbsvib.sensitivities.parameter_group import groups_by_rule, internal_groups
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
 from mbsvib.sensitivities.transmitted_wrenches import joint_release_motion, transmitted
-from mbsvib.sensitivities.variables import FieldLayout
+from mbsvib.sensitivities.variables import FieldLayout, ListedLater
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
@@ -68,7 +70,7 @@ class LoadedNetwork:
 
     network: Network
     forces: Forces
-    entries: tuple[Parameter, ...]
+    entries: Sequence[Parameter]
     groups: tuple[ParameterGroup, ...]
     changes: ForceChanges
     motions: Array
@@ -290,9 +292,9 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     assert network.forces is not None
     assert network.coordinates is not None
     assert model is not None
-    forces, entries = network.forces, system.parameters.entries
-    layout = FieldLayout.of(system.parameters.parts.values())
-    changes = force_changes(network, forces, entries)
+    forces, layout = network.forces, FieldLayout.of(system.parameters.parts.values())
+    entries = ListedLater(layout.starts[-1], lambda: system.parameters.entries)
+    changes = force_changes(network, forces, layout)
     reactions, size = network.reactions, np.zeros(system.dof) if statics is None else statics.size
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     turns = network.coordinates.turns[system.provenance.reduction.independent]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from itertools import accumulate, chain, combinations_with_replacement
+from itertools import accumulate, chain, combinations_with_replacement, product
 from math import prod
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -81,6 +81,14 @@ def fields_of(part: Part) -> PartFields:
     return _part_fields(*shapes)
 
 
+@lru_cache(maxsize=64)
+def _indices(depth: int, count: int) -> list[tuple[int, ...]]:
+    """The indices of the ``count`` entries of a field, row by row."""
+    if depth < 2:
+        return [(i,) if depth else () for i in range(count)]
+    return list(_COLUMN) if count == len(_COLUMN) else list(product(range(6), repeat=2))
+
+
 def _entry(index: tuple[int, ...], count: int) -> int:
     """The place of an entry among the ``count`` ones of its field, row by row."""
     if len(index) == 2:
@@ -123,6 +131,12 @@ class FieldLayout:
             first, count = start[entry.part, entry.field]
             number[first + _entry(entry.index, count)] = k
         return FieldLayout(self.names, self.fields, number)
+
+    def keys(self) -> Iterator[tuple[str, str, tuple[int, ...]]]:
+        """Yield part, field and index of every entry."""
+        for name, fields in zip(self.names, self.fields, strict=True):
+            for field, depth, _, count in fields.fields:
+                yield from [(name, field, index) for index in _indices(depth, count)]
 
     def of_parameters(self, values: Sequence[Sequence[bool]]) -> Mask:
         """Return values of the entries of each part as one of each parameter."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.part import is_unsymmetric
+from mbsvib.linalg.rotations import skew
 from mbsvib.sensitivities.displaced_bodies import holds_turns
 from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import among_springs, in_axes, moved_point, square_terms, turned_axes
@@ -81,8 +82,8 @@ def _add_force_terms(terms: RowTerms, _: Network, __: Forces, bushing: Bushing, 
     axes, column, wrench = np.array(bushing.orientation), terms.at.wrench_of(k), _wrench(bushing).reshape(2, 3)
     for i in range(6):
         terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
-    for i, unit in enumerate(np.eye(3)):
-        terms.put((bushing.name, "orientation", (i,)), column, np.cross(unit, wrench).reshape(6))
+    for i, turned in enumerate(skew(wrench).transpose(1, 0, 2)):
+        terms.put((bushing.name, "orientation", (i,)), column, turned.reshape(6))
 
 
 def _follow(rates: PoseRates, bushing: Bushing, k: int) -> None:
@@ -93,7 +94,7 @@ def _follow(rates: PoseRates, bushing: Bushing, k: int) -> None:
 def _force_rates(_: Bushing, stiffness: Array, displacement: Array, wrench: Array) -> Array:
     """Its wrench changes with its strain, its moment with half of the turn between its bodies."""
     result = -stiffness @ displacement
-    result[3:] += 0.5 * np.cross(displacement[3:], wrench[3:], axisa=0).T
+    result[3:] += 0.5 * skew(wrench[3:]).T @ displacement[3:]
     return np.asarray(result)
 
 

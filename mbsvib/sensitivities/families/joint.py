@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import cross, wide
 from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
@@ -89,7 +90,7 @@ def _by_axis(joint: Joint, turn: Array) -> Array:
     if joint.axis is None or not joint.along_axis:
         return turn
     line = np.array(joint.axes)[:, 2]
-    return np.asarray(line_turn_rates(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
+    return np.asarray(line_turn_rates(line[None])[0].T @ skew(line).T @ turn)
 
 
 def _add_reference_terms(terms: ReferenceTerms, joint: Joint, k: int) -> None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rotations import skew
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.vectors import Field
@@ -98,5 +100,4 @@ class PartRules:
 
 def crossed(turn: Field, wrench: Array) -> Field:
     """Return how a force and moment (6,) change as they are turned (3, ...), (6, ...)."""
-    parts = np.cross(turn, wrench.reshape(2, 1, 3), axisa=0)
-    return np.asarray(parts.transpose(0, 2, 1).reshape(6, -1))
+    return np.asarray((skew(wrench.reshape(2, 3)).swapaxes(1, 2) @ turn).reshape(6, -1))

@@ -81,7 +81,7 @@ def line_turn_rates(span: Array) -> Array:
     """
     length = np.linalg.norm(span, axis=1, keepdims=True)
     u = span / length
-    across = np.cross(u[:, None], np.eye(3) / length[:, None])
+    across = skew(u).swapaxes(1, 2) / length[:, None]
     pole = np.where(u[:, 2] < -0.5, -1.0, 1.0)[:, None]
     spin = across[:, :, 2] / (pole + u[:, 2, None])
     return np.asarray(across - spin[:, :, None] * u[:, None])
