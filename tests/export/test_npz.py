@@ -1,5 +1,6 @@
 """numpy's .npz: bit-exact, readable by numpy alone, and errors that name the file."""
 
+import struct
 import zipfile
 
 import numpy as np
@@ -63,6 +64,24 @@ def test_mistakes_are_found(changes, message, tmp_path):
     path = mx.to_npz(slider(), tmp_path / "wrong.npz")
     repacked(path, **changes)
     with pytest.raises(mv.ExportError, match=rf"wrong\.npz: .*{message}"):
+        mx.from_npz(path)
+
+
+def test_an_array_with_fewer_bytes_than_the_archive_says(tmp_path):
+    """Both places that name the size of K are changed; its checksum is that of the bytes that are there."""
+    path = mx.to_npz(slider(), tmp_path / "short.npz")
+    with np.load(path) as arrays:
+        np.savez_compressed(path, **arrays)
+    with zipfile.ZipFile(path) as archive:
+        size = archive.getinfo("K.npy").file_size
+    raw = bytearray(path.read_bytes())
+    local, central = raw.index(b"K.npy") - 30, raw.rindex(b"PK\x01\x02", 0, raw.rindex(b"K.npy"))
+    extra = raw.find(struct.pack("<Q", size), local, local + 60)
+    raw[central + 24 : central + 28] = struct.pack("<I", size + 8)
+    if extra > 0:
+        raw[extra : extra + 8] = struct.pack("<Q", size + 8)
+    path.write_bytes(raw)
+    with pytest.raises(mv.ExportError, match=rf"short\.npz: .*K\.npy has {size} bytes; expected {size + 8}"):
         mx.from_npz(path)
 
 

@@ -102,6 +102,41 @@ def test_slopes_of_repeated_poles():
         np.testing.assert_allclose(those, np.sort_complex(np.array(exact, dtype=complex)), rtol=1e-9)
 
 
+@pytest.mark.parametrize(("best", "gain", "height"), [
+    (1.13, 1.13, 3.0), (0.7, 0.7, 3.0), (1.92, 1.92, 3.0), (0.05, 0.05, 3.0), (-0.3, 0.0, 2.91), (2.4, 2.0, 2.84),
+])  # fmt: skip
+def test_the_gain_at_which_a_measure_is_highest(best, gain, height):
+    """A parabola of the decay rate, between gains of the grid and beyond both ends; another pole does not count."""
+
+    def at(g):
+        return mixed(oscillator((g - best) ** 2 - 3.0, 20.0), oscillator(-0.1, 5.0))
+
+    track = Track(at, np.linspace(0.0, 2.0, 6))
+    where, value, poles = track.highest(lambda poles: -np.sort(poles.real, axis=1)[:, 0])
+    assert where == pytest.approx(gain, abs=1e-5)
+    assert value == pytest.approx(height, rel=1e-9)
+    assert min(poles.real) == pytest.approx(-height, rel=1e-9)
+
+
+def test_the_highest_of_stable_loops_only_and_the_lowest_of_equal_gains():
+    """A pole that crosses the imaginary axis at 1.3 while the measure still rises; a plateau from 0.45 to 1.55."""
+
+    def at(g):
+        return mixed(oscillator(-1.0 - g, 20.0), oscillator(-0.26 + 0.2 * g, 5.0))
+
+    track = Track(at, np.linspace(0.0, 2.0, 6))
+    where, value, _ = track.highest(lambda poles: -np.sort(poles.real, axis=1)[:, 0])
+    assert 1.3 - 1e-5 < where <= 1.3 + 1e-9
+    assert value == pytest.approx(2.3, abs=1e-5)
+    where, value, _ = track.highest(lambda poles: np.minimum(-np.sort(poles.real, axis=1)[:, 0], 1.45))
+    assert (where, value) == (pytest.approx(0.45, abs=1e-5), 1.45)
+    assert where >= 0.45
+    unstable = Track(lambda g: mixed(oscillator(0.1 + g, 5.0)), np.array([0.0, 1.0]))
+    where, value, poles = unstable.highest(lambda poles: -poles.real[:, 0])
+    assert (where, value) == (0.0, -np.inf)
+    assert poles == pytest.approx([0.1 + 5j, 0.1 - 5j], rel=1e-9)
+
+
 def by_chance(seed):
     """Return a state matrix over the gain: a mechanism with feedback, copies of it, integrators, or anything."""
     chance = np.random.default_rng(seed)

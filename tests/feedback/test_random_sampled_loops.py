@@ -150,3 +150,12 @@ def test_h2_norm(late):
             mean += weight * np.trace(rows @ (move @ covariance @ move.T + noise) @ rows.T)
         covariance = by_hand.move @ covariance @ by_hand.move.T + by_hand.added
     assert loop.h2_norm(SHOWN, DISTURBANCES).value == pytest.approx(mean**0.5, rel=1e-10)
+
+
+def test_many_frequencies_are_answered_like_few(monkeypatch):
+    """More than are solved together are answered part by part."""
+    _, _, loop = scene(3)
+    w = np.linspace(1.0, 300.0, 50)
+    together = loop.frequency_response(w)
+    monkeypatch.setattr("mbsvib.feedback.excited_period.BATCH_BYTES", 64 * 1000)
+    np.testing.assert_allclose(loop.frequency_response(w), together, rtol=1e-12)

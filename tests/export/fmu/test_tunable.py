@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 import mbsvib as mv
@@ -70,6 +71,33 @@ def test_all_matrices_are_those_of_a_new_linearization(stewart_file, tmp_path):
         y = plant.get(names_of(file, "output"))
         for result, truth in ((dx, space.A @ x + space.B @ u), (y, space.C @ x + space.D @ u)):
             assert np.abs(result - truth).max() < 1e-10 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_dependencies_are_those_of_the_matrices_at_any_values(version, tmp_path):
+    """Two sliders in a row, a spring between them that has no stiffness yet, and dampers: zeros of A, B, C, D stay."""
+    model = mass_on_spring()
+    model.add_body("rider", 3.0, INERTIA, (0, 0, 2))
+    model.add_joint("rail", "prismatic", "ground", "rider", (0, 0, 0))
+    model.add_spring("between", "mass", "rider", start=(0, 0, 1), end=(0, 0, 2), stiffness=0.0, damping=2.0)
+    model.add_output("a", "rider", "z", quantity="acceleration")
+    model.add_output("z", "mass", "z")
+    tunable = ("between.stiffness", "mass.mass")
+    file = mx.to_fmu(model.linearize(), tmp_path / "sliders.fmu", version, tunable=tunable)
+    space = model.with_values({"between.stiffness": 70.0, "mass.mass": 1.5}).linearize().state_space("physical")
+    described = read_model_description(str(file))
+    states, inputs = names_of(file, "state"), names_of(file, "input")
+    assert states == list(space.states)
+    for unknowns, of_states, of_inputs in (
+        (described.derivatives, space.A, space.B),
+        (described.outputs, space.C, space.D),
+    ):
+        for unknown, by_state, by_input in zip(unknowns, of_states, of_inputs, strict=True):
+            named = {variable.name for variable in unknown.dependencies}
+            assert named & {*states, *inputs} == {
+                *(name for name, value in zip(states, by_state, strict=True) if value),
+                *(name for name, value in zip(inputs, by_input, strict=True) if value),
+            }
 
 
 def test_derivatives_to_parameters_are_those_of_the_formula(tmp_path):

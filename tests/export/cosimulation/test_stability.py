@@ -1,0 +1,47 @@
+"""The largest stable step of a mass and a filtered spring force, against a map from step to step by hand."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from mbsvib_export.cosimulation.masters import Loop, discretised
+from mbsvib_export.cosimulation.stability import largest_stable_step
+
+
+def held(a, b, h):
+    """exp(A h) and its integral times B: the exact step under constant inputs."""
+    n, m = b.shape
+    both = expm(h * np.block([[a, b], [np.zeros((m, n + m))]]))
+    return both[:n, :n], both[:n, n:]
+
+
+@pytest.mark.parametrize(("ratio", "gain", "rolloff", "step"), [
+    (0.0253, 0.5, 10.0, 0.1), (0.0246, 0.5, 10.0, 0.1),  # far below the shortest time constant
+    (0.0253, 0.5, 10.0, 1e-3), (0.1, 0.5, 10.0, 0.1), (0.01, -0.05, 1.0, 1.0), (1.5, 0.1, 10.0, 0.1),
+])  # fmt: skip
+def test_the_largest_stable_step(ratio, gain, rolloff, step):
+    """x'' + 2 D x' + x = F with F = -g / (s / w + 1) x: both units hold the other's last output over a step."""
+    a, b, c = np.array([[0.0, 1.0], [-1.0, -2.0 * ratio]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    law = np.array([[-rolloff]]), np.array([[1.0]]), np.array([[-gain * rolloff]])
+    none = np.zeros((1, 1))
+
+    def make(h):
+        return Loop(*[discretised(*unit, none, h) for unit in ((a, b, c), law)], np.eye(1), np.eye(1), none, none, h)
+
+    def radius(h):
+        (move, push), (law_move, law_push) = held(a, b, h), held(*law[:2], h)
+        return np.abs(np.linalg.eigvals(np.block([[move, push @ law[2]], [law_push @ c, law_move]]))).max()
+
+    growth = np.linalg.eigvals(np.block([[a, b @ law[2]], [law[1] @ c, law[0]]])).real.max()
+
+    def excess(h):  # of the radius, but for rounding, above that of the loop itself
+        return radius(h) - np.exp(max(growth, 0.0) * h) - 1e-7
+
+    h = largest_stable_step(make, "jacobi", step, growth)
+    if ratio > 1.0:  # no step makes it grow
+        assert h == np.inf
+        h = 100.0 * step
+        assert max(excess(shorter) for shorter in np.geomspace(1e-3 * h, h, 50)) < 0.0
+        return
+    assert excess(0.998 * h) < 0.0 < excess(1.002 * h)
+    assert max(excess(shorter) for shorter in np.geomspace(1e-3 * h, 0.998 * h, 50)) < 0.0
