@@ -72,9 +72,12 @@ def open_by(x: Displacement, j: Columns) -> list[Component]:
     """Return the gap along locked translations, and what the axes of free rotations have come apart.
 
     One free rotation: its axis is fixed in both bodies. Two successive ones: the angle of both axes is constant.
-    Others: components of the antisymmetric part of the relative rotation.
+    Others: components of the antisymmetric part of the relative rotation, sin(a) n; of two that bisect the angle a of
+    both bodies divided by cos(a / 2), by which its slope is one along the bisected axis at any angle.
     """
     gap, turns = x.moved(j.point), j.turns
+    rotates = any(name[0] == "r" for name, _ in j.locked)
+    tilt = c.cross(turns[0], x.vector(turns[0])) if rotates and len(turns) == 1 else None
     opened = []
     for name, six in j.locked:
         if name[0] != "r":
@@ -83,11 +86,16 @@ def open_by(x: Displacement, j: Columns) -> list[Component]:
             first, second = turns
             change = c.dot(first, second) - c.dot(first, x.vector(second))
             opened.append(change / c.dot(c.cross(first, second), six[3:]))
-        elif len(turns) == 1:
-            opened.append(c.dot(six[3:], c.cross(turns[0], x.vector(turns[0]))))
+        elif tilt is not None:
+            opened.append(c.dot(six[3:], tilt))
         else:
-            opened.append(c.dot(six[3:], c.axial(x.rotation)))
+            opened.append(c.dot(six[3:], c.axial(x.rotation)) / (half_cosine(x.rotation) if turns else 1.0))
     return opened
+
+
+def half_cosine(rotation: Rotation) -> Component:
+    """Return the cosine of half the angle of a rotation."""
+    return 0.5 * c.sqrt(1.0 + rotation[0][0] + rotation[1][1] + rotation[2][2])
 
 
 def open_along_rod(x: Displacement, j: Columns) -> list[Component]:

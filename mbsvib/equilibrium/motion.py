@@ -9,10 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import lapack, qr
 
-from mbsvib.equilibrium.couplers import coupled_coordinates, coupler_travel
-from mbsvib.equilibrium.pose_kinematics import locked, pose_kinematics
+from mbsvib.equations.scene import cut_rows
+from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.closing import CLOSED, CORRECTIONS, NEARBY
+from mbsvib.kinematics.coupler_travel import coupler_travel
+from mbsvib.kinematics.couplers import with_couplers
+from mbsvib.kinematics.pose import start
+from mbsvib.kinematics.pose_kinematics import locked, pose_kinematics
+from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
-from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, RANK_FACTOR, REDUNDANT_LOOPS
+from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
+from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,18 +27,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.pose import Pose
-    from mbsvib.equilibrium.pose_kinematics import PoseKinematics
     from mbsvib.equilibrium.vector_coordinates import Held
+    from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
+    from mbsvib.kinematics.pose import Pose
+    from mbsvib.kinematics.pose_kinematics import PoseKinematics
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
-
-CORRECTIONS = 25
-# A change of norm below 1 takes no eigenvalue of 1 to 0; the margin is for rounding.
-NEARBY = 0.9
-# Loops count as closed when they are open by no more than this share of their size and steps do not reduce it.
-CLOSED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,7 @@ class PosedModel:
     @cached_property
     def rounding(self) -> float:
         """The opening of loops by the rounding of points relative to the origin, in units of ``size``."""
-        points = self.coordinates.point
-        return float(RANK_FACTOR * EPS * points.shape[1] * np.abs(points).max(initial=0.0) / self.size)
+        return float(self.kinematics.rounding(self.coordinates))
 
     @property
     def closure(self) -> Array:
@@ -95,7 +96,7 @@ class PosedModel:
         """Violation of the constraints, one value for each row of ``scaled_closure``, in the same units."""
         if self.cuts is None:
             return np.zeros(0)
-        values, couplings = self.kinematics.openings(self.pose, self.cuts), self.cuts.couplings
+        values, couplings = self.kinematics.openings(self.pose), self.cuts.couplings
         if couplings is not None:
             values = np.append(values, np.bincount(couplings.row, couplings.value * self.travel,
                                                    len(couplings.touched)))  # fmt: skip
@@ -110,16 +111,43 @@ class PosedModel:
         travel, pose = self.travel, self.kinematics.tree.moved(self.pose, self.coordinates, q)
         if self.cuts is not None and self.cuts.couplings is not None:
             estimate = travel + coupled_coordinates(self.cuts.couplings, self.coordinates) @ q
-            travel = coupler_travel(self.reference, pose, estimate)
+            travel = _travel(self.reference, pose, estimate)
         return PosedModel(self.reference, pose, self.cut, self.kinematics, travel)
 
 
 def posed_model(reference: Mechanism, pose: Pose | None = None, cut: Sequence[str] = ()) -> PosedModel:
     """Return a model in one pose, by default its reference pose, with the kinematics of its motion."""
-    kinematics = pose_kinematics(reference, cut)
+    kinematics = kinematics_of(reference, cut)
     pose = pose or kinematics.described
-    travel = coupler_travel(reference, pose, None) if reference.couplers else np.zeros(0)
-    return PosedModel(reference, pose, tuple(cut), kinematics, travel)
+    return PosedModel(reference, pose, tuple(cut), kinematics, _travel(reference, pose, None))
+
+
+def kinematics_of(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
+    """Return the kinematic data of a mechanism for all of its poses."""
+    return _prepared(model, cut) if cut else model.derived(_prepared)
+
+
+def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
+    topology, bodies, pose = span(model, cut), list(model.bodies.values()), start(model)
+    number, couplers = dict(pose.number), tuple(model.couplers.values())
+    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
+    if couplers:
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    return pose_kinematics(topology, pose, coordinates, cuts, couplers, size_of(model))
+
+
+def _travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
+    return coupler_travel(tuple(model.couplers.values()), tuple(model.joints.values()), pose, near)
+
+
+def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
+    """Return the coupled coordinates (terms, n) per unit joint coordinate."""
+    measured = relative_motion(coordinates, couplings.measured).dense(0, len(couplings.measured.first))
+    result = np.zeros((len(couplings.column), len(coordinates.names)))
+    tree = couplings.column >= 0
+    result[np.flatnonzero(tree), couplings.column[tree]] = 1.0
+    result[~tree] = measured
+    return result
 
 
 def close(

@@ -9,7 +9,7 @@ from mbsvib.mechanism.rebuilding import rebuilt
 
 if TYPE_CHECKING:
     from mbsvib.elements.part import Part
-    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -16,7 +16,7 @@ from mbsvib.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
-    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics.pose import Pose
     from mbsvib.modes import Modes
     from mbsvib.sparse.equations import SparseEquations
 

@@ -13,10 +13,10 @@ from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
 from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
-from mbsvib.equilibrium.pose import Pose
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
+from mbsvib.kinematics.pose import Pose
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from mbsvib.linalg.rotations import LEAST, inverse_jacobian, logarithm
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
-    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -10,6 +10,7 @@ from mbsvib.linalg.rank import SAME_POINT
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 def length_of(points: Array, *centres: Array) -> float:
@@ -26,3 +27,16 @@ def length_of(points: Array, *centres: Array) -> float:
     length = float(np.sqrt((offsets * offsets).sum() / len(points)))
     far = max([float(np.abs(points - centre).max()) for centre in (np.zeros(3), *centres)])
     return length if length > SAME_POINT * far else 1.0
+
+
+def size_of(model: Mechanism) -> float:
+    """Return the size [m] of a mechanism in its reference pose, 1 m if all of its points coincide.
+
+    It is the root mean square distance from their mean of the centres of mass, the points of joints and bushings, and
+    the ends of springs.
+    """
+    points = [body.position for body in model.bodies.values()]
+    points += [joint.point for joint in model.joints.values() if joint.point is not None]
+    for spring in model.springs.values():
+        points += spring.points
+    return length_of(np.array(points).reshape(-1, 3))

@@ -32,7 +32,7 @@ class Displacement:
 
     def moved(self, x: Triple) -> Triple:
         """Return how far a point has gone that was at x [m]."""
-        return subtract(self.point(x), x)
+        return self.shift if x is self.origin else subtract(self.point(x), x)
 
     def vector(self, a: Triple) -> Triple:
         """Return a vector that turns with the body."""

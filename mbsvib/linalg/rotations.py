@@ -22,6 +22,16 @@ CYCLE = np.array((0, 1, 2, 0, 1))
 _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
 
 
+def components_first(vectors: Array) -> Array:
+    """Return vectors (..., 3) as components (3, ...)."""
+    return vectors.transpose(vectors.ndim - 1, *range(vectors.ndim - 1))
+
+
+def components_last(components: Array) -> Array:
+    """Return components (3, ...) as vectors (..., 3)."""
+    return components.transpose(*range(1, components.ndim), 0)
+
+
 def skew(w: Array) -> Array:
     """Return [w]x (..., 3, 3), the matrices with [w]x v = w x v, of vectors (..., 3)."""
     vectors = np.asarray(w)
@@ -93,20 +103,18 @@ def orthonormal(rotation: Array) -> Array:
 
 
 def jacobian(w: Array) -> Array:
-    """Return the matrix J (3, 3) from rates of a rotation vector w (3,) [rad] to the angular velocity.
+    """Return the matrices J (..., 3, 3) from rates of rotation vectors w (..., 3) [rad] to angular velocities.
 
     J = 1 + (1 - cos(a))/a^2 [w]x + (a - sin(a))/a^3 [w]x^2,  a = |w|: the left Jacobian of the exponential map
     """
-    square = float(w @ w)
-    if square < SMALL * SMALL:
-        first = 0.5 - square / 24.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0))
-        second = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))
-    else:
-        angle = np.sqrt(square)
-        first = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
-        second = (angle - np.sin(angle)) / (angle * square)
-    matrix = skew(w)
-    return np.asarray(_IDENTITY + first * matrix + second * matrix @ matrix)
+    square = np.add.reduce(w * w, axis=-1)[..., None, None]
+    small = square < SMALL * SMALL
+    angle, matrix = np.sqrt(np.where(small, 1.0, square)), skew(w)
+    half = np.sin(0.5 * angle) / angle
+    first = np.where(small, 0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0 - square / 40320.0)), 2.0 * half * half)
+    second = np.where(small, 1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0 - square / 362880.0)),
+                      (angle - np.sin(angle)) / angle**3)  # fmt: skip
+    return np.asarray(_IDENTITY + first * matrix + second * (matrix @ matrix))
 
 
 def inverse_jacobian(w: Array) -> Array:

@@ -13,7 +13,7 @@ from mbsvib.equilibrium.articulation import articulated, with_rigid_parts
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.motion import close, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
-from mbsvib.equilibrium.pose import start
+from mbsvib.kinematics.pose import start
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.rank import ZERO_DIFFERENCE
 from mbsvib.linalg.vectors import inverse_root

@@ -30,8 +30,8 @@ from mbsvib.equations.scene import scene
 from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
-from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
 from mbsvib.sensitivities.applicability import may_move

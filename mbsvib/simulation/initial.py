@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, nearest
+from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.simulation.states import State
 

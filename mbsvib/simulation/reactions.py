@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.elements.ports import ForceOutput
-from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.statement import with_virtual_displacements
+from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 

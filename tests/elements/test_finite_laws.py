@@ -13,7 +13,7 @@ from mbsvib.elements import bushing, inerter, joint, maxwell, spring, torsion_sp
 from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.joint_motion import Columns
-from mbsvib.equilibrium.pose_kinematics import pose_kinematics
+from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.linalg import components as c
 from mbsvib.linalg import rotations
 from mbsvib.linalg.displacements import Displacement, small
@@ -205,7 +205,7 @@ def test_openings_in_a_pose_are_zero_where_displacements_lead_and_grow_along_the
     for body, at in (("a", (0.2, 0.1, -0.3)), ("b", (-0.1, 0.6, 0.2))):
         model.add_body(body, 1.0, (1, 1, 1), at)
         model.add_joint(f"to {body}", "free", "ground", body, at)
-    kinematics = pose_kinematics(model.with_parts(joints=dict(model.joints) | {"j": part}), ("j",))
+    kinematics = kinematics_of(model.with_parts(joints=dict(model.joints) | {"j": part}), ("j",))
     start = kinematics.described
     q = rng.uniform(-0.9, 0.9, len(part.freedom))
     if name == "screw":
@@ -221,7 +221,7 @@ def test_openings_in_a_pose_are_zero_where_displacements_lead_and_grow_along_the
             centre[k], turn[k] = placed(body, start.origin[k], first)
         pose = replace(start, centre=centre, rotations=turn)
         cuts = kinematics.at(pose)[1]
-        return kinematics.openings(pose, cuts), cuts.rows
+        return kinematics.openings(pose), cuts.rows
 
     values, rows = opened(here)
     np.testing.assert_allclose(values, 0.0, atol=2e-15 * np.abs(q).max(initial=1.0))

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.elements.bushing import Bushing
-from mbsvib.equilibrium.pose import start
+from mbsvib.kinematics.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.support.random_models import rotation
 

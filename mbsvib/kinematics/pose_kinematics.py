@@ -1,7 +1,7 @@
 """Kinematics in any pose: the joint coordinates and loops of a mechanism, and its finite motion along the tree.
 
 Arrays that follow from the reference pose are computed once. All six-vectors of a joint turn with its axes, and its
-point moves with its second body; a pose therefore takes a few array operations over all joints of all kinds.
+point moves with its second body; a pose, or many of them, therefore takes a few array operations over all joints.
 """
 
 from __future__ import annotations
@@ -13,24 +13,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.scene import cut_rows
-from mbsvib.equilibrium.joint_rules import in_groups
-from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.tree_motion import tree_of
-from mbsvib.kinematics.characteristic_length import length_of
-from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import Twists, relative_motion, twists
-from mbsvib.mechanism.topology import FLOATS, span
+from mbsvib.kinematics.joint_frames import openings_of, stacked, with_own_axes
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.kinematics.tree_motion import tree_of
+from mbsvib.linalg.rank import EPS, RANK_FACTOR
+from mbsvib.linalg.rotations import components_first
+from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equilibrium.joint_rules import Joints, Rule
-    from mbsvib.equilibrium.pose import Pose
-    from mbsvib.equilibrium.tree_motion import Tree
+    from mbsvib.elements.coupler import Coupling
+    from mbsvib.kinematics.joint_frames import Openings
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.kinematics.pose import Pose
+    from mbsvib.kinematics.tree_motion import Tree
     from mbsvib.mechanism.topology import Topology
 
 
@@ -42,7 +40,8 @@ class PoseKinematics:
     then locked rows, then the motions that couplers measure, are ``vectors`` (s, 3, 2), a linear and an angular part
     each. They turn with ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are
     at ``point`` (s, 3) of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose,
-    with the transpose of these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
+    with the transpose of these axes in the reference pose; those of joint k are number ``frame`` (joints,) among bodies
+    and these. ``loops`` are the openings of cut joints.
     """
 
     topology: Topology
@@ -54,30 +53,36 @@ class PoseKinematics:
     turner: Index
     point: Array
     holder: Index
+    frame: Index
     own_axes: tuple[tuple[Callable[[Pose], Array], Array], ...]
-    loops: tuple[tuple[Rule, Index, Joints], ...]
+    loops: tuple[Openings, ...]
     tree: Tree
 
+    def frames(self, pose: Pose) -> Array:
+        """Return the rotations (..., bodies + 1 + joints with own axes, 3, 3) with which directions turn."""
+        if not self.own_axes:
+            return pose.rotations
+        return np.concatenate((pose.rotations, *(axes(pose) @ inverse for axes, inverse in self.own_axes)), axis=-3)
+
     def at(self, pose: Pose) -> tuple[Twists, Cuts | None]:
-        """Return the joint coordinates and the locked rows in a pose."""
+        """Return the joint coordinates and the locked rows in a pose, or in many."""
         if pose.as_described:
             return self.coordinates, self.cuts
-        turn = pose.rotations
-        if self.own_axes:
-            turn = np.concatenate((turn, *(axes(pose) @ inverse for axes, inverse in self.own_axes)))
-        linear, angular = np.ascontiguousarray((turn.take(self.turner, axis=0) @ self.vectors).transpose(2, 1, 0))
-        point = np.ascontiguousarray(pose.points(self.holder, self.point).T)
+        turned = self.frames(pose).take(self.turner, axis=-3) @ self.vectors
+        linear, angular = np.ascontiguousarray([components_first(turned[..., k]) for k in (0, 1)])
+        point = np.ascontiguousarray(components_first(pose.points(self.holder, self.point)))
         n, cuts = len(self.coordinates.names), self.cuts
         described = self.coordinates
-        coordinates = Twists(described.names, linear[:, :n], angular[:, :n], point[:, :n], described.path,
+        coordinates = Twists(described.names, linear[..., :n], angular[..., :n], point[..., :n], described.path,
                              described.turns, described.pitch)  # fmt: skip
         if cuts is None:
             return coordinates, None
         end = n + len(cuts.rows.first)
-        rows = Rows(cuts.rows.first, cuts.rows.second, point[:, n:end], linear[:, n:end], angular[:, n:end])
+        rows = Rows(cuts.rows.first, cuts.rows.second, point[..., n:end], linear[..., n:end], angular[..., n:end])
         couplings = cuts.couplings
         if couplings is not None:
-            measured = replace(couplings.measured, point=point[:, end:], force=linear[:, end:], moment=angular[:, end:])
+            measured = replace(couplings.measured, point=point[..., end:], force=linear[..., end:],
+                               moment=angular[..., end:])  # fmt: skip
             couplings = replace(couplings, measured=measured)
         return coordinates, replace(cuts, rows=rows, couplings=couplings)
 
@@ -99,59 +104,65 @@ class PoseKinematics:
     @cached_property
     def described_openings(self) -> Array:
         """The openings of cut joints in the reference pose, which rounded points leave."""
-        return np.zeros(0) if self.cuts is None else self._openings(self.described, self.cuts)
+        return np.zeros(0) if self.cuts is None else self._openings(self.described)
 
-    def openings(self, pose: Pose, cuts: Cuts) -> Array:
-        """Return the violation of the constraints of cut joints in a pose, one value [m, rad] for each locked row."""
-        return self.described_openings if pose.as_described else self._openings(pose, cuts)
+    def openings(self, pose: Pose) -> Array:
+        """Return the violation of the constraints of cut joints in a pose, (..., locked rows) [m, rad]."""
+        return self.described_openings if pose.as_described else self._openings(pose)
 
-    def _openings(self, pose: Pose, cuts: Cuts) -> Array:
-        gap, turn = np.zeros((2, len(self.topology.cut), 3))
-        for rule, which, joints in self.loops:
-            gap[which] = joints.gap(pose)
-            if rule.opening is not None:
-                gap[which], turn[which] = rule.opening(joints, pose, gap[which])
-        joint, rows = cuts.joint[: len(cuts.rows.first)], cuts.rows
-        along = rows.force * gap.take(joint, axis=0).T + rows.moment * turn.take(joint, axis=0).T
-        return np.asarray(along.sum(axis=0))
+    def _openings(self, pose: Pose) -> Array:
+        count = 0 if self.cuts is None else len(self.cuts.rows.first)
+        result = np.zeros((*pose.centre.shape[:-2], count), pose.centre.dtype)
+        for group in self.loops:
+            for rows, opened in zip(group.rows, group.at(pose), strict=True):
+                result[..., rows] = opened
+        return result
+
+    def rounding(self, coordinates: Twists) -> Array:
+        """Return the opening of loops (...) by the rounding of points relative to the origin, in units of ``size``."""
+        points = np.abs(coordinates.point).max(axis=(0, -1), initial=0.0)
+        return np.asarray(RANK_FACTOR * EPS * len(coordinates.names) * points / self.size)
 
 
 def locked(coordinates: Twists, cuts: Cuts) -> Array:
-    """Return the relative displacements [m, rad] (locked rows, n) that cut joints and couplers lock."""
+    """Return the relative displacements [m, rad] (..., locked rows, n) that cut joints and couplers lock."""
     phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first))
-    return phi if cuts.couplings is None else np.concatenate((phi, cuts.couplings.dense(coordinates)))
+    return phi if cuts.couplings is None else np.concatenate((phi, cuts.couplings.dense(coordinates)), axis=-2)
 
 
-def pose_kinematics(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
-    """Return the kinematic data of a mechanism for all of its poses."""
-    return _prepared(model, cut) if cut else model.derived(_prepared)
+def pose_kinematics(
+    topology: Topology, pose: Pose, coordinates: Twists, cuts: Cuts | None, couplers: Sequence[Coupling], size: float
+) -> PoseKinematics:
+    """Return the kinematic data of a mechanism for all of its poses.
 
-
-def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
-    topology, bodies, pose = span(model, cut), list(model.bodies.values()), start(model)
-    number = dict(pose.number)
-    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
-    if model.couplers:
-        cuts = with_couplers(cuts, tuple(model.couplers.values()), topology, bodies, number, coordinates)
-    turner, holder = _carriers(topology, number)
+    ``pose``, ``coordinates`` and ``cuts`` are those of its reference pose, ``size`` is that of the mechanism [m].
+    """
+    number = pose.number
+    first, holder = _carriers(topology, number)
+    frame = first.copy()
     own_axes: list[tuple[Callable[[Pose], Array], Array]] = []
     behind = len(number)
-    for rule, which, joints in in_groups(topology.joints, number, pose.origin):
-        if rule.axes is not None:
-            axes = partial(rule.axes, joints)
-            own_axes.append((axes, axes(pose).swapaxes(-1, -2)))
-            turner[which] = np.arange(behind, behind + len(which))
-            behind += len(which)
-    owner = _owners(topology, cuts, model)
-    loops = in_groups([topology.joints[k] for k in topology.cut], number, pose.origin)
+    for function, which in with_own_axes(topology.joints).items():
+        axes = partial(function, stacked([topology.joints[k] for k in which], number, pose.origin))
+        own_axes.append((axes, axes(pose).swapaxes(-1, -2)))
+        frame[which] = np.arange(behind, behind + len(which))
+        behind += len(which)
+    owner = _owners(topology, cuts, couplers)
     parts = [(coordinates.linear, coordinates.angular, coordinates.point)]
+    loops: tuple[Openings, ...] = ()
     if cuts is not None:
         rows = [cuts.rows] if cuts.couplings is None else [cuts.rows, cuts.couplings.measured]
         parts += [(part.force, part.moment, part.point) for part in rows]
+        own = cuts.joint[: len(cuts.rows.first)]
+        loops = openings_of([topology.joints[k] for k in topology.cut],
+                            [np.flatnonzero(own == i).tolist() for i in range(len(topology.cut))], number, pose.origin)
     linear, angular, point = (np.concatenate([part[i] for part in parts], axis=1).T for i in range(3))
+    # translations are along axes of the first body, but those across rods
+    straight = np.array([not joint.is_rod for joint in topology.joints] + [True] * len(topology.floating), dtype=bool)
+    turner = np.where(angular.any(axis=1) | ~straight[owner], frame[owner], first[owner])
     return PoseKinematics(
-        topology, size_of(model), pose, coordinates, cuts, np.stack((linear, angular), axis=-1), turner[owner], point,
-        holder[owner], tuple(own_axes), tuple(loops), tree_of(topology),
+        topology, size, pose, coordinates, cuts, np.stack((linear, angular), axis=-1), turner, point,
+        holder[owner], frame, tuple(own_axes), loops, tree_of(topology, number),
     )  # fmt: skip
 
 
@@ -168,7 +179,7 @@ def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Ind
     return np.array(turner, dtype=np.intp), np.array(holder + list(topology.floating), dtype=np.intp)
 
 
-def _owners(topology: Topology, cuts: Cuts | None, model: Mechanism) -> Index:
+def _owners(topology: Topology, cuts: Cuts | None, couplers: Sequence[Coupling]) -> Index:
     """The joints of all six-vectors (s,); floating bodies count as joints after all others."""
     joints = topology.joints
     owner = [k for k in sorted({branch.joint for branch in topology.branches} - {FLOATS}) for _ in joints[k].freedom]
@@ -176,19 +187,6 @@ def _owners(topology: Topology, cuts: Cuts | None, model: Mechanism) -> Index:
     owner += [k for k in topology.cut for _ in joints[k].locked]
     if cuts is not None and cuts.couplings is not None:
         index_of = {joint.name: k for k, joint in enumerate(joints)}
-        names = [name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms]
+        names = [name.rpartition(".")[0] for part in couplers for name, _ in part.terms]
         owner += [index_of[name] for name, column in zip(names, cuts.couplings.column, strict=True) if column < 0]
     return np.array(owner, dtype=np.intp)
-
-
-def size_of(model: Mechanism) -> float:
-    """Return the size [m] of a mechanism in its reference pose, 1 m if all of its points coincide.
-
-    It is the root mean square distance from their mean of the centres of mass, the points of joints and bushings, and
-    the ends of springs.
-    """
-    points = [body.position for body in model.bodies.values()]
-    points += [joint.point for joint in model.joints.values() if joint.point is not None]
-    for spring in model.springs.values():
-        points += spring.points
-    return length_of(np.array(points).reshape(-1, 3))

@@ -25,7 +25,8 @@ class Pose:
     """A pose of all bodies, ground last.
 
     ``number`` of each body by name; ``origin`` (bodies + 1, 3) are the centres of mass in the reference pose,
-    ``centre`` in this pose [m], ``rotations`` (bodies + 1, 3, 3) the rotations between them.
+    ``centre`` (..., bodies + 1, 3) in this pose [m], ``rotations`` (..., bodies + 1, 3, 3) the rotations between them.
+    Leading axes are those of many poses at once.
     """
 
     number: Mapping[str, int]
@@ -49,14 +50,15 @@ class Pose:
         return self.centre is self.origin
 
     def points(self, body: Index, at: Array) -> Array:
-        """Return points (n, 3) of bodies (n,) that are ``at`` [m] in the reference pose; exact if none has moved."""
+        """Return points (..., n, 3) of bodies (n,) that are ``at`` [m] in the reference pose; exact if none has moved.
+        """
         shift, change = self._change
         arm = at - self.origin.take(body, axis=0)
-        return np.asarray(at + (shift.take(body, axis=0) + (change.take(body, axis=0) @ arm[..., None])[..., 0]))
+        return np.asarray(at + (shift.take(body, axis=-2) + (change.take(body, axis=-3) @ arm[..., None])[..., 0]))
 
     def vectors(self, body: Index, vectors: Array) -> Array:
-        """Return vectors (n, 3) that turn with bodies (n,)."""
-        return np.asarray((self.rotations.take(body, axis=0) @ vectors[..., None])[..., 0])
+        """Return vectors (..., n, 3) that turn with bodies (n,)."""
+        return np.asarray((self.rotations.take(body, axis=-3) @ vectors[..., None])[..., 0])
 
     def point(self, body: str, at: Sequence[float]) -> Vector:
         """Return the point of a body that is ``at`` [m] in the reference pose."""
@@ -96,9 +98,13 @@ class Pose:
         return self._still[self.number[body]]
 
     def moved_by(self, motion: Array) -> Pose:
-        """Return the pose after motions [R - 1, u] (bodies + 1, 3, 4): rotations R, translations u of centres."""
+        """Return the pose after motions [R - 1, u] (..., bodies + 1, 3, 4): rotations R, translations u of centres."""
         rotations = orthonormal(self.rotations + motion[..., :3] @ self.rotations)
         return Pose(self.number, self.origin, self.centre + motion[..., 3], rotations)
+
+    def __getitem__(self, which: Any) -> Pose:
+        """Return some of many poses, or one of them."""
+        return Pose(self.number, self.origin, self.centre[which], self.rotations[which])
 
 
 def start(model: Mechanism) -> Pose:

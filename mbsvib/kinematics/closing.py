@@ -1,0 +1,281 @@
+"""Poses of mechanisms with loops: Newton's method on the coordinates that depend on others, for many poses at once.
+
+q_d <- q_d - A^-1 e,  A = Phi J in the independent rows and the dependent columns
+
+with the exact openings e of cut joints and couplers, Phi per unit rate of the joint coordinates in the pose, and J the
+rates of these per unit rate of the values q, which is one but for rotation vectors and rods. The values of all other
+coordinates are held, so that they are exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lapack
+
+from mbsvib.kinematics.coupler_travel import coupler_travel
+from mbsvib.kinematics.pose_kinematics import locked
+from mbsvib.linalg.rank import CLOSED_EXACTLY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.coupler import Coupling
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.pose import Pose
+    from mbsvib.kinematics.pose_kinematics import PoseKinematics
+
+    Mask = NDArray[np.bool_]
+
+CORRECTIONS = 25
+# A change of norm below 1 takes no eigenvalue of 1 to 0; the margin is for rounding.
+NEARBY = 0.9
+# Loops count as closed when they are open by no more than this share of their size and steps do not reduce it.
+CLOSED = 1e-13
+# The longest step [rad, mechanism sizes] in which loops are kept closed, and the shortest that is still tried.
+LONGEST, SHORTEST = 0.2, 1e-5
+# Loops count as closed in the end when they are open by less than this share of the mechanism's size, or by rounding.
+TOLERANCE = 1e-12
+# Where loops are open by less than this, the Jacobian of the step before is as good, unless it left more than this
+# share, as at a dead point.
+RENEWED, SLOW = 1e-6, 1e-2
+# Loops need be closed no better on the way to a pose.
+WAY = 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """Some poses (v): the values ``q`` (v, n) of the coordinates and the ``pose``.
+
+    ``opening`` (v,) is what loops are open and ``rounding`` (v,) what of it is rounding, in units of 1 rad and the size
+    of the mechanism; ``closure`` (v, rows, n) is Phi J in the same units, ``error`` (v, rows) the openings, ``travel``
+    (v, terms) the displacements of the coordinates in couplers.
+    """
+
+    q: Array
+    pose: Pose
+    opening: Array
+    rounding: Array
+    closure: Array
+    error: Array
+    travel: Array
+
+    def __getitem__(self, which: Index | Mask) -> Reached:
+        """Return some of them."""
+        return Reached(self.q[which], self.pose[which], self.opening[which], self.rounding[which], self.closure[which],
+                       self.error[which], self.travel[which])  # fmt: skip
+
+    def update(self, which: Index | Mask, others: Reached) -> None:
+        """Replace some of them, in place."""
+        for name in ("q", "opening", "rounding", "closure", "error", "travel"):
+            getattr(self, name)[which] = getattr(others, name)
+        self.pose.centre[which], self.pose.rotations[which] = others.pose.centre, others.pose.rotations
+
+
+@dataclass(frozen=True)
+class Closing:
+    """A mechanism whose loops are closed by the coordinates that depend on others.
+
+    ``blocks``: independent rows and dependent coordinates of each group of loops.
+    """
+
+    kinematics: PoseKinematics
+    couplers: tuple[Coupling, ...]
+    blocks: tuple[tuple[Index, Index], ...]
+
+    @cached_property
+    def depends(self) -> Mask:
+        """Which coordinates (n,) depend on others."""
+        result = np.zeros(len(self.kinematics.coordinates.names), dtype=bool)
+        for _, dependent in self.blocks:
+            result[dependent] = True
+        return result
+
+    def poses(self, target: Array) -> tuple[Reached, Mask, Array]:
+        """Return the poses for values (v, n) of the coordinates that do not depend on others.
+
+        Steps from the reference pose are halved where loops do not stay closed or might jump. Returns the poses as far
+        as they were reached, a mask (v,) of those that were not, and the share (v,) of the way to each.
+        """
+        kinematics, count = self.kinematics, len(target)
+        longest = np.abs(target / kinematics.scale).max(axis=1, initial=0.0)
+        full = LONGEST / np.maximum(longest, LONGEST)
+        done, step, lost, open_by = np.zeros(count), full.copy(), np.zeros(count, dtype=bool), np.zeros(count)
+        if kinematics.cuts is None:
+            return self._open(target, None), lost, done
+        first = self._described()
+        reached, active, before = None, np.arange(count), first
+        while len(active):
+            share = np.minimum(step[active], 1.0 - done[active])
+            ends = share >= 1.0 - done[active]
+            values = np.where(ends, 1.0, done[active] + share)[:, None] * target[active]
+            attempt, small = self._attempt(before, share[:, None] * target[active], values,
+                                           CLOSED_EXACTLY if ends.any() else WAY)  # fmt: skip
+            limit = np.where(ends, np.maximum(TOLERANCE, attempt.rounding), RENEWED)
+            good = small & (attempt.opening <= limit) & self._near(before, attempt)
+            good &= self._same_branch(before, attempt, good)
+            if reached is None and good.all():
+                reached = attempt
+            else:
+                reached = reached or first[np.zeros(count, dtype=np.intp)]
+                reached.update(active[good], attempt[good])
+            which, bad = active[good], active[~good]
+            done[which] = np.where(ends, 1.0, done[active] + share)[good]
+            step[which] = np.minimum(2.0 * step[which], full[which])
+            step[bad], open_by[bad] = 0.5 * share[~good], np.where(small, attempt.opening, np.inf)[~good]
+            lost[bad] = step[bad] * longest[bad] < SHORTEST
+            active = active[(done[active] < 1.0) & ~lost[active]]
+            before = reached[active] if len(active) else first
+        assert reached is not None
+        reached.opening[lost] = open_by[lost]
+        return reached, lost, done
+
+    def _described(self) -> Reached:
+        """The reference pose, with the loops closed that its rounded numbers leave open."""
+        kinematics = self.kinematics
+        described, scale = kinematics.described, kinematics.row_scale
+        count = len(scale) - len(kinematics.described_openings)
+        error = np.append(kinematics.described_openings, np.zeros(count)) * scale
+        closure = kinematics.closure * scale[:, None] * kinematics.scale
+        pose = replace(described, centre=described.centre.copy())[None]
+        travel = np.zeros((1, sum(len(part.terms) for part in self.couplers)))
+        at = Reached(np.zeros((1, closure.shape[1])), pose, np.array([np.abs(error).max(initial=0.0)]),
+                     kinematics.rounding(kinematics.coordinates)[None], closure[None], error[None], travel)  # fmt: skip
+        return at if at.opening[0] <= CLOSED_EXACTLY else self.closed(at.q, at, CLOSED_EXACTLY)
+
+    def _attempt(self, before: Reached, change: Array, values: Array, enough: float) -> tuple[Reached, Mask]:
+        """One step with closed loops: ``values`` (v, n) of the independent coordinates, which change by ``change``.
+
+        Returns the poses, and a mask of those without dependent motions many times larger than the step, which
+        indicate a jump or a dead point.
+        """
+        scale = self.kinematics.scale
+        by = np.where(self.depends, 0.0, change / scale)
+        right = (before.closure @ by[..., None])[..., 0]
+        for rows, dependent in self.blocks:
+            by[:, dependent] = -_solved(before.closure, rows, dependent, right)
+        small = np.abs(by).max(axis=1, initial=0.0) <= 10.0 * LONGEST
+        q = np.where(self.depends, before.q + scale * np.where(small[:, None], by, 0.0), values)
+        return self.closed(q, before, enough), small
+
+    def closed(self, q: Array, before: Reached | None, enough: float) -> Reached:
+        """Return the poses for values (v, n) with the dependent ones changed such that loops are closed.
+
+        ``before``: these poses, or one, nearby. ``enough``: what loops may stay open. Phi J is computed anew where
+        loops are open by more than ``RENEWED``.
+        """
+        todo, scale = np.arange(len(q)), self.kinematics.scale
+        best = self._with_closure(self._open(q, before))
+        going, previous = best.opening > enough, np.full(len(q), np.inf)
+        for _ in range(CORRECTIONS):
+            going &= ~((best.opening[todo] < CLOSED) & (best.opening[todo] > 0.1 * previous))
+            if not going.any():
+                break
+            if not going.all():
+                todo = todo[going]
+            at = best if len(todo) == len(q) else best[todo]
+            new = at.q.copy()
+            for rows, dependent in self.blocks:
+                new[:, dependent] -= scale[dependent] * _solved(at.closure, rows, dependent, at.error)
+            after, previous = self._open(new, at), at.opening.copy()
+            going = after.opening < previous
+            if (going & (after.opening > np.clip(SLOW * previous, CLOSED, RENEWED))).any():
+                after = self._with_closure(after)
+            if going.all():
+                best.update(todo, after)
+            else:
+                best.update(todo[going], after[going])
+            going &= after.opening > enough
+        return best
+
+    def _open(self, q: Array, near: Reached | None) -> Reached:
+        """Return the poses of values (v, n), as open as they are, with the Phi J of poses nearby."""
+        kinematics, count = self.kinematics, len(q)
+        pose = kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
+        rounding = np.zeros(count) if near is None else np.broadcast_to(near.rounding, count)
+        closure = np.zeros((count, 0, 0)) if near is None else near.closure
+        error, travel = kinematics.openings(pose), np.zeros((count, 0))
+        couplings = None if kinematics.cuts is None else kinematics.cuts.couplings
+        if couplings is not None:
+            travel = coupler_travel(self.couplers, kinematics.topology.joints, pose,
+                                    None if near is None else near.travel)  # fmt: skip
+            tree = couplings.column >= 0
+            travel[:, tree] = q[:, couplings.column[tree]]
+            sums = np.zeros((count, len(couplings.touched)), travel.dtype)
+            for k, row in enumerate(couplings.row.tolist()):
+                sums[:, row] += couplings.value[k] * travel[:, k]
+            error = np.concatenate((error, sums), axis=1)
+        error = error * kinematics.row_scale
+        return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, error, travel)
+
+    def _with_closure(self, at: Reached) -> Reached:
+        """Return the same poses with their own Phi J."""
+        kinematics, (q, pose) = self.kinematics, (at.q, at.pose)
+        if len(q) == 1:  # faster without an axis of poses
+            q, pose = q[0], pose[0]
+        coordinates, cuts = kinematics.at(pose)
+        assert cuts is not None
+        by_values = kinematics.tree.by_values(kinematics.described, kinematics.coordinates, q, pose, coordinates)
+        closure = locked(by_values, cuts) * kinematics.row_scale[:, None] * kinematics.scale
+        if len(at.q) == 1:
+            closure = closure[None]
+        rounding = np.array(np.broadcast_to(kinematics.rounding(coordinates), len(at.q)))
+        return replace(at, closure=closure, rounding=rounding)
+
+    def _near(self, first: Reached, second: Reached) -> Mask:
+        """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
+        turned = (first.pose.rotations * second.pose.rotations).sum(axis=(-1, -2))
+        went = np.abs(second.pose.centre - first.pose.centre).max(axis=(1, 2))
+        far = 1.0 + 2.0 * np.cos(5.0 * LONGEST), 5.0 * LONGEST * self.kinematics.size
+        return np.asarray((turned.min(axis=1) > far[0]) & (went < far[1]))
+
+    def _same_branch(self, first: Reached, second: Reached, which: Mask) -> Mask:
+        """Tell of poses ``which`` whether there is no dead point between: both are on one branch of the closed loops.
+
+        Beyond a dead point A(first)^-1 A(second) has a negative eigenvalue. Eigenvalues are used rather than the
+        determinant, whose sign does not show two dead points at once.
+        """
+        result = which.copy()
+        for rows, dependent in self.blocks:
+            before, after = (at.closure[:, rows[:, None], dependent] for at in (first, second))
+            change = _inverse(before) @ (after - before)
+            near = np.abs(change).sum(axis=-2).max(axis=-1, initial=0.0) < NEARBY
+            for i in np.flatnonzero(which & ~near).tolist():
+                result[i] &= _no_dead_point(before[i if len(before) > 1 else 0], after[i])
+        return result
+
+
+def _no_dead_point(before: Array, after: Array) -> bool:
+    alpha, _, beta, *_, info = lapack.dggev(after, before, compute_vl=0, compute_vr=0)
+    return info == 0 and bool((alpha * beta > 0.0).all())
+
+
+def _inverse(a: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.inv(a))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(a))
+
+
+def _solved(closure: Array, rows: Index, dependent: Index, right: Array) -> Array:
+    """Return A^-1 e (v, r) of the ``rows`` of e (v, all rows) and the ``dependent`` columns."""
+    a, e = closure[:, rows[:, None], dependent], right[:, rows, None]
+    try:
+        return np.asarray(np.linalg.solve(a, e)[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(a) @ e)[..., 0])
+
+
+def blocks_of(reduction: Reduction, names: tuple[str, ...]) -> tuple[tuple[Index, Index], ...]:
+    """Return the independent rows and the dependent coordinates of each group of loops; ``names``: those of rows."""
+    independent = set(reduction.independent.tolist())
+    result = []
+    for group in reduction.groups:
+        dependent = np.array([k for k in group.columns.tolist() if k not in independent], dtype=np.intp)
+        rows = np.array([row for row in group.rows.tolist() if names[row] not in group.redundant], dtype=np.intp)
+        result.append((rows, dependent))
+    return tuple(result)

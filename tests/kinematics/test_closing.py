@@ -1,0 +1,34 @@
+"""Many poses at once: loops closed by Newton's method on coordinates that depend on others."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.equilibrium.moved import Poses
+from mbsvib.linalg.rotations import exponential, jacobian
+from tests.equilibrium.test_moved import four_bar
+from tests.kinematics.test_dead_centre import rocker
+
+
+def test_angles_of_a_rocker_over_a_turn_of_its_crank():
+    model, _ = four_bar(angle=0.8)
+    turns = np.linspace(-3.0, 6.0, 7)
+    poses = Poses.of(model, ["A.rz"], None).at(turns[:, None])
+    turned = poses.rotations[:, poses.number["rocker"]]
+    expected = np.array([rocker(0.8 + turn) - rocker(0.8) for turn in turns])
+    np.testing.assert_allclose(np.arctan2(turned[:, 1, 0], turned[:, 0, 0]), expected, rtol=0, atol=2e-15)
+
+
+def test_the_pose_that_cannot_be_reached_is_told_by_its_number():
+    model, _ = four_bar(angle=0.8)
+    with pytest.raises(mv.ModelError, match=r"^variant 1: .* closed up to D\.rz = 0\.\d+ and no further"):
+        Poses.of(model, ["D.rz"], None).at(np.array([[-0.2], [1.5], [0.1]]))
+
+
+def test_the_jacobian_of_the_exponential():
+    w = np.array([[0.0, 0.0, 0.0], [0.01, -0.02, 0.03], [0.4, -2.0, 1.1]])
+    for direction in np.eye(3):
+        step = exponential(w + 2e-20j * direction)
+        spin = step.imag @ step.real.swapaxes(-1, -2) / 2e-20
+        expected = np.stack((spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]), axis=-1)
+        np.testing.assert_allclose(jacobian(w) @ direction, expected, rtol=0, atol=1e-15)
