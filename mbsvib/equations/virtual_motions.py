@@ -25,7 +25,7 @@ from mbsvib.equations.force_paths import carrier_of
 from mbsvib.equations.load_stiffness import leading, rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
@@ -158,6 +158,19 @@ class JointWrenches:
     u: Array
 
 
+def _with_motions(scene: Scene, virtual: Twists) -> Scene:
+    """The scene with virtual motions behind its joint coordinates."""
+    own, cuts = scene.coordinates, scene.cuts
+    linear, angular, point = (trailing(concatenated([leading(getattr(part, key)) for part in (own, virtual)], -1))
+                              for key in ("linear", "angular", "point"))  # fmt: skip
+    coordinates = Twists(own.names + virtual.names, linear, angular, point, np.concatenate((own.path, virtual.path), 1),
+                         np.concatenate((own.turns, virtual.turns)), own.pitch)  # fmt: skip
+    if cuts is not None and cuts.couplings is not None:
+        touched = np.zeros((len(cuts.couplings.touched), len(coordinates.names)), dtype=bool)
+        cuts = replace(cuts, couplings=replace(cuts.couplings, touched=touched))
+    return replace(scene, coordinates=coordinates, cuts=cuts)
+
+
 class VirtualWork:
     """The work of all forces along virtual motions, in the terms of a scene with the minimal coordinates.
 
@@ -166,54 +179,31 @@ class VirtualWork:
 
     def __init__(self, scene: Scene, reduction: Reduction, phi: Array, kept: Kept, motions: VirtualMotions) -> None:
         self._scene, self._reduction, self._motions = scene, reduction, motions
-        opening = motions.opening
-        if scene.cuts is not None and phi.shape[-2]:
-            of_rows = relative_motion(motions.twists, scene.cuts.rows).dense(0, scene.locked)
-            if scene.cuts.couplings is not None:
-                of_rows = concatenated((of_rows, self._measured()), -2)
-            opening = opening + of_rows
+        self._extended = _with_motions(scene, motions.twists)
+        self._relative = self._extended.relative()
+        n, opening = len(scene.coordinates.names), motions.opening
+        if scene.cuts is not None:
+            opening = opening + self._extended.closure(self._relative)[..., n:]
         lead = np.broadcast_shapes(phi.shape[:-2], opening.shape[:-2])
-        shape = *lead, len(scene.coordinates.names), opening.shape[-1]
-        self.following = np.zeros(shape, np.result_type(phi, opening))
+        self.following = np.zeros((*lead, n, opening.shape[-1]), np.result_type(phi, opening))
         for rows, dependent in kept:
             if len(dependent):
                 matrix = phi[..., rows[:, None], dependent]
                 self.following[..., dependent, :] = -np.linalg.solve(matrix, opening[..., rows, :])
 
-    def _measured(self) -> Array:
-        """Changes (..., couplers, v) of couplers that measure coordinates of cut joints."""
-        assert self._scene.cuts is not None
-        assert self._scene.cuts.couplings is not None
-        couplings = self._scene.cuts.couplings
-        cut = couplings.column < 0
-        touched = np.zeros((len(couplings.touched), len(self._motions.twists.names)), dtype=bool)
-        of_cut = replace(couplings, row=couplings.row[cut], column=couplings.column[cut],
-                         value=couplings.value[..., cut], touched=touched)  # fmt: skip
-        return of_cut.dense(self._motions.twists)
-
-    def _extended(self) -> tuple[Scene, Reduction]:
-        """The scene with the virtual motions behind its coordinates, and behind its minimal coordinates."""
-        scene, virtual = self._scene, self._motions.twists
-        linear, angular, point = (trailing(concatenated([leading(getattr(part, key)) for part in (
-            scene.coordinates, virtual)], -1)) for key in ("linear", "angular", "point"))  # fmt: skip
-        coordinates = Twists(
-            scene.coordinates.names + virtual.names, linear, angular, point,
-            np.concatenate((scene.coordinates.path, virtual.path), axis=1),
-            np.concatenate((scene.coordinates.turns, virtual.turns)), scene.coordinates.pitch,
-        )  # fmt: skip
-        n = len(scene.coordinates.names)
-        independent = np.append(self._reduction.independent, np.arange(n, n + len(virtual.names)))
-        extended, matrix = replace(scene, coordinates=coordinates), self._reduction.matrix
+    def _minimal(self) -> Reduction:
+        """The minimal coordinates, and the virtual motions behind them."""
+        matrix, n, v = self._reduction.matrix, *self.following.shape[-2:]
+        independent = np.append(self._reduction.independent, np.arange(n, n + v))
         if matrix is None:
-            return extended, Reduction(independent, None, ())
-        m, unit = matrix.shape[-1], np.eye(len(virtual.names))
-        rows = concatenated((matrix, self.following), -1), np.concatenate((np.zeros((len(unit), m)), unit), axis=1)
-        return extended, Reduction(independent, concatenated(rows, -2), ())
+            return Reduction(independent, None, ())
+        unit = np.eye(v, matrix.shape[-1] + v, matrix.shape[-1])
+        return Reduction(independent, concatenated((concatenated((matrix, self.following), -1), unit), -2), ())
 
     def at_rest(self, momenta: Sequence[tuple[int, Array]], couplings: Sequence[CrossCoupling]) -> JointWrenches:
         """Return the wrenches without the forces at the pose, of which ``momenta`` and ``couplings`` are spin."""
-        scene, reduction = self._extended()
-        terms = matrices(scene, minimal_rows(scene, scene.relative(), reduction), closed=reduction.matrix is not None)
+        scene, reduction = self._extended, self._minimal()
+        terms = matrices(scene, minimal_rows(scene, self._relative, reduction), closed=reduction.matrix is not None)
         if momenta or couplings:
             from mbsvib.equations.spin_terms import with_antisymmetric_terms
 
