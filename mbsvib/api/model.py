@@ -117,7 +117,7 @@ class Model(
 
     def compile(
         self, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
-        independent: Sequence[str] | None = None,
+        independent: Sequence[str] | None = None, *, pose: str | Sequence[str] | None = None, relaxed: bool = False,
     ) -> Plant:  # fmt: skip
         """Return the equations as a function of some parameters, for sweeps, fits and optimisers that ask often.
 
@@ -130,6 +130,11 @@ class Model(
             ``parameters``, then of the model. Default: all parameters of the model.
         cut, independent : sequence of str, optional
             As of ``linearize``.
+        pose : str or sequence of str, optional
+            Names or patterns of joint coordinates (``"leg*.slide.z"``): behind those of the parameters, values are then
+            their displacements from the described pose [m, rad], as of ``moved``. Without derivatives.
+        relaxed : bool
+            As of ``moved``: whether springs and bushings keep the forces of the described pose.
 
         Returns
         -------
@@ -140,13 +145,13 @@ class Model(
         Raises
         ------
         ModelError
-            If a name is unknown, or none is left.
+            If a name is unknown, or none is left, or loops tie the pose coordinates to each other.
         SingularPoseError, EquilibriumError
             As of ``linearize``.
         """
         from mbsvib.api.plant import compiled
 
-        return compiled(self, parameters, cut, independent)
+        return compiled(self, parameters, cut, independent, pose, relaxed)
 
     def replace(self, element: str, /, **changes: Any) -> Self:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.

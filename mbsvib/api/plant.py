@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -15,6 +15,7 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_values import Values, with_checked_parts
+from mbsvib.equilibrium.posed_variants import PosedVariants, pose_coordinates
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import Slots
 
@@ -58,7 +59,8 @@ class Tangent(Displayed):
 class Plant(Displayed):
     """The equations M q'' + C q' + K q = B u of one structure as a function of p of its numbers.
 
-    ``names`` (p,) are the parameters, ``nominal`` (p,) their values in the model and ``units`` theirs.
+    ``names`` (p,) are the parameters, ``nominal`` (p,) their values in the model and ``units`` theirs. Pose coordinates
+    follow them, with displacements from the described pose; nominal is 0.
     ``plant(values)`` returns the matrices of values (p,), or with a leading axis those of n variants (n, p): all in
     the same ``coordinates``, which are those of the model. What does not depend on the numbers was computed once.
     Plants are immutable and can be pickled.
@@ -181,7 +183,7 @@ class Plant(Displayed):
         values : array-like, shape (p,) or (n, p)
             Values in the order of ``names``.
         gradient : bool
-            True: return the derivatives to all parameters, too.
+            True: return the derivatives to all parameters, too; not for plants with pose coordinates.
 
         Returns
         -------
@@ -197,6 +199,8 @@ class Plant(Displayed):
         ModelError, SingularPoseError, EquilibriumError
             As of ``plant(values)``.
         """
+        if gradient:
+            self._refuse_pose("eigenvalues")
         array, single = self._checked(values)
         batch = self._batch(array)
         modes = batch.basis.modal if gradient else batch.modes()
@@ -230,10 +234,11 @@ class Plant(Displayed):
         Raises
         ------
         ModelError, SingularPoseError, EquilibriumError
-            As of ``plant(values)``.
+            As of ``plant(values)``, and if the plant has pose coordinates.
 
         Source: Martins, Sturdza & Alonso, ACM Trans. Math. Softw. 29 (2003) 245, for complex steps.
         """
+        self._refuse_pose("tangent")
         array, single = self._checked(values)
         rates = self._array(direction, "direction", "tangent")
         if rates.shape != (len(self.names),):
@@ -280,7 +285,18 @@ class Plant(Displayed):
         return self._plan.equations(self._values(array), Batch)
 
     def _values(self, array: Array) -> Values:
-        return with_checked_parts(Values.of(self._plan.slots, np.ascontiguousarray(array.T)))
+        slots, columns = self._plan.slots, np.ascontiguousarray(array.T)
+        count = len(slots.names)
+        values = with_checked_parts(Values.of(slots, columns[:count]))
+        return replace(values, displacements=dict(zip(self.names[count:], columns[count:], strict=True)))
+
+    def _refuse_pose(self, caller: str) -> None:
+        """Refuse derivatives where values are displacements of joint coordinates, too."""
+        moving = self.names[len(self._plan.slots.names) :]
+        if moving:
+            raise ModelError(f"{caller}: the plant has the pose coordinate '{moving[0]}', and no derivatives in poses "
+                             f"that vary. Compile the model of one pose, model.moved(...), without pose= for "
+                             f"derivatives to its parameters.", element=moving[0], field="pose")  # fmt: skip
 
     def _checked(self, values: ArrayLike) -> tuple[Array, bool]:
         """Values (n, p), and whether they are those of a single variant."""
@@ -305,9 +321,9 @@ class Plant(Displayed):
 
 def compiled(
     model: Mechanism, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
-    independent: Sequence[str] | None = None,
+    independent: Sequence[str] | None = None, pose: str | Sequence[str] | None = None, relaxed: bool = False,
 ) -> Plant:  # fmt: skip
-    """Return the equations of a model as a function of some of its parameters.
+    """Return the equations of a model as a function of some of its parameters and of its pose.
 
     Parameters
     ----------
@@ -317,6 +333,10 @@ def compiled(
         Names or patterns, in this order; default: all parameters.
     cut, independent : sequence of str, optional
         As of ``linearize``.
+    pose : str or sequence of str, optional
+        Names or patterns of joint coordinates whose displacements are values, too.
+    relaxed : bool
+        As of ``moved``.
 
     Returns
     -------
@@ -328,12 +348,16 @@ def compiled(
     if patterns is None:
         raise ModelError(f"compile: parameters = {shown(parameters)}; expected names or patterns.", field="parameters")
     names = list(dict.fromkeys(name for pattern in patterns for name in known.matching(pattern)))
-    if not names:
+    moving = () if pose is None else pose_coordinates(model, pose)
+    if not names and not moving:
         raise ModelError(f"compile: parameters = {shown(parameters)}; expected at least one.{nearest('', known)}",
                          field="parameters")  # fmt: skip
     slots = Slots.of(known, names)
     plan = batch_plan(model, slots, independent, cut, System)
+    if moving:
+        plan = replace(plan, posed=PosedVariants.of(model, moving, names, relaxed, cut))
     entries = [known.entry(name) for name in names]
-    nominal = np.array([entry.value for entry in entries])
+    nominal = np.array([entry.value for entry in entries] + [0.0] * len(moving))
     nominal.setflags(write=False)
-    return Plant(tuple(names), nominal, tuple([entry.unit for entry in entries]), plan)
+    units = [entry.unit for entry in entries] + ["rad" if name.rpartition(".")[2][0] == "r" else "m" for name in moving]
+    return Plant((*names, *moving), nominal, tuple(units), plan)

@@ -37,7 +37,7 @@ from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -82,7 +82,8 @@ class BatchPlan:
 
     ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
     ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
-    ``decided`` lists how many variants got rank decisions of their own, of each call in which some did.
+    ``posed`` takes values and returns the variants by their numbers where these are in other poses. ``decided`` lists
+    how many variants got rank decisions of their own, of each call in which some did.
     """
 
     user_model: Mechanism
@@ -91,6 +92,7 @@ class BatchPlan:
     nominal: Equations
     cut: tuple[str, ...] | None
     slots: Slots
+    posed: Callable[[Values], Callable[[int], Mechanism]] | None = None
     decided: list[int] = field(default_factory=list, compare=False, repr=False)
 
     @cached_property
@@ -169,7 +171,7 @@ class BatchPlan:
     def at_once(self, variants: Values) -> bool:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
-        return not (self.one_by_one or spins)
+        return not (self.posed is not None or self.one_by_one or spins)
 
     def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
         """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
@@ -217,6 +219,11 @@ class BatchPlan:
             terms = Terms(**arrays).of_variants(0)
         return Matrices(**terms.named())
 
+    def _variant(self, variants: Values) -> Callable[[int], Mechanism]:
+        """The function that returns the variants by their numbers."""
+        values = variants.by_name
+        return lambda i: self.user_model.with_values({name: float(array[i]) for name, array in values.items()})
+
     def _count(self, decided: int) -> None:
         if decided:
             self.decided.append(decided)
@@ -227,7 +234,8 @@ class BatchPlan:
         nominal = self.nominal
         if not self.at_once(variants):
             self._count(variants.count)
-            return one_by_one(self.user_model, nominal, variants, self.cut, batch)
+            variant = self._variant(variants) if self.posed is None else self.posed(variants)
+            return one_by_one(variant, nominal, variants, self.cut, batch)
         size = self._chunk_size(variants.count)
         parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
                  for start in range(0, variants.count, size)]  # fmt: skip

@@ -104,8 +104,8 @@ class BatchEquations(Matrices):
 
     @property
     def parameters(self) -> Mapping[str, Array]:
-        """Values (n,) of the parameters that vary, by name."""
-        return self.values.by_name
+        """Values (n,) of the parameters and displacements of joint coordinates that vary, by name."""
+        return {**self.values.by_name, **self.values.displacements}
 
     def displacements(self, q: ArrayLike) -> dict[str, Array]:
         """Return the displacements of the bodies in all variants, x_i = B'_i B''_i q.

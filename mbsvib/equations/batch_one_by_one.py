@@ -18,7 +18,7 @@ from mbsvib.equations.terms import MATRICES, OPTIONAL
 from mbsvib.errors import MbsvibError, ModelError, NearSingularWarning, SingularPoseError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
@@ -32,10 +32,10 @@ ROWS = ("elastic_rows", "row_stiffness", "row_damping")
 
 
 def one_by_one(
-    model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
+    variant: Callable[[int], Mechanism], nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
 ) -> B:
-    """Return a batch of any model, whose variants are linearized one after the other."""
-    systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
+    """Return a batch of any model, whose variants are linearized one after the other; ``variant`` returns them."""
+    systems = [_linearized(variant, nominal, cut, i) for i in range(variants.count)]
     provenances = tuple([system.provenance for system in systems])
     return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless, provenances=provenances,
                  **stacked(systems, nominal.dof))  # fmt: skip
@@ -62,14 +62,13 @@ def stacked(systems: Sequence[Matrices], dof: int) -> dict[str, Any]:
 
 
 def _linearized(
-    model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, i: int
+    variant: Callable[[int], Mechanism], nominal: Equations, cut: Sequence[str] | None, i: int
 ) -> Equations:
     """Equations of variant ``i`` in the coordinates of the nominal pose."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:
-            variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
-            system = _in_coordinates(variant, nominal, cut)
+            system = _in_coordinates(variant(i), nominal, cut)
             check_massless(system.provenance.separation, nominal)
             check_freedom(system.dof, nominal.dof)
         except MbsvibError as error:

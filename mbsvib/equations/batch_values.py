@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -37,12 +37,14 @@ class Values:
     the last axis; ``slots`` are their places in the parts of the nominal model.
 
     ``numbers`` (rows, n) are all numbers of the parts that they change; ``index`` has their rows by part and field,
-    those of the model or of the parts that replace them in the equations.
+    those of the model or of the parts that replace them in the equations. ``displacements`` (n,) are those of joint
+    coordinates that vary as well, by name [m, rad].
     """
 
     numbers: Array
     slots: Slots
     index: Mapping[str, Mapping[str, Index]]
+    displacements: Mapping[str, Array] = field(default_factory=dict)
 
     @staticmethod
     def of(slots: Slots, values: Array) -> Values:
@@ -106,7 +108,8 @@ class Values:
         """Return the variants start..stop."""
         if (start, stop) == (0, self.count):
             return self
-        return Values(self.numbers[:, start:stop], self.slots, self.index)
+        displacements = {name: array[start:stop] for name, array in self.displacements.items()}
+        return Values(self.numbers[:, start:stop], self.slots, self.index, displacements)
 
     def suspects(self, name: str) -> list[int]:
         """Return the variants whose values a part might refuse."""

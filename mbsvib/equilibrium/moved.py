@@ -109,15 +109,18 @@ class Poses:
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)
 
-    def at(self, values: Array) -> Pose:
-        """Return the poses for displacements (v, p) [m, rad], of which all are reached, or a ``ModelError``."""
+    def at(self, values: Array, caller: str = "moved", first: int | None = None) -> Pose:
+        """Return the poses for displacements (v, p) [m, rad], of which all are reached, or a ``ModelError``.
+
+        ``caller`` is named in messages, with the number of the pose from ``first``, if given.
+        """
         target = np.zeros((len(values), len(self.closing.kinematics.coordinates.names)))
         target[:, self.places] = values
         reached, lost, done = self.closing.poses(target)
         if lost.any():
             i = int(np.argmax(lost))
             raise self._unreachable(values[i], float(done[i]), float(reached.opening[i]),
-                                    f"variant {i}" if len(values) > 1 else "moved")  # fmt: skip
+                                    caller if first is None else f"{caller} {first + i}")  # fmt: skip
         return reached.pose
 
     def _unreachable(self, values: Array, done: float, gap: float, caller: str) -> ModelError:

@@ -22,7 +22,7 @@ def test_angles_of_a_rocker_over_a_turn_of_its_crank():
 def test_the_pose_that_cannot_be_reached_is_told_by_its_number():
     model, _ = four_bar(angle=0.8)
     with pytest.raises(mv.ModelError, match=r"^variant 1: .* closed up to D\.rz = 0\.\d+ and no further"):
-        Poses.of(model, ["D.rz"], None).at(np.array([[-0.2], [1.5], [0.1]]))
+        Poses.of(model, ["D.rz"], None).at(np.array([[-0.2], [1.5], [0.1]]), "variant", 0)
 
 
 def test_the_jacobian_of_the_exponential():

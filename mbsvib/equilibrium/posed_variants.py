@@ -1,0 +1,97 @@
+"""Variants of a model in other poses, for plants whose values are also displacements of joint coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.arguments import names_in, shown
+from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.couplers import check_couplers
+from mbsvib.equilibrium.moved import Poses, moved
+from mbsvib.equilibrium.moved_parts import model_in_pose
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.batch_values import Values
+    from mbsvib.kinematics.pose import Pose
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.mechanism.parameters import Parameters
+
+# Fields of which poses depend: with other values of these, each variant is moved by itself.
+PLACES = frozenset(("position", "orientation", "start", "end", "pitch", "axis"))
+# Poses are computed in chunks of so many, whose arrays fit a cache.
+CHUNK = 256
+
+
+@dataclass(frozen=True)
+class PosedVariants:
+    """Variants of a ``model`` in other poses: with displacements of the joint coordinates ``names`` (r,).
+
+    ``poses`` are those of the model, None where parameters that vary move its joints or points. ``relaxed``, ``cut``
+    are those of ``moved``.
+    """
+
+    model: Mechanism
+    names: tuple[str, ...]
+    poses: Poses | None
+    relaxed: bool
+    cut: tuple[str, ...] | None
+
+    @staticmethod
+    def of(
+        model: Mechanism, names: tuple[str, ...], parameters: Sequence[str], relaxed: bool, cut: Sequence[str] | None
+    ) -> PosedVariants:
+        """Return how variants of a model are moved; ``parameters``: those that vary."""
+        poses = Poses.of(with_rigid_parts(model), names, cut, "compile")
+        known: Parameters = model.parameters
+        fixed = not any(known.entry(name).field in PLACES for name in parameters)
+        return PosedVariants(model, names, poses if fixed else None, relaxed, None if cut is None else tuple(cut))
+
+    def __call__(self, values: Values) -> Callable[[int], Mechanism]:
+        """Return the function of the variants by their numbers."""
+        displacements = np.array([values.displacements[name] for name in self.names]).T
+        poses = None
+        if self.poses is not None:
+            try:
+                poses = [self.poses.at(displacements[first : first + CHUNK], "variant", first)
+                         for first in range(0, len(displacements), CHUNK)]  # fmt: skip
+            except ModelError:
+                if self.relaxed or not self.model.composed:
+                    raise  # parts that bend may reach poses that rigid ones do not
+        return partial(self._variant, values, displacements, poses)
+
+    def _variant(self, values: Values, displacements: Array, poses: list[Pose] | None, i: int) -> Mechanism:
+        own = {name: float(array[i]) for name, array in values.by_name.items()}
+        described = self.model.with_values(own) if own else self.model
+        if poses is not None:
+            result = model_in_pose(described, poses[i // CHUNK][i % CHUNK], self.relaxed)
+        else:
+            asked = dict(zip(self.names, displacements[i].tolist(), strict=True))
+            result = moved(described, asked, self.relaxed, self.cut)
+        check_couplers(described, result)
+        return result
+
+
+def pose_coordinates(model: Mechanism, patterns: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the joint coordinates that names or patterns pick, in the order of these, then of the model."""
+    known = [f"{joint.name}.{name}" for joint in model.joints.values() for name, _ in joint.freedom]
+    asked = names_in([patterns] if isinstance(patterns, str) else patterns)
+    if not asked:
+        raise ModelError(f"compile: pose = {shown(patterns)}; expected names or patterns of joint coordinates.",
+                         field="pose")  # fmt: skip
+    result: list[str] = []
+    for pattern in asked:
+        found = [name for name in known if name == pattern or fnmatchcase(name, pattern)]
+        if not found:
+            raise ModelError(f"compile: pose = '{pattern}' matches no joint coordinate of model '{model.name}'."
+                             f"{nearest(pattern, known)}", element=pattern, field="pose")  # fmt: skip
+        result += found
+    return tuple(dict.fromkeys(result))
