@@ -185,7 +185,8 @@ def _link(element: ElementTree.Element, name: str, path: str | PathLike[str]) ->
     tensor, rounding = np.zeros((3, 3)), np.zeros((3, 3))
     for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
         i, j = ("xyz".index(letter) for letter in key[1:])
-        tensor[i, j] = tensor[j, i] = _numbers(entries, key, "0", 1, who, name)[0]
+        default = None if i == j and entries is not None else "0"
+        tensor[i, j] = tensor[j, i] = _numbers(entries, key, default, 1, who, name)[0]
         rounding[i, j] = rounding[j, i] = _last_digit("0" if entries is None else entries.get(key, "0"))
     off = 0.5 * np.trace(rounding) + rounding.sum(axis=1).max()  # of tr(J) / 2 - J
     return Link(name, float(mass), centre, axes @ tensor @ axes.T, float(off))

@@ -96,6 +96,28 @@ def test_springs_beside_a_joint_add_up():
     np.testing.assert_allclose(found, (1.2e5 + 20.0 * s) * way - 1.0, rtol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["spring", "bushing"])
+def test_acceleration_counts_outward_from_the_other_body(kind):
+    """A leg between two masses by its joint, described from either end; the spring beside it connects no bodies."""
+    found = {}
+    for order in (("lower", "payload"), ("payload", "lower")):
+        model = mv.Model("stages")
+        for name, mass, z in (("lower", 3.0, 0.2), ("payload", MASS, 0.6)):
+            model.add_body(name, mass, (0.2, 0.2, 0.2), (0, 0, z))
+        model.add_joint("rail", "prismatic", "ground", "lower", axis=(0, 0, 1))
+        model.add_joint("guide", "prismatic", *order, axis=(0, 0, 1))
+        model.add_spring("k1", "ground", "lower", (0, 0, 0), (0, 0, 0.2), 5e4)
+        if kind == "spring":
+            model.add_spring("k2", *order, *((0, 0, 0.2), (0, 0, 0.6))[:: 1 if order[0] == "lower" else -1], 9e4)
+        else:
+            model.add_bushing("k2", *order, (0, 0, 0.4), (0, 0, 9e4, 0, 0, 0))
+        plant = isolation.actuated(model, "payload", "guide", directions="z")
+        found[order[0]] = plant.system.frequency_response(W, "guide.acceleration", "guide.actuator")[0, 0]
+    x = [np.linalg.solve([[5e4 + 9e4 - 3.0 * w**2, -9e4], [-9e4, 9e4 - MASS * w**2]], [-1.0, 1.0])[1] for w in W]
+    np.testing.assert_allclose(found["lower"], -(W**2) * x, rtol=1e-9)
+    np.testing.assert_allclose(found["payload"], -(W**2) * x, rtol=1e-9)
+
+
 def own_ports():
     model = active_strut()
     model.add_input("coil", "payload", "z")

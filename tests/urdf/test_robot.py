@@ -238,6 +238,10 @@ def test_gears_carry_the_weight():
     (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="x"/>'), "which is no joint"),
     (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="j"/>'), "mimics itself"),
     (link("a") + link("b", -1.0) + joint("j", "revolute", "a", "b"), "mass"),
+    (link("a") + link("b", 1.0).replace('value="1.0"', "") + joint("j", "revolute", "a", "b"),
+     "value = None; expected 1"),
+    (link("a") + link("b", 1.0).replace('ixx="1.0"', "") + joint("j", "revolute", "a", "b"),
+     "ixx = None; expected 1"),
     ("<link", "no XML"),
     ("", r"robot\.urdf: <robot> has no <link>"),
 ])  # fmt: skip
@@ -393,6 +397,16 @@ def test_values_that_are_not_expanded_are_refused(robot, attribute):
     path.write_text(path.read_text().replace(attribute, "1").replace('name="j"', 'name="${side}j"'))
     with pytest.raises(mv.ModelError, match=r"<joint name='\${side}j'> has a macro"):
         mv.load_urdf(path)
+
+
+def test_macros_in_what_is_not_read_are_left(robot):
+    """A mesh and a material of a link; macros within a joint are refused at any depth."""
+    seen = '<visual><geometry><mesh filename="$(find arm)/b.stl"/></geometry><material name="${color}"/></visual>'
+    words = link("a") + link("b", 1.0).replace("</link>", seen + "</link>")
+    assert mv.load_urdf(robot(words + joint("j", "revolute", "a", "b"))).bodies.keys() == {"b"}
+    more = '<extra><spring stiffness="${k}"/></extra>'
+    with pytest.raises(mv.ModelError, match=r"<spring stiffness='\${k}'> has a macro"):
+        mv.load_urdf(robot(words + joint("j", "revolute", "a", "b", more=more)))
 
 
 def test_macros_that_are_not_expanded_are_refused(robot):
