@@ -43,6 +43,7 @@ def expected(source):
     return source.state_space("physical") if type(source).__name__ == "ClosedLoop" else source.state_space()
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("case", SOURCES)
 @pytest.mark.parametrize("suffix", READERS)
 def test_there_and_back(case, suffix, tmp_path):

@@ -14,6 +14,7 @@ from tests.export.plants import same_bits, slider, stewart
 from tests.export.test_json import SYSTEMS, assert_same
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("case", SYSTEMS)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):

@@ -7,6 +7,7 @@ import mbsvib as mv
 from tests.loads.test_against_lagrangian import linearized
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("loops", [0, 1])
 def test_reactions_balance_every_body(seed, loops):

@@ -182,6 +182,7 @@ def braked(n, seed, strength, every):
     return model.linearize()
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("every", [1, 2, 3])
 @pytest.mark.parametrize("strength", [1e2, 1e4, 1e6, 1e8, 1e10])
 def test_strong_dampers(strength, every):

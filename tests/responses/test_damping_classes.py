@@ -67,6 +67,7 @@ def test_mode_shapes(case):
     assert not np.abs(k @ shapes[:, : modes.rigid]).max(initial=0.0) > 1e-9 * np.abs(k).max()
 
 
+@pytest.mark.few(6)
 def test_zeros(case):
     """With the poles they make each response but for a factor."""
     _, p, system = case
@@ -96,6 +97,7 @@ def test_state_space(case, realization):
     assert_allclose(np.stack(result, axis=-1), frequency_response(p, OMEGA), rtol=1e-8, atol=1e-13)
 
 
+@pytest.mark.few(18)
 @pytest.mark.parametrize("hold", ["first", "zero"])
 @pytest.mark.parametrize("t", [EVEN, UNEVEN], ids=["even", "uneven"])
 def test_moving_starts(case, hold, t):

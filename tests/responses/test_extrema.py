@@ -37,6 +37,7 @@ def fine(poles):
     return w[(w >= LOW) & (w <= HIGH)]
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("seed", range(60))
 def test_every_local_maximum_is_there(seed):
     response, poles = oscillators(seed)
@@ -51,6 +52,7 @@ def test_every_local_maximum_is_there(seed):
         assert ((where >= w[k - 1]) & (where <= w[k + 1])).any()
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("seed", range(60))
 def test_every_crossing_is_there(seed):
     response, poles = oscillators(seed)

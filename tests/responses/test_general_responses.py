@@ -16,6 +16,7 @@ from tests.support.unsymmetric import chain, massless, unsymmetric
 CHOSEN = [name for name in FAMILIES if name not in ("flutter", "massless and spin")]
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_frequency_response(family):
     system = FAMILIES[family](0)
@@ -29,6 +30,7 @@ def test_frequency_response(family):
     assert (np.abs(direct - exact) <= 1e-9 * np.abs(exact)).all()
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("hold", ["zero", "first"])
 @pytest.mark.parametrize("family", CHOSEN)
 def test_time_response(family, hold):

@@ -64,6 +64,7 @@ def assert_zeros(found, expected, tolerance=1e-6):
         assert abs(nearest - value) <= tolerance * max(abs(value), 1.0)
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("power", range(3), ids=QUANTITIES)
 @pytest.mark.parametrize(("seed", "n", "inputs", "outputs"), [
     (1, 4, 1, 2), (2, 4, 1, 3), (3, 5, 2, 3), (4, 5, 1, 2), (5, 5, 2, 3), (6, 5, 1, 2), (9, 6, 1, 2), (24, 6, 1, 2),

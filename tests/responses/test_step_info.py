@@ -164,6 +164,7 @@ def test_double_poles_beside_others():
     assert_allclose(settling[1:], np.log(50.0) / [2.0, 2.0, 5.0, 5.00005], rtol=2e-7)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("swing", [3, 8, 21])
 def test_an_excursion_between_samples_counts_for_the_settling_time(swing, beyond):

@@ -162,6 +162,7 @@ def test_connections_and_excitation_by_name():
     assert result.passed
 
 
+@pytest.mark.slow
 def test_the_table_and_the_figure_tell_all(check):
     text = str(check)
     assert "Co-simulation of slider and law, H = 0.0005 s, over 0.128 s" in text

@@ -36,6 +36,7 @@ def imported(file, folder):
     return builder, builder.create("f", ["x", "u", "p"], ["ode", "y"])
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize(("name", "version"), EITHER)
 def test_casadi_takes_values_and_jacobians(name, version, tmp_path):
     system = library.models()[name][0]().linearize()
