@@ -193,7 +193,7 @@ class VirtualWork:
 
     def _minimal(self) -> Reduction:
         """The minimal coordinates, and the virtual motions behind them."""
-        matrix, n, v = self._reduction.matrix, *self.following.shape[-2:]
+        matrix, (n, v) = self._reduction.matrix, self.following.shape[-2:]
         independent = np.append(self._reduction.independent, np.arange(n, n + v))
         if matrix is None:
             return Reduction(independent, None, ())
