@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ALIKE = 1e-7  # relative distance below which poles coincide
 OSCILLATES = 1e-6  # relative imaginary parts that rounding gives to repeated real poles
 SEPARATE = 1e-12  # reciprocal condition of the products of left and right vectors below which poles are defective
+DEFECTIVE = 1e2  # distances and errors of coinciding poles by which A in their subspace may differ from a multiple of 1
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,20 @@ class GainSpectrum:
         overlap = np.einsum("ij,ji->i", rows, right)
         regular = np.abs(overlap) > SEPARATE
         result = np.einsum("ij,ji->i", rows, moved) / np.where(regular, overlap, np.inf)
+        of_a, of_change = (matrix / scale[:, None] * scale for matrix in (self.matrix, change))
         for clusters in self._clusters:
-            y, x = rows[clusters], right.T[clusters].swapaxes(1, 2)
-            overlaps, rates = y @ x, y @ moved.T[clusters].swapaxes(1, 2)
+            y, x = (np.linalg.qr(vectors.T[clusters].swapaxes(1, 2))[0] for vectors in (left, right))
+            y = y.conj().swapaxes(1, 2)
+            overlaps, rates = y @ x, y @ of_change @ x
             sizes = np.linalg.svd(overlaps, compute_uv=False)
             regular = sizes[:, -1] > SEPARATE * sizes[:, 0]
-            overlaps[~regular], rates[~regular] = np.eye(clusters.shape[1]), 0.0
+            overlaps[~regular] = np.eye(clusters.shape[1])
+            within = np.linalg.solve(overlaps, y @ of_a @ x)  # a multiple of 1 where each eigenvalue has a vector
+            values = self.values[clusters]
+            within -= values.mean(axis=1)[:, None, None] * np.eye(clusters.shape[1])
+            spread = np.abs(values - values[:, :1]).max(axis=1) + self.errors[clusters].max(axis=1)
+            regular &= np.abs(within).max(axis=(1, 2)) <= DEFECTIVE * spread
+            rates[~regular] = 0.0
             slopes = np.linalg.eigvals(np.linalg.solve(overlaps, rates))
             in_order = np.argsort(slopes.real + slopes.imag, axis=-1, kind="stable")
             result[clusters] = np.take_along_axis(slopes, in_order, axis=-1)

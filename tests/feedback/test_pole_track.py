@@ -102,6 +102,23 @@ def test_slopes_of_repeated_poles():
         np.testing.assert_allclose(those, np.sort_complex(np.array(exact, dtype=complex)), rtol=1e-9)
 
 
+@pytest.mark.parametrize("size", [2, 3])
+@pytest.mark.parametrize("seed", [None, 1, 2, 3, 4, 5])
+def test_defective_poles_have_no_slopes(size, seed):
+    """A Jordan block, as it is and in turned states, beside copies of a pole, whose slopes are those of their own."""
+    from scipy.linalg import block_diag
+
+    matrix = block_diag(-np.eye(size) + np.diag(np.ones(size - 1), 1), -5.0 * np.eye(2))
+    change = block_diag(np.arange(1.0, 1.0 + size**2).reshape(size, size), [[2.0, 1.0], [1.0, 2.0]])
+    if seed is not None:
+        turn = np.random.default_rng(seed).normal(size=matrix.shape)
+        matrix, change = (np.linalg.solve(turn, part @ turn) for part in (matrix, change))
+    spectrum = GainSpectrum(0.0, matrix)
+    slopes, copies = spectrum.slopes(change), np.abs(spectrum.values + 5.0) < 1e-6
+    np.testing.assert_array_equal(slopes[~copies], 0.0)
+    np.testing.assert_allclose(np.sort_complex(slopes[copies]), [1.0, 3.0], rtol=1e-9)
+
+
 @pytest.mark.parametrize(("best", "gain", "height"), [
     (1.13, 1.13, 3.0), (0.7, 0.7, 3.0), (1.92, 1.92, 3.0), (0.05, 0.05, 3.0), (-0.3, 0.0, 2.91), (2.4, 2.0, 2.84),
 ])  # fmt: skip
