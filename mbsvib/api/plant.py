@@ -355,7 +355,8 @@ def compiled(
     slots = Slots.of(known, names)
     plan = batch_plan(model, slots, independent, cut, System)
     if moving:
-        plan = replace(plan, posed=PosedVariants.of(model, moving, names, relaxed, cut))
+        posed = PosedVariants.of(model, moving, names, relaxed, cut)
+        plan = replace(plan, posed=posed, poses=posed.poses_of if relaxed and posed.poses is not None else None)
     entries = [known.entry(name) for name in names]
     nominal = np.array([entry.value for entry in entries] + [0.0] * len(moving))
     nominal.setflags(write=False)

@@ -29,12 +29,13 @@ from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.massless_tangents import condensed_along
 from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, SingularPoseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -45,9 +46,11 @@ if TYPE_CHECKING:
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.load_stiffness import LoadedPairs
+    from mbsvib.equations.posed_scene import PosedScene
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism
@@ -82,8 +85,9 @@ class BatchPlan:
 
     ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
     ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
-    ``posed`` takes values and returns the variants by their numbers where these are in other poses. ``decided`` lists
-    how many variants got rank decisions of their own, of each call in which some did.
+    ``posed`` takes values and returns the variants by their numbers where these are in other poses; ``poses`` takes
+    values and the number of the first variant and returns their poses, where nothing else moves. ``decided`` lists how
+    many variants got rank decisions of their own, of each call in which some did.
     """
 
     user_model: Mechanism
@@ -93,6 +97,7 @@ class BatchPlan:
     cut: tuple[str, ...] | None
     slots: Slots
     posed: Callable[[Values], Callable[[int], Mechanism]] | None = None
+    poses: Callable[[Values, int], Pose] | None = None
     decided: list[int] = field(default_factory=list, compare=False, repr=False)
 
     @cached_property
@@ -104,6 +109,13 @@ class BatchPlan:
     def pivots(self) -> LoopPivots:
         """The pivots of the nominal pose."""
         return loop_pivots(self.scene, self.nominal.provenance.reduction)
+
+    @cached_property
+    def posed_scene(self) -> PosedScene | None:
+        """How the arrays of the mechanism follow from poses, None where that is not stated."""
+        if self.loaded or self.geometry.matrices:
+            return None
+        return posed_scene(self.user_model, self.model, self.scene, self.nominal)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -159,7 +171,7 @@ class BatchPlan:
         """Number of variants to compute at once, of ``count``."""
         scene = self.scene
         elastic = all(fields.keys() <= {"stiffness", "damping"} for fields in self.slots.index.values())
-        if scene.loads is None and elastic:
+        if scene.loads is None and elastic and self.posed is None:
             return count
         rows, n = scene.coordinates.path.shape
         if scene.loads is not None:
@@ -171,7 +183,8 @@ class BatchPlan:
     def at_once(self, variants: Values) -> bool:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
-        return not (self.posed is not None or self.one_by_one or spins)
+        posed = self.posed is not None and (self.poses is None or self.posed_scene is None)
+        return not (posed or self.one_by_one or spins)
 
     def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
         """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
@@ -219,6 +232,11 @@ class BatchPlan:
             terms = Terms(**arrays).of_variants(0)
         return Matrices(**terms.named())
 
+    def _one_by_one(self, variants: Values, batch: type[B]) -> B:
+        self._count(variants.count)
+        variant = self._variant(variants) if self.posed is None else self.posed(variants)
+        return one_by_one(variant, self.nominal, variants, self.cut, batch)
+
     def _variant(self, variants: Values) -> Callable[[int], Mechanism]:
         """The function that returns the variants by their numbers."""
         values = variants.by_name
@@ -234,15 +252,22 @@ class BatchPlan:
         nominal = self.nominal
         if not self.at_once(variants):
             self._count(variants.count)
-            variant = self._variant(variants) if self.posed is None else self.posed(variants)
-            return one_by_one(variant, nominal, variants, self.cut, batch)
+            return self._one_by_one(variants, batch)
         size = self._chunk_size(variants.count)
-        parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
-                 for start in range(0, variants.count, size)]  # fmt: skip
+        try:
+            parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
+                     for start in range(0, variants.count, size)]  # fmt: skip
+        except SingularPoseError:
+            if self.posed is None:
+                raise
+            return self._one_by_one(variants, batch)
+        if self.posed is not None and any(part.decided for part in parts):
+            return self._one_by_one(variants, batch)
         chunks = [part.separated() for part in parts]
         self._count(sum(part.decided for part in parts))
         common: dict[str, Any] = {"nominal": nominal, "values": variants, "massless": nominal.massless,
-                                  "own_decisions": self.own_decisions}  # fmt: skip
+                                  "own_decisions": self.own_decisions,
+                                  "variant": None if self.posed is None else self.posed(variants)}  # fmt: skip
         if "separated" in chunks[0]:
             arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
             return batch(closure=None, **common, **arrays)
@@ -342,12 +367,15 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     """
     model, pivots, nominal = plan.model, plan.pivots, plan.nominal
     scene = plan.geometry.at(values)
+    if plan.poses is not None and plan.posed_scene is not None:
+        scene = plan.posed_scene.at(scene, plan.poses(values, first))
     if plan.loaded:
         applied = applied_of_variants(model, values, moved_bodies(scene, values))
         scene = replace(scene, loads=(applied, {}))
     reduction, stepped = pivots.reduction, values.stepped
     lost, decided = np.zeros(values.count, dtype=bool), 0
-    relative, phi, rows = plan.constant_rows or (*_displacements(scene), None)
+    constant = plan.constant_rows if plan.posed is None else None
+    relative, phi, rows = constant or (*_displacements(scene), None)
     if phi.ndim == 3 and stepped:
         reduction, lost = closure_along(scene, values, phi, pivots, closure)
     elif phi.ndim == 3:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -12,12 +13,13 @@ from mbsvib.equations.terms import MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
+    from mbsvib.mechanism.mechanism import Mechanism
 
 FACTORS = ("inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "body_motion")
 
@@ -31,7 +33,8 @@ class BatchEquations(Matrices):
     single matrix if they are constant. ``batch[i]`` are the equations of variant i, ``nominal`` those of the model.
     ``values`` are the values that vary. ``closure`` (n, joint coordinates, m) is B'' if the geometry of loops varies,
     ``provenances`` are those of variants that were linearized one by one; if ``own_decisions``, forces at
-    the pose and massless motions of a variant are described when it is asked for. ``gyroscopic`` and ``circulatory``
+    the pose and massless motions of a variant are described when it is asked for; ``variant`` returns those in other
+    poses by their numbers. ``gyroscopic`` and ``circulatory``
     (n, m, m) and ``null_inertia`` (n, m, massless) are None if no variant has them.
     """
 
@@ -42,6 +45,7 @@ class BatchEquations(Matrices):
     closure: Array | None
     provenances: tuple[Provenance, ...] | None = None
     own_decisions: bool = False
+    variant: Callable[[int], Mechanism] | None = None
 
     def __post_init__(self) -> None:
         for name in (*MATRICES, *FACTORS, "row_owner", *self._parts):
@@ -141,11 +145,12 @@ class BatchEquations(Matrices):
     def __getitem__(self, i: int) -> Equations:
         k = range(len(self))[i]
         result, nominal = of_variant(self, k), self.nominal.provenance
-        if self.provenances is None and self.own_decisions and nominal.origin is not None:
+        posed = self.variant is not None
+        if self.provenances is None and (self.own_decisions or posed) and nominal.origin is not None:
             from mbsvib.equations.assembly import linearized
 
             values = {name: float(array[k]) for name, array in self.values.by_name.items()}
-            variant = nominal.origin.with_values(values)
+            variant = nominal.origin.with_values(values) if self.variant is None else self.variant(k)
             own: Equations = linearized(variant, self.nominal.coordinates, self.nominal.cut_joints or None)
             result = replace(result, provenance=own.provenance)
         return result
@@ -168,7 +173,13 @@ class BatchEquations(Matrices):
         arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS, *self._parts)}
         closure = None if self.closure is None else self.closure[start:stop]
         provenances = None if self.provenances is None else self.provenances[start:stop]
-        return replace(self, values=self.values.slice(start, stop), closure=closure, provenances=provenances, **arrays)
+        variant = None if self.variant is None else partial(_behind, self.variant, start)
+        return replace(self, values=self.values.slice(start, stop), closure=closure, provenances=provenances,
+                       variant=variant, **arrays)  # fmt: skip
+
+
+def _behind(variant: Callable[[int], Mechanism], start: int, i: int) -> Mechanism:
+    return variant(start + i)
 
 
 def of_variant(batch: BatchEquations, k: int) -> Equations:

@@ -76,7 +76,7 @@ class Values:
     @property
     def in_equations(self) -> Values:
         """The values of the parts that replace those of the model in the equations."""
-        return Values(self.numbers, self.slots, self.slots.replaced)
+        return Values(self.numbers, self.slots, self.slots.replaced, self.displacements)
 
     def stepping(self, directions: Mapping[str, Array]) -> Values:
         """Return imaginary steps along directions (k,), by name, from all variants, as values of parts in the

@@ -68,6 +68,11 @@ class PosedVariants:
                     raise  # parts that bend may reach poses that rigid ones do not
         return partial(self._variant, values, displacements, poses)
 
+    def poses_of(self, values: Values, first: int) -> Pose:
+        """Return the poses of some variants, ``first`` the number of the first of them."""
+        assert self.poses is not None
+        return self.poses.at(np.array([values.displacements[name] for name in self.names]).T, "variant", first)
+
     def _variant(self, values: Values, displacements: Array, poses: list[Pose] | None, i: int) -> Mechanism:
         own = {name: float(array[i]) for name, array in values.by_name.items()}
         described = self.model.with_values(own) if own else self.model

@@ -132,7 +132,8 @@ class Closing:
             before = reached[active] if len(active) else first
         assert reached is not None
         reached.opening[lost] = open_by[lost]
-        return reached, lost, done
+        # the poses were changed in place: what they had cached goes
+        return replace(reached, pose=replace(reached.pose)), lost, done
 
     def _described(self) -> Reached:
         """The reference pose, with the loops closed that its rounded numbers leave open."""

@@ -14,6 +14,8 @@ MODELS = {
     "stewart": (mv.library.stewart, ["leg1.slide.z", "leg4.slide.z"], ["leg*.k.stiffness"], True),
     "moved points": (mv.library.stewart, ["leg2.slide.z"], ["platform.position.x", "leg3.k.start.y"], True),
     "puma": (mv.library.puma, None, ["*.mass"], True),
+    "hexapod": (mv.library.cubic_hexapod, None, ["*.mass"], True),
+    "branches": (mv.library.tree, None, ["*.stiffness*"], True),
     "rssr": (mv.library.rssr, None, [], True),
     "beams": (mv.library.hoeken, None, [], True),
 }
@@ -45,6 +47,9 @@ def test_matrices_are_those_of_the_moved_model(name):
         for key in MATRICES:
             found, wanted = getattr(batch, key)[i], getattr(expected, key)
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max(initial=1e-300))
+        places = [[body.position for body in each.bodies.values()] for each in (
+            batch.slice(i, i + 1)[0].provenance.origin, there)]  # fmt: skip
+        np.testing.assert_allclose(*places, rtol=0, atol=1e-13)
         np.testing.assert_allclose(plant.system(row).K, batch.K[i], rtol=0, atol=1e-12 * np.abs(batch.K[i]).max())
 
 
