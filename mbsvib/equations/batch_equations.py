@@ -215,7 +215,7 @@ def _provenance(batch: BatchEquations, k: int) -> Provenance:
     changed: dict[str, Any] = {name: values.of_variant(values.parameters.parts[name], k) for name in values.index}
 
     def at(parts: Iterable[Any]) -> tuple[Any, ...]:  # the node of a connection has joints of its name
-        return tuple([changed[part.name] if type(part) is type(changed.get(part.name)) else part for part in parts])
+        return tuple([new if type(new := changed.get(part.name, part)) is type(part) else part for part in parts])
 
     if batch.closure is not None:
         reduction = replace(reduction, matrix=batch.closure[k])
