@@ -12,10 +12,12 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
+from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import DETERMINED
 from mbsvib.simulation.states import State
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.simulation.session import Session
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and how far they may stay open.
@@ -50,8 +52,9 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
         q[k], qd[k] = both
         fixed.append(k)
     bases = run.statement.motion.no_turns
-    moved = _moved(run, q, np.array(fixed, dtype=np.intp), bases)
-    rates = _rates(run, moved, qd, fixed, bases)
+    given = np.array(fixed, dtype=np.intp)
+    moved, held = _moved(run, q, given, bases)
+    rates = _rates(run, moved, qd, given, held, bases)
     _check_following(run, following, (moved, rates, bases))
     return State(time, moved, rates, np.zeros(run.equations.yields), np.zeros(3))
 
@@ -78,28 +81,51 @@ def _check_following(
                              element=name, field="initial")  # fmt: skip
 
 
-def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:
-    """Coordinates with some at their values and loops closed, followed from the pose as described."""
-    reached = run.loops.projected(np.zeros(len(target)), bases)[0]
+def _moved(run: Session, target: Array, given: Index, bases: Array) -> tuple[Array, Index]:
+    """Coordinates with some at their values and loops closed, followed from the pose as described, and which of the
+    given ones were held: of more than the loops leave free, the others follow, and must agree.
+    """
+    reached, scale = run.loops.projected(np.zeros(len(target)), bases)[0], run.loops.coordinate_scale
+    fixed = _independent(run, reached, given, bases)
     others = np.setdiff1d(np.arange(len(target)), fixed)
     change = target[fixed] - reached[fixed]
-    longest = float(np.abs(change / run.loops.coordinate_scale[fixed]).max(initial=0.0))
+    longest = float(np.abs((target[given] - reached[given]) / scale[given]).max(initial=0.0))
     steps = int(np.ceil(longest / LONGEST)) if len(run.loops.row_scale) else 1
     start = reached[fixed]
     for i in range(1, steps + 1):
         trial = reached.copy()
         trial[fixed] = start + change * i / steps
         projected, opening = run.loops.projected(trial, bases, others)
-        if opening > OPEN or np.abs((projected - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
-            names = ", ".join(f"{run.names[k]} = {trial[k]:.6g}" for k in fixed)
-            raise ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
-                             field="initial")  # fmt: skip
+        if opening > OPEN or np.abs((projected - trial) / scale).max(initial=0.0) > 1.0:
+            raise _open(run, trial, given)
         reached = projected
-    return reached
+    if np.abs((reached - target)[given] / scale[given]).max(initial=0.0) > AGREES:
+        raise _open(run, target, given)
+    return reached, fixed
 
 
-def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) -> Array:
-    """Rates with some at their values; the others are the least that keep the loops closed."""
+def _open(run: Session, q: Array, given: Index) -> ModelError:
+    names = ", ".join(f"{run.names[k]} = {q[k]:.6g}" for k in given)
+    return ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
+                      field="initial")  # fmt: skip
+
+
+def _independent(run: Session, q: Array, given: Index, bases: Array) -> Index:
+    """Of more coordinates than the loops leave free, those that vary most independently of each other."""
+    if not len(run.loops.row_scale):
+        return given
+    free = np.linalg.svd(run.loops.scaled(q, bases)[1])[2][run.loops.rank_at(q, bases) :]
+    factor, order, _ = pivoted_qr(free[:, given])
+    if len(given) <= len(free):
+        return given
+    size = np.abs(np.diag(factor))
+    return np.sort(given[order[: len(free)][size > DETERMINED * size.max(initial=0.0)]])
+
+
+def _rates(run: Session, q: Array, qd: Array, given: Index, fixed: Index, bases: Array) -> Array:
+    """Rates with those of ``fixed`` at their values; the others are the least that keep the loops closed. Those that
+    are ``given`` must agree.
+    """
     if not len(run.loops.row_scale):
         return qd
     _, jacobian = run.loops.scaled(q, bases)
@@ -108,8 +134,10 @@ def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) ->
     result = qd / scale
     right = -jacobian[:, fixed] @ result[fixed]
     result[others] = minimum_norm_solution(jacobian[:, others], right)
-    if np.abs(jacobian @ result).max() > 1e-8 * float(np.abs(result).max()):
-        names = ", ".join(run.names[k] for k in fixed)
+    fastest = float(np.abs(result).max())
+    off = np.abs(result - qd / scale)[given].max(initial=0.0)
+    if np.abs(jacobian @ result).max() > 1e-8 * fastest or off > AGREES * fastest:
+        names = ", ".join(run.names[k] for k in given)
         raise ModelError(f"simulate: the loops do not allow these rates of {names}; give fewer of them.",
                          field="initial")  # fmt: skip
     return np.asarray(result * scale)

@@ -40,6 +40,25 @@ def test_a_joint_that_is_displaced_is_in_the_tree():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("digits", "atol"), [(17, 1e-10), (8, 1e-6)])
+def test_all_joints_of_a_loop_may_be_displaced_where_they_agree(digits, atol):
+    """The state of another run, also as it is printed; what does not agree is refused, displacements and rates."""
+    t = [0.0, 0.02]
+    run = library.four_bar().simulate(t, initial={"A.rz": (0.3, 2.0)})
+    start = {name: tuple(float(f"{part[name][0]:.{digits}g}") for part in (run.coordinates, run.rates))
+             for name in run.coordinates}  # fmt: skip
+    again = library.four_bar().simulate(t, initial=start)
+    for name in start:
+        np.testing.assert_allclose(again.coordinates[name], run.coordinates[name], atol=atol)
+        np.testing.assert_allclose(again.rates[name], run.rates[name], atol=atol)
+    place, rate = start["B.rz"]
+    with pytest.raises(mv.ModelError, match=r"loops cannot be closed with A\.rz = 0\.3, B\.rz = "):
+        library.four_bar().simulate(t, initial=start | {"B.rz": (place + 1e-4, rate)})
+    with pytest.raises(mv.ModelError, match=r"loops do not allow these rates of A\.rz, B\.rz"):
+        library.four_bar().simulate(t, initial=start | {"B.rz": (place, rate + 1e-3)})
+
+
+@pytest.mark.slow
 def test_a_slider_at_which_the_loop_is_cut():
     t = np.linspace(0.0, 0.4, 9)
     run = library.slider_crank().simulate(t, initial={"A.rz": (0.0, 10.0)})
