@@ -244,7 +244,12 @@ class Closing:
         for rows, dependent in self.blocks:
             before, after = (at.closure[:, rows[:, None], dependent] for at in (first, second))
             change = _inverse(before) @ (after - before)
-            near = np.abs(change).sum(axis=-2).max(axis=-1, initial=0.0) < NEARBY
+            near = np.zeros(len(change), dtype=bool)
+            for power in (1, 2, 4):  # no eigenvalue is larger than the root of the norm of a power
+                near |= np.abs(change).sum(axis=-2).max(axis=-1, initial=0.0) < NEARBY**power
+                if near.all():
+                    break
+                change = change @ change
             for i in np.flatnonzero(which & ~near).tolist():
                 result[i] &= _no_dead_point(before[i if len(before) > 1 else 0], after[i])
         return result
