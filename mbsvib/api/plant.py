@@ -87,9 +87,9 @@ class Plant(Displayed):
         return 1 + sum(self._plan.decided)
 
     @property
-    def pose_stays(self) -> bool:
-        """Whether no forces act at the pose, whatever the values, so that none has to balance there."""
-        return not self._plan.loaded
+    def loaded(self) -> bool:
+        """Whether forces act at the pose for some values, which then have to balance there."""
+        return self._plan.loaded
 
     @property
     def inputs(self) -> tuple[str, ...]:

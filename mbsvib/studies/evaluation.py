@@ -149,7 +149,7 @@ class Systems:
         with catch_warnings(), suppress(MbsvibError):
             simplefilter("ignore")
             plant = self.model.compile(list(self.design.values(self.design.start)), independent=self.independent)
-            if plant.pose_stays and (self.independent is None or plant.coordinates == tuple(self.independent)):
+            if not plant.loaded and (self.independent is None or plant.coordinates == tuple(self.independent)):
                 return plant
         return None
 
