@@ -394,3 +394,13 @@ def test_a_part_of_the_ports_keeps_nodes_and_directions(tmp_path):
     part = mx.from_uff(mx.to_uff(system[["wheel.z", "body.z"], "load"], tmp_path / "y.uff", [1.0]))
     assert part.output_points == (whole.output_points[1], whole.output_points[0])
     assert part.input_points == whole.input_points[2:]
+
+
+def test_a_response_that_is_there_twice_is_refused(tmp_path):
+    path = mx.to_uff(slider(), tmp_path / "twice.uff", [1.0, 2.0], binary=False)
+    lines = path.read_text().splitlines(keepends=True)
+    first = next(k for k, line in enumerate(lines) if line.strip() == "58") - 1
+    last = next(k for k in range(first + 1, len(lines)) if lines[k].strip() == "-1")
+    path.write_text("".join([*lines, *lines[first : last + 1]]))
+    with pytest.raises(mv.ExportError, match=r"twice\.uff: .*the response of '.*' to '.*' is there twice"):
+        mx.from_uff(path)
