@@ -153,10 +153,10 @@ def hertz(frequencies: Any) -> NDArray[np.float64]:
     try:
         f = np.array(frequencies, dtype=float, ndmin=1)
     except (TypeError, ValueError) as error:
-        raise ResponseError(f"isolation: frequencies = {frequencies!r}; expected numbers [Hz].") from error
+        raise ResponseError(f"frequencies = {frequencies!r}; expected numbers [Hz].") from error
     if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
         reason = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
-        raise ResponseError(f"isolation: frequencies: {reason}; expected at least one frequency from 0 Hz on, each "
+        raise ResponseError(f"frequencies: {reason}; expected at least one frequency from 0 Hz on, each "
                             f"higher than the one before.")  # fmt: skip
     return f
 

@@ -252,10 +252,12 @@ class Budget(Displayed):
                                 f"{', '.join(self.outputs)}.")  # fmt: skip
         f = self.frequencies() if frequencies is None else hertz(frequencies)
         row = self.outputs.index(name)
+        density, below = self._random.densities(f)[row], self._random.below(f)[row]
         shown = [source for source in self.contributions[name] if source != CORRELATION]
-        curves = {source: (self.psd(f, source)[row], self.cumulative(f, source)[row]) for source in shown}
-        return budget_figure(self.name, name, self.units[name], f, (self.psd(f)[row], self.cumulative(f)[row]), curves,
-                             self.contributions[name])  # fmt: skip
+        curves = {source: (density[k], np.sqrt(np.maximum(below[k], 0.0)))
+                  for source in shown for k in [self.sources.index(source)]}  # fmt: skip
+        total = density.sum(axis=0), np.sqrt(np.maximum(below.sum(axis=0), 0.0))
+        return budget_figure(self.name, name, self.units[name], f, total, curves, self.contributions[name])
 
     def __repr__(self) -> str:
         return (f"Budget({self.name!r}: {counted(len(self.outputs), 'output')}, "
@@ -267,7 +269,9 @@ def _share(value: float, total: float) -> float:
 
 
 def _percent(value: float, total: float) -> str:
-    return f"{100.0 * np.sign(value) * _share(value, total):.3g} %" if np.isfinite(total) else ""
+    share = 100.0 * _share(value, total)
+    text = f"{'-' if value < 0.0 else ''}{share:.2f} %" if share >= 0.01 else "< 0.01 %"
+    return text if np.isfinite(total) else ""
 
 
 def random(
@@ -284,7 +288,8 @@ def random(
         from mbsvib.random.sampled import SampledRandom
 
         form = SampledRandom
-    return form(part, found, weights(weighting, part.outputs, linear.name), _band(band))
+    known = dict(zip(linear.outputs, weights(weighting, linear.outputs, linear.name), strict=True))
+    return form(part, found, tuple([known[output] for output in part.outputs]), _band(band))
 
 
 def budget(under: Random) -> Budget:

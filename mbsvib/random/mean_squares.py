@@ -166,6 +166,10 @@ class Random:
             parts = rule.integral(weighted, marks=True).value
             total = np.concatenate((np.zeros_like(parts[..., :1]), np.cumsum(parts, axis=-1)), axis=-1)
             result = total[..., np.searchsorted(rule.ends, inside)]
+        for at, which in self._divergences():
+            beyond = (inside >= at) & (inside > low)
+            result[:, :-1] = np.where(which[..., None] & beyond, np.inf, result[:, :-1])
+            result[:, -1] = np.where(which.any(axis=1)[:, None] & beyond, 0.0, result[:, -1])
         return result
 
     def rule(self, marks: Array | None = None, first: float = 0.0) -> Rule:
@@ -243,20 +247,26 @@ class Random:
 
     def _infinite(self) -> NDArray[np.bool_]:
         """Which mean squares (outputs, s) over the span are infinite."""
-        result, (low, high) = np.zeros((len(self.plant.c), len(self.sources.names)), dtype=bool), self.span
+        result = np.zeros((len(self.outputs), len(self.sources.names)), dtype=bool)
+        for _, which in self._divergences():
+            result |= which
+        return result
+
+    def _divergences(self) -> Iterator[tuple[float, NDArray[np.bool_]]]:
+        """Frequencies [Hz] within the span at which integrals have no bound, and which (outputs, s) these are."""
+        low, high = self.span
         for group, at in self._lasting():
-            result |= group.shown & self._driven(at)
+            yield at, group.shown & self._driven(at)
         if low == 0.0:
             slowest = float(np.abs(self.linear_poles[self.linear_poles != 0.0]).min(initial=1.0))
             f = slowest * np.array([1e-9, 1e-6])
             first, second = np.moveaxis(f * self.densities(f)[:, :-1], 2, 0)
-            result |= (first >= second) & (first > 0.0)
+            yield 0.0, (first >= second) & (first > 0.0)
         if high == np.inf:
             f = float(np.abs(self.linear_poles).max(initial=1.0)) * np.array([1e3, 1e6])
             first, second = np.moveaxis(f * self._weighted(f), 2, 0)
             # what falls no faster than 1/f beyond all poles has no bound
-            result |= (self.plant.d != 0.0) & (second >= first) & (first > 0.0)
-        return result
+            yield np.inf, (self.plant.d != 0.0) & (second >= first) & (first > 0.0)
 
     def _weighted(self, f: Array) -> Array:
         """Densities of the sources as the weights of the outputs see them, (outputs, s, n)."""

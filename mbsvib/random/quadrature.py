@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbsvib.responses.extrema import GAUSS, panels
+from mbsvib.responses.extrema import GAUSS, UNDAMPED, panels
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
@@ -120,10 +120,13 @@ def _integrated(of: Integrand, ends: Array, unknown: bool) -> Integral:
 
 
 def _by_gauss(of: Integrand, start: Array, end: Array) -> Array:
-    """Gauss' rule on panels, (..., panels)."""
-    f, weight = _gauss(start, end)
+    """Gauss' rule on panels, (..., panels); 0 between ends that differ by rounding, such as two undamped poles."""
+    wide = np.flatnonzero(end - start > UNDAMPED * end)
+    f, weight = _gauss(start[wide], end[wide])
     values = np.concatenate([of(f[at : at + BATCH]) for at in range(0, len(f), BATCH)], axis=-1)
-    return np.asarray((values * weight).reshape(*values.shape[:-1], len(start), GAUSS).sum(axis=-1))
+    result = np.zeros((*values.shape[:-1], len(start)))
+    result[..., wide] = (values * weight).reshape(*values.shape[:-1], len(wide), GAUSS).sum(axis=-1)
+    return result
 
 
 def _gauss(start: Array, end: Array) -> tuple[Array, Array]:

@@ -23,6 +23,8 @@ from mbsvib.responses import extrema
 from mbsvib.responses.densities import Table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -44,7 +46,7 @@ class SampledRandom(Random):
         self._check()
         if self.band is not None:
             total = self.rule().integral(self.densities).value[:, :-1]
-            return MeanSquares(np.where(self._grows().any(axis=0), np.inf, total), np.zeros(len(total)))
+            return MeanSquares(np.where(self._infinite(), np.inf, total), np.zeros(len(total)))
         count = len(self.sources.names)
         parts = np.zeros((len(self.linear.outputs), count))
         tables = [k for k, part in enumerate(self.sources.densities) if isinstance(part, Table)]
@@ -64,17 +66,17 @@ class SampledRandom(Random):
         """First and last frequency [Hz] of outputs: sampling folds noise to all of them."""
         return super().span if self.band is None else self.band
 
-    def _grows(self) -> NDArray[np.bool_]:
-        """Which outputs show what which sources do to undamped poles within the span, (poles, outputs, s)."""
+    def _divergences(self) -> Iterator[tuple[float, NDArray[np.bool_]]]:
+        """Undamped poles [Hz] within the span, and which outputs show what which sources do to them, (outputs, s)."""
         poles = self.linear_poles
         turns = np.abs(poles[np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)])
         at = np.unique(turns[(turns >= 2.0 * np.pi * self.span[0]) & (turns <= 2.0 * np.pi * self.span[1])])
         near, farther = (np.abs(self.linear.frequency_response(at * (1.0 + k * extrema.CLOSE))) for k in (1.0, 10.0))
-        return np.asarray(near > extrema.GROWTH * farther).transpose(2, 0, 1)
+        yield from zip(at / (2.0 * np.pi), np.moveaxis(near > extrema.GROWTH * farther, 2, 0), strict=True)
 
     def check_finite(self) -> None:
         """Refuse mean squares over a band that are infinite."""
-        if self.band is not None and self._grows().any():
+        if self.band is not None and self._infinite().any():
             raise ResponseError(f"rms: a mode of '{self.linear.name}' from {self.band[0]:g} to {self.band[1]:g} Hz is "
                                 f"not damped, and noise at its frequency drives it without bound; give the mechanism "
                                 f"damping, or a band without it.")  # fmt: skip

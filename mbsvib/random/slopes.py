@@ -102,6 +102,8 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     basis, first = scene.system.sensitivity_basis, scene.base.first
     ports = list(range(len(scene.system.inputs))), list(range(len(scene.system.outputs)))
     finite = np.flatnonzero((squares > 0.0) & (squares < np.inf)).tolist()
+    if parameters is None and not finite:
+        return {name: dict.fromkeys(scene.system.parameters, np.nan) for name in under.outputs}
     gradients = {row: scene.to_plant(gradient(scene, row)) for row in finite}
     parts = {row: _hidden(scene, row) for row in gradients}
     count = max(1, BLOCK // max(1, scene.system.dof**2))

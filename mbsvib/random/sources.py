@@ -69,7 +69,7 @@ class Sources:
         """Return R without its diagonal at frequencies [Hz], (n or 1, s, s); None where sources are independent."""
         if self.correlation is None:
             return None
-        given = self.correlation(f) if callable(self.correlation) else self.correlation
+        given = at_frequencies(self.correlation, f) if callable(self.correlation) else self.correlation
         matrix = checked_correlation(given, self.names, len(f) if callable(self.correlation) else None)
         return np.asarray(matrix * (1.0 - np.eye(len(self.names))))
 
@@ -107,6 +107,18 @@ def sources(
         given = checked_correlation(given, tuple(found), None)[0]
         given = None if np.array_equal(given, np.eye(len(found))) else given
     return Sources(tuple(found), tuple(found.values()), given)
+
+
+def at_frequencies(function: Callable[[Any], Any], f: Array) -> Any:
+    """Return the values of a function of frequencies (n,) [Hz], or of one that takes a single frequency."""
+    try:
+        return np.asarray(function(f), dtype=complex)
+    except (TypeError, ValueError):
+        try:
+            return np.asarray([function(float(value)) for value in f], dtype=complex)
+        except (TypeError, ValueError) as error:
+            raise ResponseError(f"correlation: the function fails at {f[0]:g} Hz ({error}); expected one of a frequency"
+                                " [Hz] that returns (s, s), or of (n,) that returns (n, s, s).") from error  # fmt: skip
 
 
 def checked_correlation(value: Any, names: tuple[str, ...], count: int | None) -> Complex:

@@ -115,8 +115,8 @@ class RandomVerbs:
             First and last frequency [Hz]; default: all of them.
         correlation : array-like, shape (s, s), or callable, optional
             Of the sources in the order of ``floor``: entry (i, j) is E[x_i conj(x_j)] over both roots; or a function of
-            frequencies (n,) [Hz] that returns (s, s) or (n, s, s). A rear axle that repeats the front tau later has
-            exp(2 pi i f tau) in [front, rear]. Default: independent.
+            a frequency [Hz] that returns (s, s), or of frequencies (n,) that returns (n, s, s). A rear axle that
+            repeats the front tau later has exp(2 pi i f tau) in [front, rear]. Default: independent.
         weighting : str, filter, callable or mapping, optional
             Filter of all outputs, or of some by name or pattern: "Wk" or "Wd" of ISO 2631-1, what ``isolation.shaped``,
             ``moving_average`` and ``moving_deviation`` make, or a function of frequencies [Hz] that returns gains.

@@ -212,6 +212,10 @@ def density(value: Any, name: str) -> Table | Shaped | Density:
         return value
     if isinstance(value, (int, float, np.floating, np.integer)):
         return white(density_level(value, name))
+    if value is None or isinstance(value, str):
+        raise ResponseError(f"{name}: {check.shown(value)}; expected a number (white noise), pairs (frequency [Hz], "
+                            f"density), a function of the frequency, or a density such as "
+                            f"isolation.vc_spectrum('VC-C').")  # fmt: skip
     return Density(value, name) if callable(value) else table(value, name)
 
 

@@ -118,3 +118,31 @@ def test_displacements_in_space_from_accelerations():
 def test_refusals(call, words):
     with pytest.raises(mv.MbsvibError, match=words):
         call()
+
+
+def test_weightings_may_name_outputs_that_are_not_asked_for():
+    system, noise = oscillator().linearize(), {"base": [(0.5, 1e-3), (80.0, 1e-3)]}
+    weighting = {"a_abs": "Wk", "x": isolation.shaped([5.0], [1.0, 5.0])}
+    every = system.rms(None, noise, weighting=weighting)
+    for name, value in every.items():
+        np.testing.assert_allclose(system.rms(name, noise, weighting=weighting)[name], value, rtol=1e-13)
+    with pytest.raises(mv.ResponseError, match="'y'"):
+        system.rms("x", noise, weighting={"y": "Wk"})
+
+
+def test_correlation_by_a_function_of_one_frequency():
+    """What reads like the formula is taken as well as one of arrays."""
+    def delayed(f):
+        turn = np.exp(2j * np.pi * f * 0.02)
+        return np.array([[1.0, turn], [np.conj(turn), 1.0]])
+
+    def of_arrays(f):
+        return np.moveaxis(np.array([[1.0 + 0.0 * f, np.exp(2j * np.pi * f * 0.02)],
+                                     [np.exp(-2j * np.pi * f * 0.02), 1.0 + 0.0 * f]]), -1, 0)  # fmt: skip
+
+    system, noise = oscillator().linearize(), {"F": [(1.0, 1.0), (30.0, 0.1)], "base": [(1.0, 0.1), (30.0, 0.2)]}
+    one, many = (system.budget(noise, "x", correlation=r).contributions["x"] for r in (delayed, of_arrays))
+    assert one == many
+    assert one["correlation"] != 0.0
+    with pytest.raises(mv.ResponseError, match=r"function fails at .* Hz"):
+        system.rms("x", noise, correlation=lambda f: [[1.0], [1.0, 2.0]])

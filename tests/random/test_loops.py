@@ -208,3 +208,9 @@ def test_refusals_of_sampled_loops(noise, settings, words):
         controlled().sampled(100.0).rms("x", noise, **settings)
     with pytest.raises(mv.ResponseError, match="is sampled"):
         controlled().sampled(100.0).budget({"F": 1.0}, "x").sensitivities()
+
+
+def test_sampled_densities_have_cumulative_values():
+    """Sampled loops have no continuous equations that these could ask for."""
+    budget = controlled().sampled(60.0).budget({"F": 1.0}, "x", band=(0.5, 40.0))
+    np.testing.assert_allclose(budget.cumulative([40.0])[0], budget.rms["x"], rtol=1e-10)

@@ -215,3 +215,20 @@ def test_an_unstable_system_is_refused():
         oscillator(c=-1.0).linearize().rms("x", {"F": 1.0})
     with pytest.raises(mv.ResponseError, match="grows"):
         oscillator(c=-1.0).linearize().rms("x", {"F": [(1.0, 1.0), (2.0, 1.0)]})
+
+
+def test_undamped_modes_that_coincide():
+    """Three axes of one frequency, whose poles differ by rounding alone: no panel of an integral lies between these."""
+    model = mv.library.cubic_hexapod(damping=0.0)
+    model.add_base_motion("floor", "z")
+    noise = {"floor": [(1.0, 1e-6), (500.0, 1e-6)], "Fx": [(1.0, 1.0), (20.0, 1.0)]}
+    budget = model.linearize().budget(noise, ["x", "z"])
+    assert budget.rms["z"] == np.inf
+    assert 0.0 < budget.rms["x"] < np.inf
+    peak = model.linearize().modes().frequencies[0]
+    below, beyond = budget.cumulative([0.9 * peak, 1.1 * peak])[1]
+    stiffness, mass = (2.0 * np.pi * peak) ** 2, 1.0
+    f = np.linspace(1.0, 0.9 * peak, 100_001)
+    np.testing.assert_allclose(
+        below, np.sqrt(np.trapezoid(1e-6 * (mass / (stiffness - (W * f) ** 2)) ** 2, f)), rtol=1e-6)
+    assert beyond == np.inf
