@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.units import pretty
+from mbsvib.errors import counted
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 MOST = 5  # sources with curves of their own
-DEPTH = 1e-5  # of the largest root of a density, and of the rms, down to which figures show curves
+# Shares of the largest root of a density, and of the rms, down to which figures show curves.
+DEPTH, CUMULATIVE_DEPTH = 1e-5, 1e-3
+ALIKE = 1e-6  # relative difference below which sources share a curve
 
 
 def budget_figure(
@@ -29,7 +32,9 @@ def budget_figure(
     ``frequencies`` (n,) [Hz]; ``total``, ``sources``: density (n,) [unit^2/Hz] and cumulative rms (n,) [unit] of all
     sources and of each, the largest first; ``contributions``: the rms of each.
     """
-    shown = list(sources)[:MOST]
+    groups = _alike(sources)
+    least = CUMULATIVE_DEPTH * max([value for value in contributions.values() if value < np.inf], default=0.0)
+    shown = [source for source in groups if contributions[source] > least][:MOST]
     with style.context():
         figure = style.new_figure(style.WIDEST * 0.85, 4.4)
         panels = figure.subplots(1, 2)
@@ -40,19 +45,33 @@ def budget_figure(
             for axes, values in zip(panels, (np.sqrt(density), cumulative), strict=True):
                 visible = np.where(values > 0.0, values, np.nan)
                 axes.plot(frequencies, visible, label=label, **look)
-        for axes, top in zip(panels, highest, strict=True):
+        for axes, top, depth in zip(panels, highest, (DEPTH, CUMULATIVE_DEPTH), strict=True):
             style.frequency_axis(axes, frequencies[0], frequencies[-1])
             axes.set_yscale("log")
             if 0.0 < top < np.inf:
-                axes.set_ylim(DEPTH * top, 3.0 * top)
+                axes.set_ylim(depth * top, 3.0 * top)
         unit = pretty(unit)
         panels[0].set_title(f"{output} of {name}")
         panels[0].set_ylabel(f"root of the density [{unit}/√Hz]")
         panels[1].set_title("cumulative")
         panels[1].set_ylabel(f"rms from the first frequency on [{unit}]")
-        left = len(sources) - len(shown)
-        title = f"{left} smaller sources are not shown" if left else None
-        handles = [f"{label}: {contributions[label]:.3g} {unit}" if label in contributions else label
-                   for label, *_ in curves]  # fmt: skip
+        left = len(sources) - sum(len(groups[source]) for source in shown)
+        title = f"{counted(left, 'smaller source')} not shown" if left else None
+        handles = ["all", *[_label(groups[source], contributions[source], unit) for source in shown]]
         figure.legend(panels[0].get_lines(), handles, loc="outside lower center", ncols=3, title=title)
     return figure
+
+
+def _label(group: list[str], contribution: float, unit: str) -> str:
+    more = f" and {len(group) - 1} alike" if len(group) > 1 else ""
+    return f"{group[0]}{more}: {contribution:.3g} {unit}{' each' if more else ''}"
+
+
+def _alike(sources: Mapping[str, tuple[Array, Array]]) -> dict[str, list[str]]:
+    """Return the sources by the first of those that have the same density but for rounding."""
+    groups: dict[str, list[str]] = {}
+    for name, (density, _) in sources.items():
+        near = ALIKE * float(density.max(initial=0.0))
+        first = next((k for k in groups if np.allclose(sources[k][0], density, rtol=ALIKE, atol=near * ALIKE)), name)
+        groups.setdefault(first, []).append(name)
+    return groups

@@ -304,7 +304,8 @@ def budget(under: Random) -> Budget:
 
 def _ranked(result: MeanSquares, row: int, under: Random) -> dict[str, float]:
     parts = dict(zip(under.sources.names, np.sqrt(result.parts[row]).tolist(), strict=True))
-    ranked = dict(sorted(parts.items(), key=lambda item: -item[1]))
+    # sources that differ by rounding keep their order
+    ranked = dict(sorted(parts.items(), key=lambda item: -float(f"{item[1]:.9e}")))
     if under.sources.correlation is None:
         return ranked
     extra = float(result.correlation[row])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -81,10 +81,17 @@ class Random:
             parts[:, rational], extra = moments(equations, self.linear.name, self.cross, windows)
         others = [k for k in range(count) if k not in rational]
         if others:
-            total = self.rule().integral(self.densities)
-            parts[:, others], extra, error = total.value[:, others], total.value[:, -1], total.error
+            part = self._only(others) if len(rational) else self
+            total = part.rule().integral(part.densities)
+            parts[:, others], extra, error = total.value[:, :-1], extra + total.value[:, -1], total.error
             parts[:, others] = np.where(self._infinite()[:, others], np.inf, parts[:, others])
         return MeanSquares(parts, np.where(np.isinf(parts).any(axis=1), 0.0, extra), error)
+
+    def _only(self, which: list[int]) -> Random:
+        """Return the same equations under some of the sources, which are independent."""
+        names, densities = ([values[k] for k in which] for values in (self.sources.names, self.sources.densities))
+        return replace(self, linear=self.linear.with_ports(None, names),
+                       sources=replace(self.sources, names=tuple(names), densities=tuple(densities)))  # fmt: skip
 
     def _check_windows(self, through: Array, rational: list[int]) -> None:
         """Refuse averages of white noise that comes through directly."""

@@ -55,6 +55,16 @@ def test_it_is_drawn_and_written(tmp_path):
     np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 2], budget.psd()[1])
 
 
+def test_equal_sources_keep_their_order():
+    """Six legs that contribute the same but for rounding."""
+    system = mv.library.cubic_hexapod(ports=("platform", "legs")).linearize()
+    legs = [f"leg{k}.f" for k in range(1, 7)]
+    budget = system.budget(dict.fromkeys(legs, 1.0) | {"Fz": 0.01}, "z")
+    assert list(budget.contributions["z"]) == [*legs, "Fz"]
+    labels = [text.get_text().partition(":")[0] for text in budget.plot().legends[0].get_texts()]
+    assert labels == ["all", "leg1.f and 5 alike", "Fz"]
+
+
 def test_it_pickles():
     budget = pickle.loads(pickle.dumps(made()))
     assert budget.rms == made().rms

@@ -90,6 +90,14 @@ def test_averages_over_a_time(time):
     np.testing.assert_allclose(np.hypot(*parts[:2]), parts[2], rtol=1e-12)
 
 
+def test_averages_under_a_table_beside_white_noise():
+    """Integrals end with the table, however far the noise extends that has exact moments."""
+    system, weighting = oscillator().linearize(), isolation.moving_average(0.1)
+    noise = {"F": 1.0, "base": [(0.5, 0.2), (40.0, 0.1)]}
+    alone = [system.rms("x", {name: value}, weighting=weighting)["x"] for name, value in noise.items()]
+    np.testing.assert_allclose(system.rms("x", noise, weighting=weighting)["x"], np.hypot(*alone), rtol=1e-13)
+
+
 def test_displacements_in_space_from_accelerations():
     """A mass of which the base shakes: |(k + i w c) / (k + i w c - w^2 m)|^2 S / w^4."""
     m, k, c = 2.0, 800.0, 3.0
