@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mbsvib.modes.disparity import modal_disparity
     from mbsvib.responses.measurement import Measurement
     from mbsvib.studies import optimize, sweep, tolerances, track
+    from mbsvib.tuning import goals, tunable, tune
     from mbsvib.urdf import load_urdf
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "UndeterminedForceWarning",
     "__version__",
     "from_dh",
+    "goals",
     "isolation",
     "library",
     "linearize",
@@ -72,6 +74,8 @@ __all__ = [
     "sweep",
     "tolerances",
     "track",
+    "tunable",
+    "tune",
 ]
 
 _HOMES = {
@@ -82,6 +86,7 @@ _HOMES = {
     "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.system",
     "from_dh": "mbsvib.library",
+    "goals": "mbsvib.tuning",
     "isolation": "mbsvib.isolation",
     "library": "mbsvib.library",
     "plots": "mbsvib.plots",
@@ -97,6 +102,8 @@ _HOMES = {
     "sweep": "mbsvib.studies",
     "tolerances": "mbsvib.studies",
     "track": "mbsvib.studies",
+    "tunable": "mbsvib.tuning",
+    "tune": "mbsvib.tuning",
 }
 
 

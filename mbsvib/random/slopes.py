@@ -22,10 +22,11 @@ from mbsvib.sensitivities.norms import gramians, hidden_appear
 from mbsvib.sensitivities.states import changed, states
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.random.mean_squares import Random
+    from mbsvib.random.moments import Filtered
     from mbsvib.sensitivities.states import States
 
     Requested = str | Sequence[str] | Mapping[str, Mapping[str, float]] | None
@@ -104,7 +105,7 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     finite = np.flatnonzero((squares > 0.0) & (squares < np.inf)).tolist()
     if parameters is None and not finite:
         return {name: dict.fromkeys(scene.system.parameters, np.nan) for name in under.outputs}
-    gradients = {row: scene.to_plant(gradient(scene, row)) for row in finite}
+    gradients = {row: scene.to_plant(gradient(scene.under, scene.equations, row)) for row in finite}
     parts = {row: _hidden(scene, row) for row in gradients}
     count = max(1, BLOCK // max(1, scene.system.dof**2))
     for name in under.outputs:
@@ -144,18 +145,18 @@ def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:
         shape = k + len(scene.closure.actuators), k + len(scene.closure.sensors)
         value = np.full(shape, np.nan)
         if 0.0 < squares[row] < np.inf:
-            value = scene.closure.to_law(gradient(scene, row)) * (0.5 / np.sqrt(squares[row]))
+            value = scene.closure.to_law(gradient(scene.under, scene.equations, row)) * (0.5 / np.sqrt(squares[row]))
         result[name] = {"A": value[:k, :k], "B": value[:k, k:], "C": value[k:, :k], "D": value[k:, k:]}
     return result
 
 
-def gradient(scene: Scene, row: int) -> Array:
+def gradient(of: Random, equations: Equations, row: int) -> Array:
     """Return the gradient of the mean square of one output to the entries of the equations, (states + outputs, states +
     sources).
     """
-    a, b, c, d = scene.equations
+    a, b, c, d = equations
     one = Equations(a, b, c[[row]], d[[row]])
-    under = replace(scene.under, weights=(scene.under.weights[row],))
+    under = replace(of, weights=(of.weights[row],))
     if under.weights[0] is not None and under.weights[0].window is not None:
         raise ResponseError("sensitivities: those of averages over a time are not available; choose another weighting.")
     names = range(len(under.sources.names))
@@ -182,10 +183,35 @@ def _by_moments(under: Random, one: Equations, which: list[int]) -> Array:
     else:
         solver = Lyapunov(a)
         p, q = solver.controlled(b @ weight @ b.T), solver.observed(c.T @ c)
-    to_a, to_b, to_c = 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p
+    return _before_filters(whole, 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p)
+
+
+def stable_squares(under: Random, equations: Equations) -> tuple[float, Callable[[], Array]]:
+    """Return the sum of all mean squares of equations whose poles decay, and a function that returns its gradient to
+    their entries.
+
+    Moments of all sources, without the separation of what does not decay: for searches, which know that all does.
+    """
+    whole = under.behind_filters(under.rational, equations)
+    a, b, c, d = whole.all
+    if d.any():
+        return np.inf, lambda: np.zeros((len(equations.a) + len(c), len(equations.a) + b.shape[1]))
+    weight = np.eye(b.shape[1]) if under.cross is None else np.eye(b.shape[1]) + under.cross
+    solver = Lyapunov(a)
+    p = solver.controlled(b @ weight @ b.T)
+
+    def slope() -> Array:
+        q = solver.observed(c.T @ c)
+        return _before_filters(whole, 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p)
+
+    return float((c @ p * c).sum()), slope
+
+
+def _before_filters(whole: Filtered, to_a: Array, to_b: Array, to_c: Array) -> Array:
+    """The gradient to the entries of the plant among filters, (states + outputs, states + sources)."""
     (x, f, z), source, output = whole.slices, whole.sources, whole.outputs
-    result = np.zeros((len(one.a) + 1, len(one.a) + len(which)))
-    n = len(one.a)
+    n, count = len(whole.plant.a), len(whole.plant.c)
+    result = np.zeros((n + count, n + to_b.shape[1]))
     result[:n, :n] = to_a[x, x]
     result[:n, n:] = to_a[x, f] @ source.c.T + to_b[x] @ source.d.T
     result[n:, :n] = output.b.T @ to_a[z, x] + output.d.T @ to_c[:, x]

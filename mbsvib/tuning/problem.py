@@ -1,0 +1,200 @@
+"""The functions that a search for a controller minimises: growth of poles, and the largest of all goals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import MbsvibError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.tuning.goals import Bound, Goal
+    from mbsvib.tuning.scene import Loop, Scene
+    from mbsvib.tuning.structures import Law, Value
+
+# Limits are searched for with this to spare, so that rounding of the value told does not miss them.
+SPARE = 1e-6
+LARGEST = np.log(1e5)  # logarithms of positive values, in parts of their sizes, go no further
+# Decay rates, in parts of the mean pole, below which barriers act.
+SLOW = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Unknowns x of values p: p = size x, ln(p / size) = x where positive; within two bounds the sine of x, next to
+    one a root of x^2 + 1.
+    """
+
+    size: Array
+    start: Array
+    spread: Array
+    positive: NDArray[np.bool_]
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, values: Sequence[Value]) -> Unknowns:
+        """Return the unknowns of values; bounds of positive ones are those of the logarithms of p / size."""
+        size, start, spread, low, high = np.array(
+            [(v.size, v.start, v.spread, *v.bounds) for v in values], dtype=float).reshape(-1, 5).T  # fmt: skip
+        positive = np.array([v.positive for v in values], dtype=bool)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = [np.where(positive, np.log(np.maximum(end / size, 0.0)), end / size) for end in (low, high)]
+        begin = np.where(positive, np.log(np.where(positive, start, 1.0)), start)
+        return cls(size, begin, spread, positive, *ends)
+
+    def begin(self, random: np.random.Generator | None) -> Array:
+        """Return the unknowns of a start, about that of the values if it is random."""
+        t = self.start if random is None else self.start + self.spread * random.normal(size=len(self.start))
+        return self.at(t)
+
+    def at(self, t: Array) -> Array:
+        """Return the unknowns of scaled values or logarithms, moved into the bounds."""
+        both = np.isfinite(self.low) & np.isfinite(self.high)
+        wide = np.where(both, self.high - self.low, 1.0)
+        low, high = np.where(both, self.low, 0.0), self.high
+        share = np.clip((t - low) / wide, 0.02, 0.98)
+        one = np.isfinite(self.low) ^ np.isfinite(self.high)
+        above = np.maximum(np.where(one, np.where(np.isfinite(self.low), t - self.low, high - t), 1.0), 0.02)
+        root = np.sqrt(above * (above + 2.0))
+        return np.where(both, np.arcsin(2.0 * share - 1.0), np.where(one, root, t))
+
+    def values(self, x: Array) -> tuple[Array, Array]:
+        """Return p and dp/dx."""
+        both = np.isfinite(self.low) & np.isfinite(self.high)
+        low = np.where(np.isfinite(self.low), self.low, 0.0)
+        half = 0.5 * np.where(both, self.high - low, 0.0)
+        t, rate = x.copy(), np.ones(len(x))
+        t[both], rate[both] = (low + half * (1.0 + np.sin(x)))[both], (half * np.cos(x))[both]
+        root = np.sqrt(x * x + 1.0)
+        for side, sign, end in ((np.isfinite(self.low) & ~both, 1.0, self.low),
+                                (np.isfinite(self.high) & ~both, -1.0, self.high)):  # fmt: skip
+            t[side], rate[side] = (end + sign * (root - 1.0))[side], (sign * x / root)[side]
+        held = self.positive & (np.abs(t) > LARGEST)
+        t, rate = np.where(held, np.clip(t, -LARGEST, LARGEST), t), np.where(held, 0.0, rate)
+        p = self.size * np.where(self.positive, np.exp(np.where(self.positive, t, 0.0)), t)
+        return p, np.where(self.positive, p, self.size) * rate
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A structure and variables of models at plants: values are those of the ``law``, then of the ``variables``."""
+
+    scenes: tuple[Scene, ...]
+    law: Law
+    variables: tuple[str, ...]
+    unknowns: Unknowns
+    goals: tuple[Goal, ...]
+    bounds: tuple[tuple[Bound, ...], ...]  # of each goal at each plant
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all values."""
+        return (*self.law.names, *self.variables)
+
+    def split(self, p: Array) -> tuple[Array, dict[str, float]]:
+        """Return the values of the controller, and those of the variables by name."""
+        count = len(self.law.names)
+        return p[:count], dict(zip(self.variables, p[count:].tolist(), strict=True))
+
+    def loops(self, p: Array) -> list[Loop] | None:
+        """Return the loops with all plants, None where one has no solution."""
+        own, variables = self.split(p)
+        realization = self.law.realized(own)
+        loops = []
+        for scene in self.scenes:
+            try:
+                loop = scene.loop(realization, variables)
+            except MbsvibError:
+                return None
+            if loop is None or not all(np.isfinite(part).all() for part in loop.closed):
+                return None
+            loops.append(loop)
+        return loops
+
+    def _slope(self, loop: Loop, gradient: Array) -> Array:
+        own, variables = loop.slopes(gradient)
+        return np.concatenate((own, [variables[name] for name in self.variables]))
+
+    def growth(self, x: Array) -> tuple[float, Array]:
+        """Return the largest real part of all poles, in parts of the mean rate of a plant, and its gradient."""
+        p, rate = self.unknowns.values(x)
+        loops = self.loops(p)
+        if loops is None:
+            return np.inf, np.zeros(len(x))
+        worst = max(loops, key=lambda loop: loop.growth)
+        k = int(worst.eigen[0].real.argmax())
+        gradient = worst.within(worst.pole_slope(k).real, [], [])
+        return worst.growth, self._slope(worst, gradient) * rate
+
+    def measured(self, x: Array) -> tuple[float, float]:
+        """Return the largest weighted norm and the largest violation of a limit."""
+        loops = self.loops(self.unknowns.values(x)[0])
+        if loops is None or not all(loop.decays for loop in loops):
+            return np.inf, np.inf
+        value, violation = -np.inf, -np.inf
+        for goal, at in zip(self.goals, self.bounds, strict=True):
+            numbers = [bound.measure(loop)[0] for bound, loop in zip(at, loops, strict=True)]
+            if goal.limit:
+                violation = max(violation, *numbers)
+            else:
+                value = max(value, *numbers)
+        return value, violation
+
+    def objective(self, x: Array, penalty: float, barrier: float = 0.0) -> tuple[float, Array]:
+        """Return the largest weighted norm plus a ``penalty`` times violations of limits, and the gradient; without
+        norms the largest violation. Infinite where a pole does not decay.
+
+        ``barrier``: times -ln(r / SLOW) of the decay rate r of a slow pole is added, so that searches do not end where
+        a loop is hardly stable.
+        """
+        p, rate = self.unknowns.values(x)
+        nowhere = np.inf, np.zeros(len(x))
+        loops = self.loops(p)
+        if loops is None or not all(loop.decays for loop in loops):
+            return nowhere
+        norms, limits = [], []
+        try:
+            for goal, at in zip(self.goals, self.bounds, strict=True):
+                entries = [(*bound.measure(loop), loop) for bound, loop in zip(at, loops, strict=True)]
+                (limits if goal.limit else norms).append(max(entries, key=lambda entry: entry[0]))
+        except MbsvibError:
+            return nowhere
+        values = [entry[0] for entry in (*norms, *limits)]
+        if not np.isfinite(values).all():
+            return nowhere
+        parts = [(1.0, max(norms, key=lambda entry: entry[0]))] if norms else []
+        if not norms:
+            parts = [(1.0, max(limits, key=lambda entry: entry[0]))]
+        total = parts[0][1][0]
+        for entry in limits if norms else ():
+            if entry[0] > -SPARE:
+                total += penalty * (entry[0] + SPARE)
+                parts.append((penalty, entry))
+        slope = np.zeros(len(x))
+        for weight, (value, gradient, loop) in parts:
+            if value or weight:
+                slope += weight * self._slope(loop, gradient())
+        slowest = max(loops, key=lambda loop: loop.growth)
+        if barrier and -slowest.growth < SLOW:
+            k = int(slowest.eigen[0].real.argmax())
+            total -= barrier * float(np.log(-slowest.growth / SLOW))
+            slope -= barrier / slowest.growth * self._slope(slowest, slowest.within(slowest.pole_slope(k).real, [], []))
+        return (total, slope * rate) if np.isfinite(slope).all() else nowhere
+
+    def closed(self, p: Array, noise: bool) -> list[object]:
+        """Return the closed loops of the library for values p."""
+        own, variables = self.split(p)
+        law = self.law.controller(own)
+        return [scene.system_at(variables).feedback(law, noise=noise) for scene in self.scenes]
+
+    def values(self, p: Array) -> Mapping[str, float]:
+        """Return all values by name."""
+        return dict(zip(self.names, p.tolist(), strict=True))

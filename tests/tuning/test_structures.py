@@ -1,0 +1,98 @@
+"""Structures of controllers: equations against their transfer functions, derivatives against differences."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.feedback.closing import transfer
+from mbsvib.tuning.structures import Signals, law
+
+S = np.array([0.3j, 2.0j, 1.0 + 5.0j])
+NAMES = ("a", "b", "c")
+SIZES = Signals(dict.fromkeys(NAMES, 3.0), dict.fromkeys(NAMES, 0.2))
+T = mv.tunable
+
+STRUCTURES = {
+    "gain": T.gain(["a", "b"], ["a", "b", "c"]),
+    "pid": T.pid("a", "b"),
+    "pd": T.pid("a", "b", terms="dp"),
+    "lead_lag": T.lead_lag("a", "b"),
+    "notch": T.notch("a", "b"),
+    "full": T.state_space(3, ["a", "b"], ["c"]),
+    "modal": T.state_space(3, ["a", "b"], ["c", "b"], "modal"),
+    "modal of one sensor": T.state_space(3, ["a", "b"], "c", "modal"),
+    "diagonal": T.state_space(2, "a", ["c", "b"], "diagonal", feedthrough=False),
+    "diagonal of one sensor": T.state_space(2, "a", "c", "diagonal"),
+    "sum": T.pid("a", "b") + T.gain(["b", "a"], ["b", "c"]),
+    "series": T.gain(["a", "b"], ["y", "z"]) * T.diagonal([T.pid("y", "a"), T.notch("z", "c")]),
+    "shared": T.diagonal([T.pid("a", "a", name="leg"), T.pid("b", "b", name="leg"), T.gain("c", "c")]),
+}
+
+
+def at_random(structure, seed=0):
+    known = law(structure, SIZES, 4.0)
+    rng = np.random.default_rng(seed)
+    values = np.array([v.size * abs(v.start + 0.3 * rng.normal()) if v.positive else
+                       v.size * (v.start + 0.3 * rng.normal()) for v in known.values])  # fmt: skip
+    return known, values
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_derivatives_equal_differences(name):
+    known, p = at_random(STRUCTURES[name])
+    slopes = known.realized(p).slopes
+    for k in range(len(p)):
+        step = 1e-6 * max(abs(p[k]), 1e-3)
+        x = [known.realized(p + sign * step * np.eye(len(p))[k]).x for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(slopes[k], (x[0] - x[1]) / (2.0 * step), rtol=1e-7, atol=1e-7 * np.abs(slopes).max())
+
+
+@pytest.mark.parametrize(("name", "formula"), [
+    ("pid", lambda s, kp, ki, kd, tau: kp + ki / s + kd * s / (tau * s + 1.0)),
+    ("pd", lambda s, kd, tau, kp: kp + kd * s / (tau * s + 1.0)),
+    ("lead_lag", lambda s, gain, zero, pole: gain * (s / zero + 1.0) / (s / pole + 1.0)),
+    ("notch", lambda s, w, depth, width: (s**2 + 2 * depth * w * s + w**2) / (s**2 + 2 * width * w * s + w**2)),
+])  # fmt: skip
+def test_transfer_functions(name, formula):
+    known, p = at_random(STRUCTURES[name])
+    np.testing.assert_allclose(transfer(known.realized(p).matrices, S)[:, 0, 0], formula(S, *p), rtol=1e-12)
+
+
+def test_series_is_the_product_of_transfer_functions_right_one_first():
+    first, last = T.state_space(2, ["y", "z"], ["a", "b", "c"]), T.state_space(3, "a", ["p", "q"])
+    known, p = at_random(last * first)
+    inner = Signals(dict.fromkeys("yzapqbc", 1.0), dict.fromkeys("yzapqbc", 1.0))
+    count = len(law(first, inner, 1.0).names)
+    k1, k2 = law(last, inner, 1.0).realized(p[count:]), law(first, inner, 1.0).realized(p[:count])
+    expected = transfer(k1.matrices, S) @ transfer(k2.matrices, S)
+    np.testing.assert_allclose(transfer(known.realized(p).matrices, S), expected, rtol=1e-10)
+
+
+def test_parts_of_one_name_share_values_and_unnamed_ones_do_not():
+    assert law(STRUCTURES["shared"], SIZES, 1.0).names == ("leg.kp", "leg.ki", "leg.kd", "leg.tau", "c/c.gain")
+    twice = T.notch("a", "b") * T.notch("n", "b")
+    assert len(law(twice, SIZES, 1.0).names) == 6
+
+
+def test_fixed_controllers_may_be_factors():
+    fixed = mv.StateSpace.from_arrays([[-2.0]], [[1.0]], [[3.0]], [[0.0]], inputs=["b"], outputs=["y"])
+    known, p = at_random(T.gain("a", "y") * fixed)
+    np.testing.assert_allclose(transfer(known.realized(p).matrices, S)[:, 0, 0], p[0] * 3.0 / (S + 2.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: T.pid(["a", "b"], "c"), "expected one of each"),
+    (lambda: T.pid("a", "b", terms="px"), "some of the letters"),
+    (lambda: T.state_space(0, "a", "b"), "order"),
+    (lambda: T.state_space(2, "a", "b", "sparse"), "modal"),
+    (lambda: T.diagonal([T.gain("a", "b"), T.gain("a", "c")]), "two controllers have the actuator 'a'"),
+    (lambda: T.gain("a", "b") * T.gain(["a", "b"], "c"), "acts first and has 2 outputs"),
+    (lambda: T.gain("a", "b") + 3.0, "expected what mv.tunable makes"),
+    (lambda: law(T.gain("a", "b", start={"gian": 1.0}), SIZES, 1.0), "gian"),
+    (lambda: law(T.gain("a", "b", bounds={"gain": (2.0, 1.0)}), SIZES, 1.0), "ascending"),
+    (lambda: law(T.notch("a", "b", start={"depth": -1.0}), SIZES, 1.0), "depth"),
+])  # fmt: skip
+def test_refusals(make, words):
+    with pytest.raises((ModelError, ResponseError), match=words):
+        make()

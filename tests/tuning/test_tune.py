@@ -1,0 +1,165 @@
+"""Tuning against closed forms, searches by other means, and properties that every optimum has."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.tuning.goals import as_goals
+from mbsvib.tuning.tuning import _problem
+
+T, G = mv.tunable, mv.goals
+M, K = 2.0, 8.0
+
+
+def oscillator(k=K, m=M, c=0.0):
+    return mv.System.from_matrices([[m]], [[c]], [[k]], B=[[1.0]], Cq=[[1.0], [0.0]], Cv=[[0.0], [1.0]], inputs=["F"],
+                                   outputs=["x", "v"])  # fmt: skip
+
+
+def chain(payload=1.0):
+    model = mv.Model("chain", gravity=None)
+    for name, mass, z in (("base", 3.0, 0.1), ("payload", payload, 0.2)):
+        model.add_body(name, mass=mass, inertia=(1.0, 1.0, 1.0), position=(0, 0, z))
+        model.add_joint(f"{name}.slide", "prismatic", "ground", name, position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_spring("k1", "ground", "base", start=(0, 0, 0), end=(0, 0, 0.1), stiffness=400.0, damping=0.5)
+    model.add_spring("k2", "base", "payload", start=(0, 0, 0.1), end=(0, 0, 0.2), stiffness=100.0, damping=0.2)
+    model.add_input("F", "base", "z")
+    model.add_output("v", "base", "z", quantity="velocity")
+    model.add_output("x", "payload", "z")
+    model.add_output("xb", "base", "z")
+    return model
+
+
+def dense_norm(loop, outputs, inputs):
+    space = loop.state_space()[outputs, inputs]
+    w = np.concatenate(([0.0], np.geomspace(1e-2, 1e3, 20001)))
+    g = space.C @ np.linalg.solve(1j * w[:, None, None] * np.eye(len(space.A)) - space.A, space.B) + space.D
+    return float(np.linalg.svd(g, compute_uv=False)[:, 0].max())
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_skyhook_of_least_rms_has_its_closed_form(unit):
+    """White force S and sensor noise n: rms^2 = (S + c^2 n) / (4 c k) is least at c = sqrt(S / n), in any unit."""
+    design = mv.tune(oscillator(), T.gain("F", "v"), [G.rms("x", {"F": 4.0 * unit**2, "v.noise": 0.01 * unit**2})],
+                     starts=2)  # fmt: skip
+    assert design.values["F/v.gain"] == pytest.approx(-20.0, rel=1e-4)
+    assert design.objective == pytest.approx(unit * np.sqrt(8.0 / (4.0 * 20.0 * K)), rel=1e-8)
+    assert "minimised" in str(design)
+    assert len(design.history) >= 2
+
+
+def test_least_resonance_with_a_bounded_gain():
+    """x/F under a velocity gain c that is bounded: the peak is 1 / (2 zeta sqrt(1 - zeta^2) k) at the bound."""
+    design = mv.tune(oscillator(), T.gain("F", "v", bounds={"gain": (-4.0, -0.1)}), [G.hinf("x", "F")], starts=2)
+    c = 4.0
+    zeta = c / (2.0 * np.sqrt(K * M))
+    assert design.objective == pytest.approx(1.0 / (K * 2.0 * zeta * np.sqrt(1.0 - zeta**2)), rel=1e-5)
+
+
+def test_damping_limit_is_reached_and_no_more_where_it_costs():
+    """Noise alone would want c = 2; a damping ratio of 0.4 needs c = 0.8 sqrt(k m)."""
+    goals = [G.rms("x", {"F": 0.04, "v.noise": 0.01}), G.damping(0.4)]
+    design = mv.tune(oscillator(), T.gain("F", "v"), goals, starts=2)
+    assert design.achieved["damping >= 0.4"] >= 0.4
+    assert design.values["F/v.gain"] == pytest.approx(-0.8 * np.sqrt(K * M), rel=1e-4)
+    assert design.success
+    assert design.loop.damping_ratios.min() == pytest.approx(0.4, rel=1e-4)
+
+
+def test_limit_that_no_value_reaches_is_said():
+    design = mv.tune(oscillator(c=0.1), T.gain("F", "v", bounds={"gain": (-0.5, 0.0)}), [G.damping(0.9)], starts=1)
+    assert not design.success
+    assert "not reached" in str(design)
+
+
+def test_gradients_of_all_goals_equal_differences():
+    model = chain()
+    goals = [G.hinf("x", "F"), G.rms(["x", "v"], {"F": 2.0, "v.noise": 1e-3, "F.noise": [(0.1, 1e-2), (9.0, 1e-3)]}),
+             G.damping(0.9), G.margin(0.99)]  # fmt: skip
+    structure = T.pid("F", "xb") + T.gain("F", "v")
+    for goal in goals:
+        problem = _problem(model, structure, as_goals(goal), {"k2.damping": (0.1, 5.0), "k1.stiffness": (100, 900)})
+        x = problem.unknowns.begin(None) + 0.03 * np.random.default_rng(3).normal(size=len(problem.names))
+        value, slope = problem.objective(x, 1.0)
+        assert np.isfinite(value)
+        for k in range(len(x)):
+            step = 1e-5 * np.eye(len(x))[k]
+            difference = (problem.objective(x + step, 1.0)[0] - problem.objective(x - step, 1.0)[0]) / 2e-5
+            assert slope[k] == pytest.approx(difference, rel=1e-5, abs=1e-6 * np.abs(slope).max()), (goal.label, k)
+
+
+def test_values_are_those_of_loops_closed_anew():
+    system = chain().linearize()
+    design = mv.tune(system, T.gain("F", ["xb", "v"]), [G.hinf("x", "F"), G.margin(0.6)], starts=1)
+    loop = system.feedback(design.controller)
+    assert loop.stable
+    assert design.achieved["hinf x / F"] == pytest.approx(dense_norm(loop, "x", "F"), rel=1e-5)
+    assert design.objective == design.achieved["hinf x / F"]
+    w = np.geomspace(1e-2, 1e3, 4001)
+    peak = np.abs(loop.sensitivity(w)).max()
+    assert 0.6 <= design.achieved["margin >= 0.6"] <= 1.0 / peak * (1.0 + 1e-9)
+
+
+def test_common_controller_is_no_better_than_one_at_home():
+    plants = [oscillator(), oscillator(k=40.0, m=5.0)]
+    goals = [G.rms("x", {"F": 4.0, "v.noise": 0.05})]
+    common = mv.tune(plants, T.gain("F", "v"), goals, starts=1)
+    homes = [mv.tune(plant, T.gain("F", "v"), goals, starts=1).objective for plant in plants]
+    assert common.objective >= max(homes) * (1.0 - 1e-9)
+    assert common.objective == pytest.approx(max(homes), rel=1e-6)  # the soft one decides
+    assert len(common.loop) == len(common.model) == 2
+    assert "worst of 2 plants" in str(common)
+
+
+def test_codesign_is_no_worse_than_sequential_design():
+    goals, bounds = [G.rms("x", {"F": 1.0, "v.noise": 1e-2})], {"k2.damping": (0.1, 5.0)}
+    alone = mv.tune(chain(), T.gain("F", "v"), goals, starts=1)
+    both = mv.tune(chain(), T.gain("F", "v"), goals, bounds, starts=1, initial=alone.values)
+    assert both.objective < 0.99 * alone.objective
+    assert 0.1 <= both.values["k2.damping"] <= 5.0
+    assert both.model.parameters["k2.damping"] == pytest.approx(both.values["k2.damping"])
+    again = both.model.linearize().feedback(both.controller, noise=True)
+    assert again.rms("x", {"F": 1.0, "v.noise": 1e-2})["x"] == pytest.approx(both.objective, rel=1e-9)
+
+
+def test_unstable_plants_are_stabilised_first():
+    upside_down = mv.StateSpace.from_arrays([[0.0, 1.0], [4.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]],
+                                            inputs=["F"], outputs=["x"])  # fmt: skip
+    design = mv.tune(upside_down, T.pid("F", "x", terms="pd"), [G.hinf("x", ["F", "x.noise"]), G.margin(0.4)],
+                     starts=2)
+    assert (design.loop.poles().real < 0.0).all()
+    assert design.achieved["margin >= 0.4"] >= 0.4
+
+
+def test_mode_out_of_reach_is_named():
+    system = mv.System.from_matrices(np.eye(2), np.zeros((2, 2)), np.diag([4.0, 9.0]), B=[[1.0], [0.0]], Cq=np.eye(2),
+                                     inputs=["F"], outputs=["x", "y"])  # fmt: skip
+    with pytest.raises(ResponseError, match=r"no actuator reaches the mode at 0\.4775 Hz"):
+        mv.tune(system, T.pid("F", "x", terms="pd"), [G.hinf("x", "F")], starts=1)
+
+
+def test_structure_that_cannot_stabilise_is_said():
+    free = mv.System.from_matrices([[1.0]], [[0.0]], [[0.0]], B=[[1.0]], Cq=[[1.0]], inputs=["F"], outputs=["x"])
+    with pytest.raises(ResponseError, match="none of 2 starts was stabilised by this structure"):
+        mv.tune(free, T.gain("F", "x"), [G.hinf("x", "F")], starts=2)
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ((oscillator(), T.gain("F", "w"), [G.damping(0.1)]), "'w'"),
+    ((oscillator(), T.gain("G", "x"), [G.damping(0.1)]), "'G'"),
+    ((oscillator(), T.gain("F", "x"), []), "goals"),
+    ((oscillator(), T.gain("F", "x"), [G.hinf("z")]), "'z'"),
+    (([], T.gain("F", "x"), [G.damping(0.1)]), "plant"),
+    ((oscillator(), T.gain("F", "x"), [G.damping(0.1)], {"k.damping": (1, 2)}), "parameters are those of a model"),
+    ((oscillator(), T.gain("F", "v"), [G.rms("v", {"v.noise": 1.0, "q": 1.0})]), "'q'"),
+])  # fmt: skip
+def test_refusals(arguments, words):
+    with pytest.raises((ModelError, ResponseError), match=words):
+        mv.tune(*arguments, starts=1)
+
+
+@pytest.mark.parametrize("make", [lambda: G.damping(1.5), lambda: G.margin(0.0), lambda: G.hinf("x", "F", weight=-1.0)])
+def test_goals_refuse_numbers_that_make_no_sense(make):
+    with pytest.raises(ModelError):
+        make()
