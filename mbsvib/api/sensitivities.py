@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.shapes import ModeSensitivities
+    from mbsvib.uncertain.plant import UncertainPlant
 
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
@@ -90,6 +91,35 @@ class Sensitive(Equations):
         selection = with_ports(self, outputs, inputs)
         selection.__dict__["basis"] = self.basis.with_equations(selection)
         return selection
+
+    def uncertain(self, limits: Mapping[str, Any]) -> UncertainPlant:
+        """Return the system with parameters that lie within limits, as an exact linear fractional map of these.
+
+        M + d dM, C + d dC, ...: each parameter enters as w = d z, as often as the rank of what it changes: a stiffness
+        once, a mass by the rank of its motion. (MATLAB: ``uss``.)
+
+        Parameters
+        ----------
+        limits : mapping of str to float or (float, float)
+            By name or pattern, half the width relative to the nominal value, 0.1 for 10 %, or (lower, upper). A pattern
+            makes each parameter that it picks uncertain by itself.
+
+        Returns
+        -------
+        UncertainPlant
+            With ``feedback``, ``robust_stability``, ``worst_gain`` and ``worst_rms``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, limits are refused, the equations are not affine in a parameter (as in places
+            and directions), or a value within the limits is no mechanism.
+
+        Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 10.2.
+        """
+        from mbsvib.uncertain.plant import uncertain
+
+        return uncertain(self, limits)
 
     def eigenvalue_sensitivities(self, parameters: Requested = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters.

@@ -187,3 +187,8 @@ UNIT_CORRELATION = 1e-12
 # A Markov parameter or feedthrough below this share of the sum of its terms' magnitudes is rounding: sums over a
 # hundred motions lose two or three of sixteen digits.
 ZERO_MARKOV = 1e-12
+# Singular values of the change by a parameter below this share of the largest are rounding: it enters by no more.
+ZERO_BLOCK = 1e-10
+# Equations that leave a straight line between the limits of a parameter by more than this share of the change are not
+# affine in it.
+NOT_AFFINE = 1e-8

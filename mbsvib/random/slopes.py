@@ -165,7 +165,7 @@ def gradient(of: Random, equations: Equations, row: int) -> Array:
     rows = [*range(len(a)), len(a) + row]
     if rational:
         columns = [*range(len(a)), *[len(a) + k for k in rational]]
-        result[np.ix_(rows, columns)] += _by_moments(under, one, rational)
+        result[np.ix_(rows, columns)] += mean_square_gradient(under, one, rational)
     others = [k for k in names if k not in rational]
     if others:
         columns = [*range(len(a)), *[len(a) + k for k in others]]
@@ -173,7 +173,10 @@ def gradient(of: Random, equations: Equations, row: int) -> Array:
     return result
 
 
-def _by_moments(under: Random, one: Equations, which: list[int]) -> Array:
+def mean_square_gradient(under: Random, one: Equations, which: list[int]) -> Array:
+    """Return the gradient of the mean square of an output due to some sources of rational spectra, (states + 1, states
+    + sources), to the entries of its equations.
+    """
     whole = under.behind_filters(which, one)
     a, b, c, _ = whole.all
     weight = np.eye(len(which)) if under.cross is None else np.eye(len(which)) + under.cross

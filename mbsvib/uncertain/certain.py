@@ -1,0 +1,316 @@
+"""What is certain of uncertain plants: robust stability, the worst gain, the worst root mean square."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.errors import ResponseError
+from mbsvib.feedback.closing import closed_space, regular
+from mbsvib.linalg.balancing import scaled
+from mbsvib.linalg.lasting import separated
+from mbsvib.random.budget import random
+from mbsvib.random.moments import Equations, moments
+from mbsvib.random.slopes import mean_square_gradient
+from mbsvib.responses.norms import pole_words
+from mbsvib.uncertain.intervals import Channels, cover
+from mbsvib.uncertain.search import gain, perturbed, values_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closing import Matrices
+    from mbsvib.uncertain.scalings import Scalings
+    from mbsvib.uncertain.search import Perturbed
+
+LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought
+HIGHEST = 1e3  # times the gain that is reached, up to which a bound is sought
+SHARES = (0.2, 0.5, 0.8, 0.95, 0.99)  # of the factor that is reached, at which stability is to be proven in turn
+MOST, FEW = 100, 40  # frequencies at which scalings are sought for a proof, and for one of its boxes
+HALVINGS = 2  # of the way between what is proven and what is not
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class RobustStability(Displayed):
+    """How far all limits may be moved: the plant is stable for factors below ``lower`` on the distances from nominal,
+    and not stable at ``values``, which are at the factor ``upper``; 1 stands for the limits as stated.
+
+    ``omega`` [rad/s] is the frequency of the pole there. Without such values ``upper`` is infinite, ``values`` are
+    empty and ``omega`` is not a number.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    values: Mapping[str, float]
+    omega: float
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of factors and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        verdict = ("Stable within the limits." if self.lower >= 1.0 else "Not stable within the limits."
+                   if self.upper <= 1.0 else "Stability within the limits is not proven, and not refuted.")  # fmt: skip
+        notes = [f"Stable below {self.lower:.4g} times the distances to the limits.", verdict]
+        if self.values:
+            notes.insert(1, f"A pole at {self.omega:.6g} rad/s reaches the axis at {self.upper:.4g} times, with these "
+                            f"values.")  # fmt: skip
+        return _values_table(f"Robust stability of {self.name}", self.values, notes)
+
+    def __repr__(self) -> str:
+        return f"RobustStability({self.name!r}: {self.lower:.4g} to {self.upper:.4g})"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class WorstGain(Displayed):
+    """The largest gain within limits: it is reached, ``lower``, at ``values`` and ``omega`` [rad/s], and never above
+    ``upper``.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    values: Mapping[str, float]
+    omega: float
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of bounds and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        notes = [f"Reached: {self.lower:.6g} at {self.omega:.6g} rad/s. Proven: no more than {self.upper:.6g}."]
+        if np.isinf(self.lower):
+            notes = ["Infinite: the plant is not stable at these values."]
+        return _values_table(f"Worst gain of {self.name}", self.values, notes)
+
+    def __repr__(self) -> str:
+        return f"WorstGain({self.name!r}: {self.lower:.6g} to {self.upper:.6g})"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class WorstRms(Displayed):
+    """The largest root mean squares found within limits, ``lower`` {output: rms}, with the ``values`` {output:
+    {parameter: value}} at which they are; no upper bounds.
+    """
+
+    name: str
+    lower: Mapping[str, float]
+    values: Mapping[str, Mapping[str, float]]
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = [(name, f"{value:.5g}", ", ".join(f"{p} = {v:.5g}" for p, v in list(self.values[name].items())[:4]))
+                for name, value in self.lower.items()]  # fmt: skip
+        return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"), ("rms", "right"),
+                ("at", "left")], "rows": rows, "notes": ["The largest found, no upper bounds."]}  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"WorstRms({self.name!r}: {', '.join(f'{name} {value:.4g}' for name, value in self.lower.items())})"
+
+
+def _values_table(title: str, values: Mapping[str, float], notes: list[str]) -> dict[str, Any]:
+    rows = [(name, f"{value:.7g}") for name, value in values.items()]
+    return {"title": title, "columns": [("parameter", "left"), ("value", "right")], "rows": rows, "notes": notes}
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """Equations whose first ``r`` inputs and outputs are those of changes delta, in units of time of the mean pole, 1 /
+    ``unit`` [s]; a gain is that between all others. ``sizes``: repetitions of each parameter.
+    """
+
+    space: Matrices
+    sizes: tuple[int, ...]
+    unit: float
+
+    @property
+    def r(self) -> int:
+        """Number of channels of parameters."""
+        return sum(self.sizes)
+
+    def channels(self, box: Array, g: float) -> Channels | None:
+        """Return channels from -1 to 1 within a box (parameters, 2) of changes, and the gain over g; None if the
+        equations in the middle of the box are not stable.
+        """
+        middle, half = (np.repeat(part, self.sizes) for part in (box.mean(axis=1), 0.5 * np.diff(box, axis=1)[:, 0]))
+        a, b, c, d = self.space
+        r = self.r
+        law = np.zeros((0, 0)), np.zeros((0, r)), np.zeros((r, 0)), np.diag(middle)
+        if not regular(d[:r, :r] @ law[3]):
+            return None
+        a, b, c, d, *_ = closed_space(self.space, law, list(range(r)), list(range(r)))
+        if len(a) and np.linalg.eigvals(a).real.max() >= 0.0:
+            return None
+        left = np.concatenate((half, np.full(len(c) - r, 1.0 / np.sqrt(g))))
+        right = np.concatenate((np.ones(r), np.full(b.shape[1] - r, 1.0 / np.sqrt(g))))
+        return Channels(*scaled(a, b * right, left[:, None] * c), left[:, None] * d * right, self.sizes, b.shape[1] - r)
+
+    def holds(self, limits: Array, starts: list[float], g: float = 1.0, most: int = MOST) -> bool:
+        """Return whether the equations are proven stable, and the gain below g, everywhere within limits.
+
+        Where scalings do not prove it for a box, the box is halved along the parameter that does most there.
+        """
+        boxes, budget = [limits], most
+        while boxes:
+            box = boxes.pop()
+            channels = self.channels(box, g)
+            if channels is None or budget <= 0:
+                return False
+            known: list[Scalings] = []
+            w = cover(channels, known, starts, min(budget, FEW))
+            budget -= len(known) + 1
+            if w is not None:
+                boxes += _halves(box, self._most(channels, w))
+        return True
+
+    def _most(self, channels: Channels, w: float) -> int:
+        """The parameter that does most to the others at a frequency."""
+        size = np.abs(channels.at(np.array([w]))[0])
+        both = size[: self.r].sum(axis=1) * size[:, : self.r].sum(axis=0)
+        owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return int(np.bincount(owner, weights=np.sqrt(both)).argmax())
+
+
+def _halves(box: Array, k: int) -> list[Array]:
+    """Both halves of a box along a parameter."""
+    low, high = box.copy(), box.copy()
+    low[k, 1] = high[k, 0] = box[k].mean()
+    return [low, high]
+
+
+def _proof(plant: Any, problem: Perturbed) -> Proof:
+    r = len(problem.owner)
+    a, b, c, d = problem.space
+    rows, columns = [*range(r), *problem.shown], [*range(r), *problem.sources]
+    b, c, d = b[:, columns], c[rows], d[np.ix_(rows, columns)]
+    parts = separated(a, b, c)
+    for group in parts.lasting:
+        if group.shown.any() or (group.part.poles.real > group.part.errors[0]).any():
+            raise ResponseError(f"uncertain '{plant.name}': {pole_words(group.pole)} does not decay at the nominal "
+                                f"values, so that there is no margin. Give it damping, or change the controller."
+                                )  # fmt: skip
+    rest = parts.decaying
+    sizes = np.abs(rest.poles)
+    unit = float(np.exp(np.log(sizes).mean())) if len(sizes) else 1.0
+    return Proof((*scaled(rest.a / unit, rest.b / unit, rest.c), d), tuple(plant.blocks.values()), unit)
+
+
+def robust_stability(plant: Any, accuracy: float) -> RobustStability:
+    """Return the factors of robust stability."""
+    problem = perturbed(plant, [], [])
+    proof = _proof(plant, problem)
+    found = problem.destabilizing(LEAST, LARGEST)
+    starts: list[float] = []
+    upper, values, omega = np.inf, {}, np.nan
+    if found is not None:
+        upper, delta = found
+        values = values_at(plant, delta)
+        closed = problem.closure(delta)
+        if closed is not None:
+            poles = np.linalg.eigvals(closed.closed[0])
+            omega = float(np.abs(poles[int(np.argmax(poles.real))].imag))
+            starts = [omega / proof.unit]
+
+    def proves(t: float) -> bool:
+        return proof.holds(t * problem.limits, starts)
+
+    lower, last = 0.0, min(upper, LARGEST)
+    for share in (*SHARES, 1.0 - accuracy):  # upwards: what is proven costs less than what is not
+        if not proves(share * last):
+            lower = _closest(proves, lower, share * last, 0.02 * last)
+            break
+        lower = share * last
+    return RobustStability(plant.name, lower, upper, values, omega)
+
+
+def _closest(proves: Callable[[float], bool], good: float, bad: float, near: float) -> float:
+    """The number nearest to ``bad`` that is proven, from ``good`` on, in a few steps."""
+    for _ in range(HALVINGS):
+        if abs(bad - good) <= near:
+            break
+        middle = 0.5 * (good + bad)
+        if proves(middle):
+            good = middle
+        else:
+            bad = middle
+    return good
+
+
+def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> WorstGain:
+    """Return bounds of the largest gain within the limits."""
+    problem = perturbed(plant, outputs, inputs)
+    proof = _proof(plant, problem)
+    lower, delta = problem.highest(gain)
+    values = values_at(plant, delta)
+    if np.isinf(lower):
+        return WorstGain(plant.name, np.inf, np.inf, values, np.nan)
+    closed = problem.closure(delta)
+    assert closed is not None
+    omega = _peak(closed.closed)
+    if lower == 0.0:
+        return WorstGain(plant.name, 0.0, 0.0, values, 0.0)
+
+    def proves(g: float) -> bool:
+        return proof.holds(problem.limits, [omega / proof.unit], g)
+
+    below, share = lower, accuracy
+    while share < HIGHEST:
+        above = lower * (1.0 + share)
+        if proves(above):
+            return WorstGain(plant.name, lower, _closest(proves, above, below, lower * accuracy), values, omega)
+        below, share = above, 6.0 * share
+    return WorstGain(plant.name, lower, np.inf, values, omega)
+
+
+def _peak(space: Matrices) -> float:
+    from mbsvib.responses.first_order_solver import first_order_solver
+    from mbsvib.responses.norms import hinf
+
+    a, b, c, d = space
+    solver, values = first_order_solver(a, b, c, "perturbed plant"), np.linalg.eigvals(a).astype(complex)
+    return float(hinf(lambda w: solver.frequency_response(w, b, c, d), values, d).omega or 0.0)
+
+
+def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
+    """Return the largest root mean squares found within the limits."""
+    under = random(plant.nominal, floor, outputs, None, None, None)
+    if not under.exact:
+        raise ResponseError(f"worst_rms of '{plant.name}': expected filtered white noise at all sources, whose mean "
+                            f"squares are exact: a number, or isolation.shaped(...).")  # fmt: skip
+    everywhere = list(range(len(under.sources.names)))
+    result, places = {}, {}
+    for name in under.outputs:
+        single = replace(under, linear=under.linear.with_ports(name), weights=(None,))
+        problem = perturbed(plant, name, list(under.sources.names))
+
+        def square(space: Matrices, single: Any = single) -> tuple[float, Array]:
+            one = Equations(*space)
+            zero = np.zeros((len(one.a) + 1, len(one.a) + len(everywhere)))
+            if len(one.a) and np.linalg.eigvals(one.a).real.max() >= 0.0:
+                return np.inf, zero
+            value = float(moments(single.behind_filters(everywhere, one).all, plant.name)[0].sum())
+            return value, mean_square_gradient(single, one, everywhere) if 0.0 < value < np.inf else zero
+
+        value, delta = problem.highest(square)
+        places[name] = values_at(plant, delta)
+        result[name] = float(np.sqrt(value))
+    return WorstRms(plant.name, result, places)

@@ -1,0 +1,266 @@
+"""Plants with uncertain parameters, in open and in closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
+from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.uncertain.blocks import ranges, with_blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.selection import Names
+    from mbsvib.uncertain.blocks import Block
+    from mbsvib.uncertain.certain import RobustStability, WorstGain, WorstRms
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class UncertainPlant(Displayed):
+    """A system or a loop whose parameters lie within limits: each enters as w = delta z, as often as its rank.
+
+    ``nominal`` is the plant at the values of the model, ``limits`` {parameter: (lower, upper)}. ``linear`` is the same
+    with the inputs "PARAMETER.w" and outputs "PARAMETER.z" of changes in units of half their width, before its own.
+    (MATLAB: ``uss``.)
+    """
+
+    nominal: Any
+    linear: Any
+    _blocks: tuple[Block, ...] = field(repr=False)
+    _loops: tuple[dict[str, Any], ...] = field(default=(), repr=False)
+    _origin: Any = field(default=None, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the plant, and those of its controllers."""
+        return str(self.nominal.name)
+
+    @property
+    def blocks(self) -> dict[str, int]:
+        """How often each uncertain parameter enters, {parameter: repetitions}."""
+        return {block.name: block.repetitions for block in self._blocks}
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Limits of each parameter, {parameter: (lower, upper)}."""
+        return {block.name: (block.low, block.high) for block in self._blocks}
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, without those of parameters."""
+        return tuple(self.nominal.inputs)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs, without those of parameters."""
+        return tuple(self.nominal.outputs)
+
+    def at(self, values: Mapping[str, float] | None = None) -> Any:
+        """Return the plant at values of its uncertain parameters, linearized anew.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Values by name, within limits or not; all others have their nominal value.
+
+        Returns
+        -------
+        System, ClosedLoop or SampledLoop
+            The plant.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is not uncertain, or a value is refused.
+        """
+        chosen = {str(name): check.number(value, "at", str(name)) for name, value in (values or {}).items()}
+        for name in chosen:
+            if name not in self.blocks:
+                raise ModelError(f"at: '{name}' is no uncertain parameter of '{self.name}'."
+                                 f"{nearest(name, self.blocks)} These are: {', '.join(list(self.blocks)[:8])}.",
+                                 element=name)  # fmt: skip
+        result = _vary(self._origin, chosen) if chosen else self._origin
+        for settings in self._loops:
+            result = result.feedback(**settings)
+        return result
+
+    def sample(self, n: int, seed: int = 0) -> list[Any]:
+        """Return plants at values that are distributed evenly within the limits.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+        seed : int
+            Of the random numbers: the same seed gives the same plants.
+
+        Returns
+        -------
+        list of System or ClosedLoop
+            The plants.
+
+        Raises
+        ------
+        ModelError
+            If n is no positive whole number.
+        """
+        check.count(n, "sample", "n", 1)
+        rng = np.random.default_rng(check.count(seed, "sample", "seed", 0))
+        share = rng.random((n, len(self._blocks)))
+        return [self.at({block.name: block.low + x * (block.high - block.low)
+                         for block, x in zip(self._blocks, row.tolist(), strict=True)}) for row in share]  # fmt: skip
+
+    def feedback(
+        self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None,
+        noise: bool = False,
+    ) -> UncertainPlant:  # fmt: skip
+        """Return the uncertain loop with a controller, u = w + K y, as ``System.feedback`` does.
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            In continuous time; an array, shape (actuators, sensors), is a static gain.
+        sensors, actuators : str or sequence of str, optional
+            Names or patterns of outputs and of inputs; default: the names that the controller has.
+        name : str, optional
+            Name of the controller in tables.
+        noise : bool
+            Whether the loop has the noise of sensors and actuators as inputs.
+
+        Returns
+        -------
+        UncertainPlant
+            The loop.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, shapes do not match, or the controller is discrete.
+        """
+        settings = {"controller": controller, "sensors": sensors, "actuators": actuators, "name": name} | (
+            {"noise": True} if noise else {})  # fmt: skip
+        nominal = self.nominal.feedback(**settings)
+        if getattr(nominal, "period", None) is not None:
+            raise ResponseError(f"feedback: '{nominal.name}' is sampled; uncertain loops are those in continuous time.")
+        return replace(self, nominal=nominal, linear=self.linear.feedback(**settings), _loops=(*self._loops, settings))
+
+    def robust_stability(self, accuracy: float = 1e-3) -> RobustStability:
+        """Return by which factor all limits may be moved away from the nominal values before the plant is unstable.
+
+        ``lower`` is proven at all frequencies by scalings D and G, ``upper`` is where values were found that
+        destabilize. (MATLAB: ``robstab``.)
+
+        Parameters
+        ----------
+        accuracy : float
+            Steps of the proven factor, as a share of it.
+
+        Returns
+        -------
+        RobustStability
+            ``lower``, ``upper``, ``values`` and ``omega``.
+
+        Raises
+        ------
+        ResponseError
+            If the nominal plant is not stable.
+        """
+        from mbsvib.uncertain.certain import robust_stability
+
+        return robust_stability(self, accuracy)
+
+    def worst_gain(self, outputs: Names = None, inputs: Names = None, accuracy: float = 1e-3) -> WorstGain:
+        """Return the largest gain within the limits: the highest peak of the largest singular value.
+
+        ``upper`` is proven at all frequencies by scalings D and G, ``lower`` is reached at ``values``. (MATLAB:
+        ``wcgain``.)
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
+        accuracy : float
+            Steps of the proven bound, as a share of it.
+
+        Returns
+        -------
+        WorstGain
+            ``lower``, ``upper``, ``values`` and ``omega``; both infinite if the limits hold an unstable plant.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or the nominal plant is not stable.
+        """
+        from mbsvib.uncertain.certain import worst_gain
+
+        return worst_gain(self, outputs, inputs, accuracy)
+
+    def worst_rms(self, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
+        """Return the largest root mean squares under noise that ascents within the limits find.
+
+        Parameters
+        ----------
+        outputs : str or sequence of str or None
+            Names or patterns; None: all.
+        floor : mapping of str to density
+            Noise at the inputs, as of ``rms``: filtered white noise, independent.
+
+        Returns
+        -------
+        WorstRms
+            ``lower`` {output: rms} with the ``values`` of the parameters of each, shown by linearizing anew. They are
+            no upper bounds.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, noise is refused, or the nominal plant is not stable.
+        """
+        from mbsvib.uncertain.certain import worst_rms
+
+        return worst_rms(self, outputs, floor)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of parameters as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = [(block.name, f"{block.low:.6g}", f"{block.nominal:.6g}", f"{block.high:.6g}", block.unit,
+                 str(block.repetitions)) for block in self._blocks]  # fmt: skip
+        columns: list[tuple[str, Any]] = [("parameter", "left"), ("lower", "right"), ("nominal", "right"),
+                                          ("upper", "right"), ("unit", "left"), ("repetitions", "right")]  # fmt: skip
+        return {"title": f"Uncertain {self.name}", "columns": columns, "rows": rows, "notes": []}
+
+    def __repr__(self) -> str:
+        return f"UncertainPlant({self.name!r}: {counted(len(self._blocks), 'parameter')}, " \
+               f"{counted(sum(self.blocks.values()), 'channel')})"  # fmt: skip
+
+
+def uncertain(system: Any, limits: Mapping[str, Any]) -> UncertainPlant:
+    """Return a system whose parameters lie within limits; arguments as of ``System.uncertain``."""
+    provenance = system.provenance
+    provenance.check_parameters(system.name, "uncertain")
+    if provenance.origin is None or provenance.truncation is not None or provenance.removed is not None:
+        raise ModelError(f"uncertain: '{system.name}' is reduced or a part of a system; ask the whole system, "
+                         f"model.linearize().")  # fmt: skip
+    linear, blocks = with_blocks(system, ranges(system, limits), lambda values: _vary(system, values))
+    return UncertainPlant(system, linear, blocks, (), system)
+
+
+def _vary(system: Any, values: Mapping[str, float]) -> Any:
+    """The system with other values of parameters, with the same coordinates and ports."""
+    changed = system.provenance.origin.with_values(values)
+    result = changed.linearize(method="dense")
+    if result.coordinates != system.coordinates:
+        result = changed.linearize(method="dense", independent=system.coordinates)
+    return result.with_ports(list(system.outputs), list(system.inputs))
+

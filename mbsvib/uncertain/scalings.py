@@ -1,0 +1,205 @@
+"""Scalings D and G that prove, at one frequency, that no uncertain parameter within its limits makes a loop singular.
+
+Phi = P - M^H W M - i (G M - M^H G) > 0,  P = diag(D, 1), W = diag(D, 1), D > 0, G = G^H
+
+D and G are Hermitian blocks, one of the size of its repetitions for each real parameter; the last part of P and W
+belongs to the gain that is to be below 1, if there is one. The least eigenvalue of Phi is maximized by a barrier
+method.
+
+Source: Fan, Tits & Doyle, IEEE Trans. Automatic Control 36 (1991) 25: mixed structured singular values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Complex
+
+STEPS = 60  # of Newton's method at one weight of the barrier
+FACTOR = 12.0  # from one weight of the barrier to the next
+GAP = 1e-4  # of the least eigenvalue of Phi at which the search ends
+LARGEST = 30.0  # times 1 + |M|^2: the bound of Phi
+SWEEPS = 12  # of balancing
+LEAST = 1e-9  # share below which entries do not count in balancing
+
+
+@dataclass(frozen=True, eq=False)
+class Scalings:
+    """Hermitian D and G (n, n) of the channels of the parameters."""
+
+    d: Complex
+    g: Complex
+
+    def phi(self, m: Complex, inputs: int) -> Complex:
+        """Return Phi (..., n + inputs, n + inputs) of M (..., n + outputs, n + inputs); ``inputs`` of the gain."""
+        n = len(self.d)
+        right, left = np.eye(n + inputs, dtype=complex), np.eye(m.shape[-2], dtype=complex)
+        right[:n, :n], left[:n, :n] = self.d, self.d
+        turned = np.zeros((n + inputs, m.shape[-2]), dtype=complex)
+        turned[:n, :n] = self.g
+        product = turned @ m
+        adjoint = m.conj().swapaxes(-1, -2)
+        return np.asarray(right - adjoint @ left @ m - 1j * (product - product.conj().swapaxes(-1, -2)))
+
+
+def bases(sizes: Sequence[int]) -> Complex:
+    """Return a basis (k, n, n) of Hermitian matrices with blocks of some sizes."""
+    n, result = sum(sizes), []
+    start = 0
+    for size in sizes:
+        for i in range(start, start + size):
+            for j in range(i, start + size):
+                for value in (1.0,) if i == j else (1.0, 1j):
+                    matrix = np.zeros((n, n), dtype=complex)
+                    matrix[i, j], matrix[j, i] = value, np.conj(value)
+                    result.append(matrix)
+        start += size
+    return np.array(result)
+
+
+def balancing(m: Complex, n: int) -> Array:
+    """Return factors (n,) of channels, T in T M T^-1, that make rows and columns of like size."""
+    factors = np.ones(n)
+    size = np.abs(m) ** 2
+    for _ in range(SWEEPS):
+        for k in range(n):
+            row = size[k].sum() - size[k, k]
+            column = size[:, k].sum() - size[k, k]
+            if row > LEAST**2 * column and column > LEAST**2 * row and row * column > 0.0:
+                factor = (column / row) ** 0.25
+                factors[k] *= factor
+                size[k] *= factor**2
+                size[:, k] /= factor**2
+    return factors
+
+
+def best_scalings(m: Complex, sizes: Sequence[int], inputs: int, enough: float = np.inf) -> tuple[Scalings, float]:
+    """Return scalings for M (n + outputs, n + inputs), and the least eigenvalue s of Phi, which they make large.
+
+    ``sizes``: repetitions of each parameter; ``inputs``: those of the gain, 0 without. The search ends as soon as s
+    exceeds ``enough``. Without a gain the trace of D is n. s < 0 means that there are none.
+    """
+    n = sum(sizes)
+    factors = balancing(m, n)
+    scale = np.concatenate((factors, np.ones(m.shape[0] - n)))
+    back = np.concatenate((1.0 / factors, np.ones(inputs)))
+    inside = scale[:, None] * m * back
+    basis = bases(sizes)
+    problem = _Problem(inside, basis, n, inputs)
+    x, s = problem.solved(enough)
+    d, g = (np.tensordot(part, basis, axes=1) for part in np.split(x, 2))
+    both = np.outer(factors, factors)
+    return Scalings(d * both, g * both), s
+
+
+class _Problem:
+    """Maximize s with Phi(x) > s and D(x) > 0, with no more of G than that needs: what is small holds farther."""
+
+    def __init__(self, m: Complex, basis: Complex, n: int, inputs: int) -> None:
+        size, k = n + inputs, len(basis)
+        adjoint = m.conj().T
+        wide = np.zeros((k, size, size), dtype=complex)
+        wide[:, :n, :n] = basis
+        tall = np.zeros((k, m.shape[0], m.shape[0]), dtype=complex)
+        tall[:, :n, :n] = basis
+        turned = np.zeros((k, size, m.shape[0]), dtype=complex)
+        turned[:, :n, :n] = basis
+        product = turned @ m
+        self.slopes = np.concatenate((wide - adjoint @ tall @ m, -1j * (product - product.conj().swapaxes(1, 2))))
+        last, rows = np.zeros((size, size), dtype=complex), np.zeros((m.shape[0], m.shape[0]))
+        last[n:, n:] = np.eye(inputs)
+        rows[n:, n:] = np.eye(m.shape[0] - n)
+        self.constant = last - adjoint @ rows @ m
+        self.basis, self.n, self.size = basis, n, size
+        self.trace = np.concatenate((np.trace(basis, axis1=1, axis2=2).real, np.zeros(k)))
+        self.fixed = inputs == 0
+        self.bound = LARGEST * (1.0 + float(np.linalg.norm(m, 2)) ** 2)  # G could grow without end else
+
+    def solved(self, enough: float) -> tuple[Array, float]:
+        k = len(self.basis)
+        x = np.zeros(2 * k)
+        x[:k] = np.einsum("kii->k", self.basis).real  # D = 1
+        s = float(np.linalg.eigvalsh(self._phi(x))[0])
+        if s > enough:
+            return x, s
+        s -= max(1.0, abs(s))
+        weight = 1.0
+        while True:
+            x, s = self._centred(x, s, weight, enough)
+            gap = (2 * self.size + self.n + 0.5 * float(np.square(x[k:]).sum()) / weight) / weight
+            if s > enough or s < -4.0 * gap or gap < GAP:
+                return x, s
+            weight *= FACTOR
+
+    def _phi(self, x: Array) -> Complex:
+        return np.asarray(self.constant + np.tensordot(x, self.slopes, axes=1))
+
+    def _d(self, x: Array) -> Complex:
+        return np.asarray(np.tensordot(x[: len(self.basis)], self.basis, axes=1))
+
+    def _value(self, x: Array, s: float, weight: float) -> float:
+        """The barrier's value; infinite where a matrix is not positive definite."""
+        phi, one = self._phi(x), np.eye(self.size)
+        total = 0.5 * float(np.square(x[len(self.basis) :]).sum()) / weight - weight * s
+        try:
+            for matrix in (phi - s * one, self.bound * one - phi, self._d(x)):
+                total -= 2.0 * float(np.log(np.diagonal(np.linalg.cholesky(matrix)).real).sum())
+        except np.linalg.LinAlgError:
+            return np.inf
+        return total
+
+    def _centred(self, x: Array, s: float, weight: float, enough: float) -> tuple[Array, float]:
+        """Newton's method at one weight of the barrier."""
+        k, value = len(self.basis), self._value(x, s, weight)
+        for _ in range(STEPS):
+            phi, one = self._phi(x), np.eye(self.size)
+            inverse, beyond = np.linalg.inv(phi - s * one), np.linalg.inv(self.bound * one - phi)
+            of_d = np.linalg.inv(self._d(x))
+            left, right, of_basis = inverse @ self.slopes, beyond @ self.slopes, of_d @ self.basis
+            along = np.trace(right - left, axis1=1, axis2=2).real
+            gradient = np.concatenate((along, [np.trace(inverse).real - weight]))
+            gradient[:k] -= np.trace(of_basis, axis1=1, axis2=2).real
+            gradient[k:-1] += x[k:] / weight
+            hessian = np.zeros((2 * k + 1, 2 * k + 1))
+            hessian[:-1, :-1] = _traces(left) + _traces(right)
+            hessian[:k, :k] += _traces(of_basis)
+            hessian[range(k, 2 * k), range(k, 2 * k)] += 1.0 / weight
+            hessian[:-1, -1] = hessian[-1, :-1] = -np.einsum("kij,ji->k", left, inverse).real
+            hessian[-1, -1] = np.einsum("ij,ji->", inverse, inverse).real
+            step = self._step(gradient, hessian)
+            decrement = -float(gradient @ step)
+            if decrement < 1e-6:
+                break
+            length = 1.0
+            while length > 1e-8:
+                there = self._value(x + length * step[:-1], s + length * step[-1], weight)
+                if there <= value - 0.1 * length * decrement:
+                    break
+                length *= 0.5
+            else:
+                break
+            x, s, value = x + length * step[:-1], s + length * float(step[-1]), there
+            if s > enough:
+                break
+        return x, s
+
+    def _step(self, gradient: Array, hessian: Array) -> Array:
+        """Newton's step, along which the trace of D stays where it is fixed."""
+        unit = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), np.finfo(float).tiny))
+        matrix = hessian * np.outer(unit, unit) + 1e-13 * np.eye(len(unit))
+        rows = np.append(self.trace, 0.0) * unit
+        right = np.linalg.solve(matrix, np.stack((-gradient * unit, rows), axis=1))
+        step = right[:, 0] - right[:, 1] * (rows @ right[:, 0]) / (rows @ right[:, 1]) if self.fixed else right[:, 0]
+        return np.asarray(step * unit)
+
+
+def _traces(matrices: Complex) -> Array:
+    """Traces of all products (k, k) of some matrices (k, n, n)."""
+    flat = matrices.reshape(len(matrices), -1)
+    return np.asarray((flat @ matrices.swapaxes(1, 2).reshape(len(matrices), -1).T).real)

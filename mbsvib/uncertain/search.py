@@ -1,0 +1,202 @@
+"""Ascent within the limits of uncertain parameters: growth rate, gain and root mean square, by exact gradients.
+
+Changes delta of the parameters are a static gain between the outputs z and the inputs w of a plant: the entries of the
+equations that this closes have gradients by ``feedback.loop_gradient``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.selection import port_numbers
+from mbsvib.feedback.closing import regular
+from mbsvib.feedback.loop_gradient import Closure
+from mbsvib.random.mean_squares import first_order
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closing import Matrices
+    from mbsvib.uncertain.blocks import Block
+
+    Measure = Callable[["Matrices"], "tuple[float, Array]"]
+
+VERTICES = 7  # parameters up to which all vertices are starts
+RANDOM = 96  # vertices at random beyond, and points within
+BEST = 3  # starts from which the search ascends
+ITERATIONS = 60
+HALVINGS = 50  # of the way down a ray to the axis
+
+
+@dataclass(frozen=True, eq=False)
+class Perturbed:
+    """Equations with inputs w and outputs z first, ``owner`` (r,) the parameter of each of these, and the ``limits``
+    (parameters, 2) of changes delta.
+    """
+
+    space: Matrices
+    owner: Index
+    limits: Array
+    shown: list[int] = field(default_factory=list)
+    sources: list[int] = field(default_factory=list)
+
+    def closure(self, delta: Array) -> Closure | None:
+        """Return the equations with changes delta (parameters,), None where these make them singular."""
+        r = len(self.owner)
+        law = np.zeros((0, 0)), np.zeros((0, r)), np.zeros((r, 0)), np.diag(delta[self.owner])
+        if not regular(self.space[3][:r, :r] @ law[3]):
+            return None
+        return Closure(self.space, law, list(range(r)), list(range(r)), self.shown, self.sources)
+
+    def measured(self, measure: Measure, delta: Array) -> tuple[float, Array]:
+        """Return a number of the equations at delta, and its gradient (parameters,); infinite where there are none."""
+        closed = self.closure(delta)
+        if closed is None:
+            return np.inf, np.zeros(len(delta))
+        value, gradient = measure(closed.closed)
+        entries = np.diagonal(closed.to_law(gradient)) if len(self.owner) else np.zeros(0)
+        return value, np.bincount(self.owner, weights=entries, minlength=len(delta)).astype(float)
+
+    def starts(self, seed: int = 0) -> Array:
+        """Return points (k, parameters) within the limits: vertices, then points at random."""
+        rng, count = np.random.default_rng(seed), len(self.limits)
+        if count <= VERTICES:
+            corners = np.array(list(product((0, 1), repeat=count)), dtype=np.intp)
+        else:
+            corners = rng.integers(0, 2, (RANDOM, count))
+            corners[:2] = [[0], [1]]
+        vertices = self.limits[np.arange(count), corners]
+        inside = self.limits[:, 0] + rng.random((RANDOM // 4, count)) * np.diff(self.limits, axis=1)[:, 0]
+        return np.concatenate((np.zeros((1, count)), vertices, inside))
+
+    def within(self, t: float) -> Perturbed:
+        """Return the same with limits t times as far."""
+        return Perturbed(self.space, self.owner, t * self.limits, self.shown, self.sources)
+
+    def highest(self, measure: Measure, seed: int = 0, more: Any = ()) -> tuple[float, Array]:
+        """Return the largest value that ascents from several points reach, and where."""
+        from scipy.optimize import minimize
+
+        points = np.concatenate((self.starts(seed), np.reshape(np.array(list(more)), (-1, len(self.limits)))))
+        values = np.array([self.measured(measure, point)[0] for point in points])
+        best = int(np.argmax(np.nan_to_num(values, nan=-np.inf)))
+        value, where = float(values[best]), points[best]
+        if value == np.inf:
+            return value, where
+        unit = max(1e-300, float(np.abs(values[np.isfinite(values)]).max(initial=0.0)))
+        for k in np.argsort(-values)[:BEST].tolist():
+            result = minimize(lambda x: _negative(self.measured(measure, x), unit), points[k], jac=True,
+                              method="L-BFGS-B", bounds=self.limits,
+                              options={"maxiter": ITERATIONS, "ftol": 1e-13})  # fmt: skip
+            reached = self.measured(measure, result.x)[0]
+            if reached > value:
+                value, where = reached, result.x
+            if value == np.inf:
+                break
+        return value, np.asarray(where)
+
+    def destabilizing(self, known: float, largest: float, seed: int = 0) -> tuple[float, Array] | None:
+        """Return the smallest factor t on the limits found at which the equations are not stable, and where; None if
+        there is none up to the ``largest``.
+
+        ``known``: the factor to begin with.
+        """
+        t, last = known, None
+        while last is None:
+            value, where = self.within(t).highest(growth, seed)
+            last = where if value >= 0.0 else None
+            if last is None and t >= largest:
+                return None
+            t = min(1.5 * t, largest)
+        t, last = self._down(last)
+        for _ in range(8):  # a smaller box may hold another one
+            value, where = self.within(0.995 * t).highest(growth, seed, [0.995 * last])
+            if value < 0.0:
+                break
+            t, last = self._down(where)
+        return t, last
+
+    def _down(self, delta: Array) -> tuple[float, Array]:
+        """The first point of the ray to delta that is not stable, and its factor on the limits."""
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if self.measured(growth, middle * delta)[0] >= 0.0:
+                high = middle
+            else:
+                low = middle
+        return self.factor(high * delta), high * delta
+
+    def factor(self, delta: Array) -> float:
+        """Return by which factor of the limits a point is away from the nominal values."""
+        return float(np.max(np.where(delta > 0.0, delta / self.limits[:, 1], delta / self.limits[:, 0])))
+
+
+def perturbed(plant: Any, outputs: Names = None, inputs: Names = None) -> Perturbed:
+    """Return the equations that changes of parameters close, from some inputs to some outputs."""
+    space, r, blocks = first_order(plant.linear), sum(plant.blocks.values()), uncertain_blocks(plant)
+    o, i = port_numbers(outputs, inputs, (space.outputs[r:], space.inputs[r:]), plant.name)
+    owner = np.repeat(np.arange(len(blocks)), [block.repetitions for block in blocks])
+    return Perturbed((space.A, space.B, space.C, space.D), owner, np.array([block.limits for block in blocks]),
+                     [r + k for k in o], [r + k for k in i])  # fmt: skip
+
+
+def values_at(plant: Any, delta: Array) -> dict[str, float]:
+    """Return the values of the parameters for changes delta (parameters,) in units of half their width."""
+    return {block.name: block.nominal + block.half * d for block, d in
+            zip(uncertain_blocks(plant), np.asarray(delta).tolist(), strict=True)}  # fmt: skip
+
+
+def uncertain_blocks(plant: Any) -> tuple[Block, ...]:
+    """Return the uncertain parameters of a plant."""
+    return plant._blocks  # noqa: SLF001
+
+
+def _negative(measured: tuple[float, Array], unit: float) -> tuple[float, Array]:
+    value, gradient = measured
+    return (-value / unit, -gradient / unit) if np.isfinite(value) else (-1e3, 0.0 * gradient)
+
+
+def growth(space: Matrices) -> tuple[float, Array]:
+    """Return the largest real part of the eigenvalues of A [1/s], and its gradient to [A B; C D]."""
+    from scipy.linalg import eig
+
+    a, b, c, _ = space
+    values, left, right = eig(a, left=True)
+    k = int(np.argmax(values.real))
+    y, x = left[:, k], right[:, k]
+    gradient = np.zeros((len(a) + len(c), len(a) + b.shape[1]))
+    gradient[: len(a), : len(a)] = (np.outer(y.conj(), x) / (y.conj() @ x)).real
+    return float(values[k].real), gradient
+
+
+def gain(space: Matrices) -> tuple[float, Array]:
+    """Return the highest peak of the largest singular value, infinite where it is not stable, and its gradient."""
+    from mbsvib.responses.first_order_solver import first_order_solver
+    from mbsvib.responses.norms import hinf
+
+    a, b, c, d = space
+    n = len(a)
+    zero = np.zeros((n + len(c), n + b.shape[1]))
+    values = np.linalg.eigvals(a).astype(complex)
+    if len(a) and values.real.max() >= 0.0:
+        return np.inf, zero
+    solver = first_order_solver(a, b, c, "perturbed plant")
+    peak = hinf(lambda w: solver.frequency_response(w, b, c, d), values, d)
+    w = float(peak.omega or 0.0)
+    if w == np.inf:
+        u, _, v = np.linalg.svd(d)
+        zero[n:, n:] = np.outer(u[:, 0], v[0])
+        return peak.value, zero
+    inside = 1j * w * np.eye(n) - a
+    x = np.linalg.solve(inside, b)
+    u, _, v = np.linalg.svd(c @ x + d)
+    left = np.concatenate((np.linalg.solve(inside.T, c.T) @ u[:, 0].conj(), u[:, 0].conj()))
+    right = np.concatenate((x @ v[0].conj(), v[0].conj()))
+    return peak.value, np.outer(left, right).real

@@ -1,0 +1,210 @@
+"""Uncertain plants: the linear fractional map is exact, bounds hold, and values do what is said of them."""
+
+import itertools
+import pickle
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import library
+from mbsvib.uncertain.intervals import Channels, cover, least
+from mbsvib.uncertain.scalings import best_scalings
+from mbsvib.uncertain.search import perturbed, values_at
+from tests.random.scenes import oscillator, two_masses
+
+M, C, K = 2.0, 3.0, 800.0
+
+
+def platform():
+    model = library.cubic_hexapod()
+    model.add_force_output("leg1.force", "leg1.k", "z")
+    return model.linearize()
+
+
+def closed(plant, delta):
+    """The map with its changes closed, in units of half the width."""
+    problem = perturbed(plant)
+    a, b, c, d = problem.closure(np.asarray(delta)).closed
+    return mv.StateSpace.from_arrays(a, b, c, d, plant.inputs, plant.outputs)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_map_is_the_system_at_other_values(seed):
+    """Within the limits and beyond, a mass and its inertia too, to rounding of the responses."""
+    plant = platform().uncertain({"leg*.k.stiffness": 0.1, "leg2.k.damping": 0.9, "platform.mass": (9.0, 13.0),
+                                  "platform.inertia.zz": 0.15})  # fmt: skip
+    delta = np.random.default_rng(seed).uniform(-1.5, 1.5, 9)
+    values, w = values_at(plant, delta), np.array([11.0, 320.0, 900.0])
+    expected = plant.at(values).frequency_response(w)
+    got = closed(plant, delta).frequency_response(w)
+    size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(got / size, expected / size, atol=1e-11)
+
+
+def test_repetitions_are_the_ranks():
+    """A leg enters once, also where its force is an output; a mass three times, an inertia about one axis once."""
+    plant = platform().uncertain({"leg1.k.stiffness": 0.1, "platform.mass": 0.1, "platform.inertia.zz": 0.1})
+    assert plant.blocks == {"leg1.k.stiffness": 1, "platform.mass": 3, "platform.inertia.zz": 1}
+    assert plant.linear.inputs[:5] == ("leg1.k.stiffness.w", "platform.mass.w1", "platform.mass.w2",
+                                       "platform.mass.w3", "platform.inertia.zz.w")  # fmt: skip
+    assert plant.limits["platform.mass"] == (9.0, 11.0)
+    assert "platform.mass" in str(plant)
+    assert repr(plant) == "UncertainPlant('cubic_hexapod': 3 parameters, 5 channels)"
+
+
+@pytest.mark.slow
+def test_units_of_changes_make_no_difference():
+    """The same mechanism in millimetres and grams, as its margins are numbers."""
+    factors = []
+    for length, mass in ((1.0, 1.0), (1e3, 1e3)):
+        force = mass * length  # s is the same
+        model = mv.Model("scaled")
+        model.add_body("b", M * mass, np.ones(3) * mass * length**2)
+        model.add_joint("j", "prismatic", "ground", "b", axis=(0, 0, 1))
+        model.add_spring("s", "ground", "b", (0, 0, -length), (0, 0, 0), stiffness=K * force / length,
+                         damping=C * force / length)  # fmt: skip
+        model.add_input("F", "b", "z")
+        model.add_output("x", "b", "z")
+        plant = model.linearize().uncertain({"s.stiffness": 0.3, "s.damping": 0.4})
+        factors.append((plant.robust_stability().upper, plant.worst_gain().upper * force / length))
+    np.testing.assert_allclose(factors[1], factors[0], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_damper_that_may_vanish():
+    """Stable as long as c > 0 and k > 0: c goes to 0 at three times the distance from 3 to 2."""
+    stable = oscillator().linearize().uncertain({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)}).robust_stability()
+    np.testing.assert_allclose(stable.upper, 3.0, rtol=1e-9)
+    assert 0.95 * 3.0 < stable.lower < 3.0
+    np.testing.assert_allclose(stable.values["s.damping"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(stable.omega, np.sqrt(stable.values["s.stiffness"] / M), rtol=1e-6)
+    assert "Stable within the limits." in str(stable)
+
+
+def test_static_divergence():
+    """A spring that loses all of its stiffness, 1/0.2 times its width; no frequency but 0 shows it."""
+    stable = oscillator().linearize().uncertain({"s.stiffness": 0.2}).robust_stability()
+    np.testing.assert_allclose([stable.upper, stable.omega], [5.0, 0.0], rtol=1e-9, atol=1e-9)
+    assert 0.95 * 5.0 < stable.lower < 5.0
+
+
+def test_worst_peak_in_closed_form():
+    """1 / (k 2 z sqrt(1 - z^2)) is largest for the softest spring and the weakest damper."""
+    worst = oscillator().linearize().uncertain({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)}).worst_gain("x", "F")
+    k, c = 0.8 * K, 2.0
+    z = 0.5 * c / np.sqrt(k * M)
+    np.testing.assert_allclose(worst.lower, 1.0 / (k * 2.0 * z * np.sqrt(1.0 - z * z)), rtol=1e-8)
+    assert worst.lower < worst.upper < 1.005 * worst.lower
+    assert worst.values == {"s.stiffness": pytest.approx(k), "s.damping": pytest.approx(c)}
+
+
+def flutter():
+    """Two masses whose velocity feedback is not collocated: some values let a mode grow."""
+    plant = two_masses().linearize().uncertain({"k2.stiffness": 0.4, "m2.mass": (0.7, 1.5)})
+    return plant.feedback([[-3.0]], ["v2"], ["F1"])
+
+
+@pytest.mark.slow
+def test_flutter_against_a_search_of_all_values():
+    loop = flutter()
+    stable = loop.robust_stability()
+
+    def grows(t):
+        limits = t * perturbed(loop, [], []).limits
+        grid = itertools.product(*[np.linspace(low, high, 41) for low, high in limits])
+        return any(np.linalg.eigvals(closed(loop, delta).A).real.max() > 0.0 for delta in grid)
+
+    assert not grows(0.97 * stable.upper)
+    assert 0.95 * stable.upper < stable.lower < stable.upper
+    pole = loop.at(stable.values).poles()
+    last = pole[np.argmax(pole.real)]
+    assert abs(last.real) < 1e-8 * abs(last)
+    np.testing.assert_allclose(abs(last.imag), stable.omega, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_worst_gain_of_a_loop_against_samples():
+    loop = platform().uncertain({"leg*.k.stiffness": 0.1, "platform.mass": (9.0, 12.0)}).feedback(
+        -3e4 * np.eye(6), ["x", "y", "z", "rx", "ry", "rz"], ["Fx", "Fy", "Fz", "Mx", "My", "Mz"])  # fmt: skip
+    worst = loop.worst_gain("z", "Fz")
+    assert worst.lower <= worst.upper < 1.02 * worst.lower
+    np.testing.assert_allclose(loop.at(worst.values).hinf_norm("z", "Fz").value, worst.lower, rtol=1e-9)
+    assert all(plant.hinf_norm("z", "Fz").value <= worst.upper for plant in loop.sample(12, seed=3))
+
+
+@pytest.mark.slow
+def test_worst_root_mean_square():
+    """S / (4 c k): the least damper and spring; the noise of a sensor through a gain."""
+    plant = oscillator().linearize().uncertain({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)})
+    worst = plant.worst_rms(["x", "v"], {"F": 1.0})
+    np.testing.assert_allclose(worst.lower["x"], np.sqrt(1.0 / (4.0 * 2.0 * 0.8 * K)), rtol=1e-9)
+    np.testing.assert_allclose(plant.at(worst.values["x"]).rms("x", {"F": 1.0})["x"], worst.lower["x"], rtol=1e-12)
+    loop = plant.feedback([[-100.0, -4.0]], ["x", "v"], ["F"], noise=True)
+    noisy = loop.worst_rms("x", {"x.noise": 1e-6})
+    np.testing.assert_allclose(noisy.lower["x"], 100.0 * np.sqrt(1e-6 / (4.0 * 6.0 * (0.8 * K + 100.0))), rtol=1e-9)
+    assert "no upper bounds" in str(worst)
+
+
+def test_an_unstable_plant_within_the_limits_has_no_gain():
+    worst = oscillator(c=0.5).linearize().uncertain({"s.damping": (-0.1, 2.0)}).worst_gain("x", "F")
+    assert worst.lower == worst.upper == np.inf
+    assert "not stable at these values" in str(worst)
+
+
+def test_scalings_of_a_repeated_parameter():
+    """M = a 1 is singular at delta = 1 / a: Phi can be positive below only, for real and for complex a."""
+    for a, expected in ((0.9, True), (1.1, False), (0.5 + 3.0j, True), (1.05 + 0.01j, True)):
+        matrix = a * np.eye(3, dtype=complex)
+        assert (best_scalings(matrix, (3,), 0, 0.0)[1] > 0.0) is expected, a
+
+
+def test_a_cover_finds_a_single_frequency():
+    """A real mu that is 0 at all frequencies but one: a mode of which only the damping is uncertain."""
+    for limit, proven in ((0.9, True), (1.1, False)):
+        a = np.array([[0.0, 1.0], [-1.0, -0.02]])
+        channels = Channels(a, np.array([[0.0], [-0.02 * limit]]), np.array([[0.0, 1.0]]), np.zeros((1, 1)), (1,), 0)
+        scalings = []
+        w = cover(channels, scalings)
+        assert (w is None) is proven
+        grid = np.geomspace(1e-3, 1e3, 4001)
+        if proven:
+            best = np.max([least(channels, part, grid) for part in scalings], axis=0)
+            assert (best > 0.0).all()
+
+
+def test_samples_and_copies():
+    plant = platform().uncertain({"platform.mass": (9.0, 12.0)})
+    first, second = plant.sample(2, seed=5)
+    again = plant.sample(2, seed=5)[0]
+    np.testing.assert_array_equal(first.M, again.M)
+    assert 9.0 <= first.M[0, 0] <= 12.0
+    assert first.M[0, 0] != second.M[0, 0]
+    assert pickle.loads(pickle.dumps(plant)).blocks == plant.blocks
+
+
+@pytest.mark.parametrize(("limits", "words"), [
+    ({}, "parameters with limits"),
+    ({"leg9.k.stiffness": 0.1}, "no parameter 'leg9"),
+    ({"leg1.k.stiffness": -0.1}, "half its width"),
+    ({"leg1.k.stiffness": (2e6, 3e6)}, "is not within its limits"),
+    ({"platform.inertia.xy": 0.1}, "is 0, of which no share"),
+    ({"leg1.k.end.x": (-1.0, 1.0)}, "is no straight line"),
+    ({"leg1*": 0.1, "*.stiffness": 0.1}, "two patterns match|is 0, of which"),
+    ({"platform.mass": (-1.0, 12.0)}, "platform.mass"),
+])  # fmt: skip
+def test_refused_limits(limits, words):
+    with pytest.raises(mv.MbsvibError, match=words):
+        platform().uncertain(limits)
+
+
+def test_other_refusals():
+    plant = platform().uncertain({"leg1.k.stiffness": 0.1})
+    with pytest.raises(mv.ModelError, match="no uncertain parameter"):
+        plant.at({"leg2.k.stiffness": 1e6})
+    with pytest.raises(mv.ResponseError, match="does not decay at the nominal"):
+        oscillator(c=0.0).linearize().uncertain({"s.stiffness": 0.1}).robust_stability()
+    with pytest.raises(mv.ResponseError, match="filtered white noise"):
+        plant.worst_rms("z", {"Fz": [(1.0, 1.0), (2.0, 1.0)]})
+    with pytest.raises(mv.ModelError, match="made of matrices"):
+        mv.System.from_matrices([[1.0]], None, [[1.0]]).uncertain({"k": 0.1})
