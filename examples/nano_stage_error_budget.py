@@ -43,7 +43,7 @@ assert np.isclose(sum(part**2 for part in after.contributions["z"].values()), af
 
 gains = np.geomspace(10.0, 1000.0, 25)
 parts = {"floor": "base", "force sensors": "tension.noise", "amplifiers": "actuator.noise"}
-curves = {name: [] for name in ("all", *parts)}
+curves: dict[str, list[float]] = {name: [] for name in ("all", *parts)}
 for gain in gains:
     each = budget_at(gain)
     curves["all"].append(each.rms["z"])

@@ -89,9 +89,10 @@ class Random:
 
     def _only(self, which: list[int]) -> Random:
         """Return the same equations under some of the sources, which are independent."""
-        names, densities = ([values[k] for k in which] for values in (self.sources.names, self.sources.densities))
+        names = [self.sources.names[k] for k in which]
+        densities = tuple([self.sources.densities[k] for k in which])
         return replace(self, linear=self.linear.with_ports(None, names),
-                       sources=replace(self.sources, names=tuple(names), densities=tuple(densities)))  # fmt: skip
+                       sources=replace(self.sources, names=tuple(names), densities=densities))  # fmt: skip
 
     def _check_windows(self, through: Array, rational: list[int]) -> None:
         """Refuse averages of white noise that comes through directly."""
@@ -174,7 +175,7 @@ class Random:
             total = np.concatenate((np.zeros_like(parts[..., :1]), np.cumsum(parts, axis=-1)), axis=-1)
             result = total[..., np.searchsorted(rule.ends, inside)]
         for at, which in self._divergences():
-            beyond = (inside >= at) & (inside > low)
+            beyond = np.logical_and(inside >= at, inside > low)
             result[:, :-1] = np.where(which[..., None] & beyond, np.inf, result[:, :-1])
             result[:, -1] = np.where(which.any(axis=1)[:, None] & beyond, 0.0, result[:, -1])
         return result

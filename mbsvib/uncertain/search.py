@@ -155,7 +155,8 @@ def values_at(plant: Any, delta: Array) -> dict[str, float]:
 
 def uncertain_blocks(plant: Any) -> tuple[Block, ...]:
     """Return the uncertain parameters of a plant."""
-    return plant._blocks  # noqa: SLF001
+    blocks: tuple[Block, ...] = plant._blocks  # noqa: SLF001
+    return blocks
 
 
 def _negative(measured: tuple[float, Array], unit: float) -> tuple[float, Array]:
