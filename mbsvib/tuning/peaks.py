@@ -54,7 +54,7 @@ class Response:
 def _largest(g: Complex) -> Array:
     rows, columns = g.shape[1:]
     h = g.conj().swapaxes(1, 2)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(g @ h if rows < columns else h @ g)[:, -1], 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(g @ h if rows < columns else h @ g)[:, -1], 0.0)))
 
 
 def eigen(a: Array) -> tuple[Complex, Complex, Complex | None]:
