@@ -63,8 +63,10 @@ def positional(name: str, metavar: str, words: str, *, completes: Candidates = "
     return Argument((name,), {"metavar": metavar, "help": words, **settings}, completes)
 
 
-def option(*names: str, to: str, metavar: str, words: str, completes: Candidates = "", **settings: Any) -> Argument:
-    """Return an option with a value; ``to`` is the function's argument."""
+def option(
+    *names: str, to: str, metavar: str | tuple[str, ...], words: str, completes: Candidates = "", **settings: Any
+) -> Argument:
+    """Return an option with a value, or with one for each of ``metavar``; ``to`` is the function's argument."""
     return Argument(names, {"dest": to, "metavar": metavar, "help": words, **settings}, completes)
 
 

@@ -191,10 +191,11 @@ class Budget(Displayed):
             rows.append((name, "all", f"{total:.4g}", unit, ""))
             shown = {source: value for source, value in parts.items() if _share(value, total) > SMALL}
             rows += [("", source, f"{value:.4g}", unit, _percent(value, total)) for source, value in shown.items()]
-            others = [value for source, value in parts.items() if source not in shown]
-            if others and any(others):
-                rest = float(np.sqrt(np.sum(np.square(others))))
-                rows.append(("", f"{len(others)} more", f"{rest:.2g}", unit, _percent(rest, total)))
+            others = {source: value for source, value in parts.items() if source not in shown}
+            if any(others.values()):
+                rest = float(np.sqrt(np.sum(np.square(list(others.values())))))
+                label = f"{len(others)} more" if len(others) > 1 else next(iter(others))
+                rows.append(("", label, f"{rest:.2g}", unit, _percent(rest, total)))
         notes = ["All frequencies." if self.band is None else f"From {self.band[0]:g} to {self.band[1]:g} Hz."]
         if any(np.isinf(list(self.rms.values()))):
             notes.append("Infinite: a driven motion does not decay, or noise without a last frequency comes through "

@@ -18,7 +18,8 @@ LINES = {
     "params": "params slider.yaml", "sweep": "sweep slider.yaml k.stiffness=1e3:1e4:3",
     "equilibrium": "equilibrium slider.yaml", "path": "path slider.yaml rail.z=0:0.1:3",
     "isolation": "isolation quarter_car body",
-    "loop": "loop slider.yaml law.json", "export": "export slider.yaml -o slider.npz",
+    "loop": "loop slider.yaml law.json", "budget": "budget slider.yaml --noise F=1",
+    "export": "export slider.yaml -o slider.npz",
     "check-export": "check-export slider.npz slider.yaml", "report": "report slider.yaml",
     "cosim": None,  # tests/cli/test_cosim.py
 }  # fmt: skip
