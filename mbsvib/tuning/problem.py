@@ -141,7 +141,10 @@ class Problem:
             return np.inf, np.inf
         value, violation = -np.inf, -np.inf
         for goal, at in zip(self.goals, self.bounds, strict=True):
-            numbers = [bound.measure(loop)[0] for bound, loop in zip(at, loops, strict=True)]
+            try:
+                numbers = [bound.measure(loop)[0] for bound, loop in zip(at, loops, strict=True)]
+            except MbsvibError:
+                return np.inf, np.inf
             if goal.limit:
                 violation = max(violation, *numbers)
             else:

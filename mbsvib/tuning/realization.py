@@ -41,9 +41,9 @@ def summed(parts: Sequence[Realization], rows: Sequence[list[int]], columns: Seq
     slopes = np.zeros((len(parts[0].slopes), *x.shape))
     for part, to, of in zip(parts, rows, columns, strict=True):
         states = list(range(start, start + part.order))
-        at = np.ix_([*states, *[order + k for k in to]], [*states, *[order + k for k in of]])
-        x[at] += part.x
-        slopes[(slice(None), *at)] += part.slopes
+        row, column = np.ix_([*states, *[order + k for k in to]], [*states, *[order + k for k in of]])
+        x[row, column] += part.x
+        slopes[:, row, column] += part.slopes
         start += part.order
     return Realization(order, x, slopes)
 
@@ -62,9 +62,9 @@ def _after(first: Realization, k1: int) -> tuple[Array, Array]:
     rows, columns = x.shape
     result = np.zeros((rows + k1, columns + k1))
     change = np.zeros((len(slopes), *result.shape))
-    at = np.ix_([*range(k2), *range(k2 + k1, rows + k1)], [*range(k2), *range(k2 + k1, columns + k1)])
-    result[at] = x
-    change[(slice(None), *at)] = slopes
+    row, column = np.ix_([*range(k2), *range(k2 + k1, rows + k1)], [*range(k2), *range(k2 + k1, columns + k1)])
+    result[row, column] = x
+    change[:, row, column] = slopes
     result[k2 : k2 + k1, k2 : k2 + k1] = np.eye(k1)
     return result, change
 

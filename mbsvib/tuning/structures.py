@@ -161,7 +161,8 @@ class Part(Tunable):
     def described(self, sizes: Sizes) -> list[Value]:
         """Return the values with the bounds and the start of the user."""
         result = self.values(sizes)
-        symbols = united([value.symbol for value in result], [value.symbol.split("[")[0] for value in result])
+        symbols = united(tuple([value.symbol for value in result]),
+                         tuple([value.symbol.split("[")[0] for value in result]))
         for argument, given in (("start", self.start), ("bounds", self.bounds)):
             for symbol in given:
                 if symbol not in symbols:
