@@ -177,7 +177,7 @@ class Random:
         for at, which in self._divergences():
             beyond = np.logical_and(inside >= at, inside > low)
             result[:, :-1] = np.where(which[..., None] & beyond, np.inf, result[:, :-1])
-            result[:, -1] = np.where(which.any(axis=1)[:, None] & beyond, 0.0, result[:, -1])
+            result[:, -1] = np.where(which.any(axis=1, keepdims=True) & beyond, 0.0, result[:, -1])
         return result
 
     def rule(self, marks: Array | None = None, first: float = 0.0) -> Rule:

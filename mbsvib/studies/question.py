@@ -31,15 +31,20 @@ UNITS = {"modes.eigenvalues": "1/s", "poles": "1/s", "modes.natural": "rad/s", "
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Results by label: a path such as "modes.frequencies", or a function of a system (``takes_batch``: of a batch)."""
+    """Results by label: a path such as "modes.frequencies", or a function of a system (``takes_batch``: of a batch).
+
+    ``plant``: function of a system whose value is asked in its place, such as a closed loop.
+    """
 
     items: Mapping[str, str | Callable[[Any], Any]]
     takes_batch: bool = False
+    plant: Callable[[Any], Any] | None = None
 
     @property
     def batched(self) -> bool:
         """Whether a batch can compute all results at once."""
-        return all(item in BATCHED if isinstance(item, str) else self.takes_batch for item in self.items.values())
+        return self.plant is None and all(
+            item in BATCHED if isinstance(item, str) else self.takes_batch for item in self.items.values())
 
     @property
     def units(self) -> dict[str, str]:
@@ -49,8 +54,9 @@ class Question:
     def ask(self, system: Any) -> Answer:
         """Return the results of one system as arrays."""
         result: Answer = {}
+        asked = system if self.plant is None else self.plant(system)
         for label, item in self.items.items():
-            value = follow(system, item) if isinstance(item, str) else item(system)
+            value = follow(asked, item) if isinstance(item, str) else item(asked)
             if isinstance(value, Mapping):
                 prefix = "" if len(self.items) == 1 else f"{label}."
                 result |= {f"{prefix}{key}": _numbers(f"{prefix}{key}", entry) for key, entry in value.items()}
@@ -69,19 +75,24 @@ class Question:
         return results
 
 
-def question(of: Asked, batched: bool = False) -> Question:
+def question(of: Asked, batched: bool = False, plant: Callable[[Any], Any] | None = None) -> Question:
     """Return the results to be computed at each point, checked.
 
     ``of``: a path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
-    ``batched``: whether functions accept batches too and return an axis of variants in front.
+    ``batched``: whether functions accept batches too and return an axis of variants in front. ``plant``: a function of
+    a system that returns what is asked in its place.
     """
+    if plant is not None and not callable(plant):
+        raise check.refuse("study", "plant", plant, "a function of a system, such as lambda system: system.feedback(K)")
+    if plant is not None and batched:
+        raise check.refuse("study", "batched", batched, "False beside plant, which is a function of single systems")
     items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
     for item in items.values():
         if not callable(item) and not (isinstance(item, str) and item):
             raise check.refuse("study", "of", item, "a result such as 'modes.frequencies', or a function of a system")
     if not items:
         raise check.refuse("study", "of", of, "at least one result")
-    return Question({str(label): item for label, item in items.items()}, batched)
+    return Question({str(label): item for label, item in items.items()}, batched, plant)
 
 
 def follow(system: Any, path: str) -> Any:

@@ -16,7 +16,7 @@ from mbsvib.studies.running import run, task
 from mbsvib.studies.sweep_points import points
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def sweep(
     model: Model, values: Mapping[str, ArrayLike], of: Asked, *, how: str = "grid", ties: Ties | None = None,
     batched: bool = False, workers: int | None = None, file: str | PathLike[str] | None = None, retry: bool = False,
-    progress: Progress = None,
+    progress: Progress = None, plant: Callable[[Any], Any] | None = None,
 ) -> Sweep:  # fmt: skip
     """Ask one question at many points of a model's parameters.
 
@@ -66,6 +66,9 @@ def sweep(
         Ask points of the record again that failed.
     progress : bool, callable or None
         True: a progress bar; None: on terminals; a function is called with how many are done and how many there are.
+    plant : callable, optional
+        A function of the system of each point that returns what is asked in its place, such as the loop
+        ``lambda system: system.feedback(controller, noise=True)``.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def sweep(
     """
     sweep_points = points(values, how)
     variables = design(model, sweep_points.columns, ties)
-    quantities = question(of, batched)
+    quantities = question(of, batched, plant)
     work = task(model, variables, quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:

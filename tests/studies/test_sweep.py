@@ -317,3 +317,26 @@ def test_many_points_that_fail_do_not_hold_up_the_others(monkeypatch):
     assert sorted(result.errors) == np.flatnonzero(mass <= 0.0).tolist()
     assert len(asked) < 20, "what may fail is told beforehand, and taken by itself"
     assert np.isfinite(result["modes.frequencies"][mass > 0.0]).all()
+
+
+def sprung(system):
+    """An actuator that acts as a spring of 3 kN/m beside the suspension."""
+    return system.feedback([[-3e3]], ["travel"], ["actuator"])
+
+
+def test_results_of_loops_around_each_point(tmp_path):
+    """The loop is the mechanism with that spring; its record is that of no sweep without it."""
+    values, asked = {"suspension.stiffness": np.array([1e4, 2e4])}, {"poles": "poles", "rms": lambda plant: plant.rms(
+        "body.z", {"load": [(2.0, 1.0), (8.0, 0.5)]})}  # fmt: skip
+    model, file = quarter_car(suspension_damping=800.0), tmp_path / "loops.jsonl"
+    loops = sweep(model, values, asked, plant=sprung, file=file)
+    springs = sweep(model, {"suspension.stiffness": np.array([1.3e4, 2.3e4])}, asked)
+    for name in ("poles", "rms.body.z"):
+        np.testing.assert_allclose(np.sort_complex(loops.results[name]), np.sort_complex(springs.results[name]),
+                                   rtol=1e-9)  # fmt: skip
+    with pytest.raises(ModelError, match="another"):
+        sweep(model, values, asked, file=file)
+    with pytest.raises(ModelError, match="function of a system"):
+        sweep(model, values, asked, plant=[[1.0]])
+    with pytest.raises(ModelError, match="False beside plant"):
+        sweep(model, values, asked, plant=sprung, batched=True)
