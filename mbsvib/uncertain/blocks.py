@@ -18,13 +18,15 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
-from mbsvib.linalg.rank import NOT_AFFINE, ZERO_BLOCK
+from mbsvib.linalg.rank import EPS, NOT_AFFINE, ZERO_BLOCK
 from mbsvib.uncertain.scalings import balancing
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 _MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+# Roundings of the largest entry of a matrix that one linearized anew may be off
+ROUNDINGS = 1e3
 # Frequencies, in parts of a typical pole, at which the sizes of signals are compared
 OFF_POLES = np.array([0.013, 0.71, 1.37, 29.0])
 # Ends of the names of inputs w and outputs z
@@ -136,7 +138,7 @@ def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array,
     mass = np.sqrt(np.maximum(np.diagonal(system.M), np.finfo(float).tiny))
     speed = float(np.median(np.abs(system.poles()))) or 1.0
     rows = np.concatenate((mass, np.ones(len(whole) - m)))
-    columns = np.concatenate((mass, mass / speed, mass / speed**2, np.ones(whole.shape[1] - 3 * m)))
+    columns = np.concatenate((mass, speed * mass, speed**2 * mass, np.ones(whole.shape[1] - 3 * m)))
     scaled = whole / rows[:, None] / columns
     # ports have units of their own
     of_rows, of_columns = (np.maximum(np.abs(scaled).max(axis=axis), np.finfo(float).tiny) for axis in (1, 0))
@@ -146,8 +148,8 @@ def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array,
     if not rank:
         raise ModelError(f"uncertain: '{name}' changes nothing in '{system.name}'; leave it out.", element=name)
     root = np.sqrt(sizes[:rank])
-    left = u[:, :rank] * root * (rows * of_rows)[:, None]
-    return left, v[:rank].T * root * (columns * of_columns)[:, None]
+    left = u[:, :rank] * root * (rows * of_rows * whole.any(axis=1))[:, None]
+    return left, v[:rank].T * root * (columns * of_columns * whole.any(axis=0))[:, None]
 
 
 def _check_affine(system: Any, slopes: Any, found: Mapping[str, tuple[float, float, float]],
@@ -167,8 +169,8 @@ def _check_affine(system: Any, slopes: Any, found: Mapping[str, tuple[float, flo
             change = sum(np.multiply(getattr(slopes, key)[names.index(name)], value - found[name][0])
                          for name, value in case.items())  # fmt: skip
             apart = np.abs(getattr(there, key) - nominal - change)
-            size = np.abs(change).max(initial=0.0) + np.finfo(float).eps * np.abs(nominal).max(initial=0.0) / NOT_AFFINE
-            if (apart > NOT_AFFINE * size).any():
+            rounding = ROUNDINGS * EPS * np.abs(nominal).max(initial=0.0)
+            if (apart > NOT_AFFINE * np.abs(change).max(initial=0.0) + rounding).any():
                 who = "', '".join(case)
                 raise ModelError(f"uncertain: the matrix {key} of '{system.name}' is no straight line in '{who}' "
                                  f"between its limits, as it is in masses, inertias, stiffness and damping of "

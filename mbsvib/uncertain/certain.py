@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from mbsvib.uncertain.search import Perturbed
 
 LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought
+SHOWN = 2  # parameters in a row of a table
+STATIC = 1e-9  # share of the fastest pole below which a peak is static
 HIGHEST = 1e3  # times the gain that is reached, up to which a bound is sought
 SHARES = (0.2, 0.5, 0.8, 0.95, 0.99)  # of the factor that is reached, at which stability is to be proven in turn
 MOST, FEW = 100, 40  # frequencies at which scalings are sought for a proof, and for one of its boxes
@@ -118,8 +120,10 @@ class WorstRms(Displayed):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(name, f"{value:.5g}", ", ".join(f"{p} = {v:.5g}" for p, v in list(self.values[name].items())[:4]))
-                for name, value in self.lower.items()]  # fmt: skip
+        rows = []
+        for name, value in self.lower.items():
+            places = [f"{p} = {v:.5g}" for p, v in self.values[name].items()]
+            rows.append((name, f"{value:.5g}", ", ".join(places[:SHOWN]) + (", ..." if len(places) > SHOWN else "")))
         return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"), ("rms", "right"),
                 ("at", "left")], "rows": rows, "notes": ["The largest found, no upper bounds."]}  # fmt: skip
 
@@ -287,7 +291,8 @@ def _peak(space: Matrices) -> float:
 
     a, b, c, d = space
     solver, values = first_order_solver(a, b, c, "perturbed plant"), np.linalg.eigvals(a).astype(complex)
-    return float(hinf(lambda w: solver.frequency_response(w, b, c, d), values, d).omega or 0.0)
+    omega = float(hinf(lambda w: solver.frequency_response(w, b, c, d), values, d).omega or 0.0)
+    return omega if omega > STATIC * float(np.abs(values).max(initial=0.0)) else 0.0
 
 
 def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:

@@ -257,10 +257,19 @@ def uncertain(system: Any, limits: Mapping[str, Any]) -> UncertainPlant:
 
 
 def _vary(system: Any, values: Mapping[str, float]) -> Any:
-    """The system with other values of parameters, with the same coordinates and ports."""
-    changed = system.provenance.origin.with_values(values)
+    """The system with other values of parameters, with the same coordinates and ports.
+
+    What the system has beside that of its model, such as actuators in measured forces, stays as it is.
+    """
+    there, here = (_linearized(system, changed) for changed in (values, {}))
+    own = {key: getattr(system, key) - getattr(here, key) for key in ("B", "Cq", "Cv", "Ca", "D")}
+    return replace(there, **{key: getattr(there, key) + more for key, more in own.items() if more.any()})
+
+
+def _linearized(system: Any, values: Mapping[str, float]) -> Any:
+    model = system.provenance.origin
+    changed = model.with_values(values) if values else model
     result = changed.linearize(method="dense")
     if result.coordinates != system.coordinates:
         result = changed.linearize(method="dense", independent=system.coordinates)
     return result.with_ports(list(system.outputs), list(system.inputs))
-

@@ -25,7 +25,7 @@ STEPS = 60  # of Newton's method at one weight of the barrier
 FACTOR = 12.0  # from one weight of the barrier to the next
 GAP = 1e-4  # of the least eigenvalue of Phi at which the search ends
 LARGEST = 30.0  # times 1 + |M|^2: the bound of Phi
-SWEEPS = 12  # of balancing
+SWEEPS = 30  # of balancing
 LEAST = 1e-9  # share below which entries do not count in balancing
 
 
@@ -83,7 +83,7 @@ def best_scalings(m: Complex, sizes: Sequence[int], inputs: int, enough: float =
     """Return scalings for M (n + outputs, n + inputs), and the least eigenvalue s of Phi, which they make large.
 
     ``sizes``: repetitions of each parameter; ``inputs``: those of the gain, 0 without. The search ends as soon as s
-    exceeds ``enough``. Without a gain the trace of D is n. s < 0 means that there are none.
+    exceeds ``enough``; the trace of D with what scales the gain is fixed until then. s < 0 means that there are none.
     """
     n = sum(sizes)
     factors = balancing(m, n)
@@ -93,37 +93,39 @@ def best_scalings(m: Complex, sizes: Sequence[int], inputs: int, enough: float =
     basis = bases(sizes)
     problem = _Problem(inside, basis, n, inputs)
     x, s = problem.solved(enough)
-    d, g = (np.tensordot(part, basis, axes=1) for part in np.split(x, 2))
-    both = np.outer(factors, factors)
-    return Scalings(d * both, g * both), s
+    k = len(basis)
+    both = np.outer(factors, factors) / (x[k] if inputs else 1.0)
+    return Scalings(np.tensordot(x[:k], basis, axes=1) * both, np.tensordot(x[-k:], basis, axes=1) * both), s
 
 
 class _Problem:
-    """Maximize s with Phi(x) > s and D(x) > 0, with no more of G than that needs: what is small holds farther."""
+    """Maximize s with Phi(x) > s and D(x) > 0, with no more of G than that needs: what is small holds farther.
+
+    x has D, the factor on the gain's part of P and W where there is one, and G.
+    """
 
     def __init__(self, m: Complex, basis: Complex, n: int, inputs: int) -> None:
-        size, k = n + inputs, len(basis)
+        size, k, last = n + inputs, len(basis), int(inputs > 0)
         adjoint = m.conj().T
-        wide = np.zeros((k, size, size), dtype=complex)
-        wide[:, :n, :n] = basis
-        tall = np.zeros((k, m.shape[0], m.shape[0]), dtype=complex)
-        tall[:, :n, :n] = basis
+        wide = np.zeros((k + last, size, size), dtype=complex)
+        wide[:k, :n, :n] = basis
+        tall = np.zeros((k + last, m.shape[0], m.shape[0]), dtype=complex)
+        tall[:k, :n, :n] = basis
+        positive = np.zeros((k + last, n + last, n + last), dtype=complex)
+        positive[:k, :n, :n] = basis
+        if last:
+            wide[k, n:, n:], tall[k, n:, n:], positive[k, n, n] = np.eye(inputs), np.eye(m.shape[0] - n), 1.0
         turned = np.zeros((k, size, m.shape[0]), dtype=complex)
         turned[:, :n, :n] = basis
         product = turned @ m
         self.slopes = np.concatenate((wide - adjoint @ tall @ m, -1j * (product - product.conj().swapaxes(1, 2))))
-        last, rows = np.zeros((size, size), dtype=complex), np.zeros((m.shape[0], m.shape[0]))
-        last[n:, n:] = np.eye(inputs)
-        rows[n:, n:] = np.eye(m.shape[0] - n)
-        self.constant = last - adjoint @ rows @ m
-        self.basis, self.n, self.size = basis, n, size
-        self.trace = np.concatenate((np.trace(basis, axis1=1, axis2=2).real, np.zeros(k)))
-        self.fixed = inputs == 0
+        self.basis, self.n, self.size = positive, n + last, size
+        self.trace = np.concatenate((np.trace(positive, axis1=1, axis2=2).real, np.zeros(k)))
         self.bound = LARGEST * (1.0 + float(np.linalg.norm(m, 2)) ** 2)  # G could grow without end else
 
     def solved(self, enough: float) -> tuple[Array, float]:
         k = len(self.basis)
-        x = np.zeros(2 * k)
+        x = np.zeros(len(self.slopes))
         x[:k] = np.einsum("kii->k", self.basis).real  # D = 1
         s = float(np.linalg.eigvalsh(self._phi(x))[0])
         if s > enough:
@@ -138,7 +140,7 @@ class _Problem:
             weight *= FACTOR
 
     def _phi(self, x: Array) -> Complex:
-        return np.asarray(self.constant + np.tensordot(x, self.slopes, axes=1))
+        return np.asarray(np.tensordot(x, self.slopes, axes=1))
 
     def _d(self, x: Array) -> Complex:
         return np.asarray(np.tensordot(x[: len(self.basis)], self.basis, axes=1))
@@ -161,15 +163,16 @@ class _Problem:
             phi, one = self._phi(x), np.eye(self.size)
             inverse, beyond = np.linalg.inv(phi - s * one), np.linalg.inv(self.bound * one - phi)
             of_d = np.linalg.inv(self._d(x))
-            left, right, of_basis = inverse @ self.slopes, beyond @ self.slopes, of_d @ self.basis
+            left, right, of_basis = (np.asarray(factor @ part, dtype=complex) for factor, part in (
+                (inverse, self.slopes), (beyond, self.slopes), (of_d, self.basis)))  # fmt: skip
             along = np.trace(right - left, axis1=1, axis2=2).real
             gradient = np.concatenate((along, [np.trace(inverse).real - weight]))
             gradient[:k] -= np.trace(of_basis, axis1=1, axis2=2).real
             gradient[k:-1] += x[k:] / weight
-            hessian = np.zeros((2 * k + 1, 2 * k + 1))
+            hessian = np.zeros((len(gradient), len(gradient)))
             hessian[:-1, :-1] = _traces(left) + _traces(right)
             hessian[:k, :k] += _traces(of_basis)
-            hessian[range(k, 2 * k), range(k, 2 * k)] += 1.0 / weight
+            hessian[range(k, len(x)), range(k, len(x))] += 1.0 / weight
             hessian[:-1, -1] = hessian[-1, :-1] = -np.einsum("kij,ji->k", left, inverse).real
             hessian[-1, -1] = np.einsum("ij,ji->", inverse, inverse).real
             step = self._step(gradient, hessian)
@@ -190,12 +193,12 @@ class _Problem:
         return x, s
 
     def _step(self, gradient: Array, hessian: Array) -> Array:
-        """Newton's step, along which the trace of D stays where it is fixed."""
+        """Newton's step, along which the trace of D stays."""
         unit = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), np.finfo(float).tiny))
         matrix = hessian * np.outer(unit, unit) + 1e-13 * np.eye(len(unit))
         rows = np.append(self.trace, 0.0) * unit
         right = np.linalg.solve(matrix, np.stack((-gradient * unit, rows), axis=1))
-        step = right[:, 0] - right[:, 1] * (rows @ right[:, 0]) / (rows @ right[:, 1]) if self.fixed else right[:, 0]
+        step = right[:, 0] - right[:, 1] * (rows @ right[:, 0]) / (rows @ right[:, 1])
         return np.asarray(step * unit)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib import library
+from mbsvib import isolation, library
 from mbsvib.uncertain.intervals import Channels, cover, least
 from mbsvib.uncertain.scalings import best_scalings
 from mbsvib.uncertain.search import perturbed, values_at
@@ -51,6 +51,20 @@ def test_repetitions_are_the_ranks():
     assert plant.limits["platform.mass"] == (9.0, 11.0)
     assert "platform.mass" in str(plant)
     assert repr(plant) == "UncertainPlant('cubic_hexapod': 3 parameters, 5 channels)"
+
+
+def test_measured_forces_keep_their_actuators():
+    """Actuators are in measured forces of a study's plant, which its model does not know."""
+    active = isolation.actuated(library.cubic_hexapod(damping=20.0), "platform")
+    plant = active.system.uncertain({"leg*.k.stiffness": 0.1})
+    there = plant.at({"leg1.k.stiffness": 1.05e6})
+    row, column = (names.index(name) for names, name in
+                   ((there.outputs, "leg1.k.tension"), (there.inputs, "leg1.k.actuator")))  # fmt: skip
+    assert there.D[row, column] == active.system.D[row, column] != 0.0
+    delta, w = np.array([0.5, 0, 0, 0, 0, 0]), np.array([100.0, 600.0])
+    size = np.abs(there.frequency_response(w)).max()
+    np.testing.assert_allclose(closed(plant, delta).frequency_response(w) / size, there.frequency_response(w) / size,
+                               atol=1e-10)  # fmt: skip
 
 
 @pytest.mark.slow
