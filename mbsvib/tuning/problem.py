@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -163,7 +163,8 @@ class Problem:
         loops = self.loops(p)
         if loops is None or not all(loop.decays for loop in loops):
             return nowhere
-        norms, limits = [], []
+        norms: list[Any] = []
+        limits: list[Any] = []
         try:
             for goal, at in zip(self.goals, self.bounds, strict=True):
                 entries = [(*bound.measure(loop), loop) for bound, loop in zip(at, loops, strict=True)]

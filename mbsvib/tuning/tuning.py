@@ -153,7 +153,8 @@ def _problem(plant: Any, structure: Any, goals: tuple[Goal, ...], parameters: Ma
     systems = [linearized(part) for part in plants]
     known = as_tunable(structure).for_ports(systems[0].inputs, systems[0].outputs)
     rate = float(np.exp(np.mean([np.log(mean_rate(system.poles())) for system in systems])))
-    scenes, own = [], []
+    scenes: list[Any] = []
+    own: list[Any] = []
     for part, system in zip(plants, systems, strict=True):
         for kind, names, has in (("actuator", known.outputs, system.inputs), ("sensor", known.inputs, system.outputs)):
             for name in names:
