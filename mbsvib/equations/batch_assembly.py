@@ -24,7 +24,7 @@ from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.geometry_plan import geometry_plan
-from mbsvib.equations.inertia import check_mass
+from mbsvib.equations.inertia import check_masses
 from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.massless_tangents import condensed_along
 from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
@@ -35,7 +35,7 @@ from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.errors import SingularPoseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -60,8 +60,6 @@ B = TypeVar("B", bound=BatchEquations)
 
 # Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
 CHUNK = 2**19
-# Variants with smaller pivots of the scaled mass matrix are checked as single systems, with a lower limit.
-SUSPECT_MASS = 1e-12
 
 
 def linearize_batch(
@@ -384,7 +382,7 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
         rows = minimal_rows(scene, relative, reduction)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     if nominal.provenance.separation is None and not stepped:
-        _check_masses(terms.M, nominal.coordinates, first)
+        check_masses(terms.M, nominal.coordinates, first)
     loaded: tuple[LoadedPairs, Array] | None = None
     if scene.loads is not None:
         terms, pairs, multipliers = with_loads_of_variants(
@@ -398,22 +396,3 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     if any(spin):
         terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
     return _Assembled(plan, scene, reduction, terms, first, lost, decided)
-
-
-def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
-    """Refuse variants in which the motion of a coordinate moves no mass, by index."""
-    if mass.ndim == 2 or not names:
-        return
-    diagonal = np.einsum("vii->vi", mass)
-    try:
-        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # times the diagonal
-        suspects = np.flatnonzero((pivots < SUSPECT_MASS * diagonal).any(axis=1))
-    except np.linalg.LinAlgError:
-        suspects = np.arange(len(mass))
-    for i in suspects.tolist():
-        try:
-            check_mass(mass[i], names)
-        except ModelError as error:
-            raise ModelError(f"variant {first + i}: {error} All variants of a batch have the same motions without "
-                             f"mass, and the nominal model has none.", element=error.element) from error  # fmt: skip
-

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
 
+# Variants with smaller pivots of the scaled mass matrix are checked as single systems, with a lower limit.
+SUSPECT_MASS = 1e-12
 _TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
@@ -109,3 +111,21 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
         f"motions without mass follow from statics where springs and dampers hold them.",
         element=names[lowest],
     )  # fmt: skip
+
+
+def check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
+    """Refuse variants in which the motion of a coordinate moves no mass, by index."""
+    if mass.ndim == 2 or not names:
+        return
+    diagonal = np.einsum("vii->vi", mass)
+    try:
+        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # times the diagonal
+        suspects = np.flatnonzero((pivots < SUSPECT_MASS * diagonal).any(axis=1))
+    except np.linalg.LinAlgError:
+        suspects = np.arange(len(mass))
+    for i in suspects.tolist():
+        try:
+            check_mass(mass[i], names)
+        except ModelError as error:
+            raise ModelError(f"variant {first + i}: {error} All variants of a batch have the same motions without "
+                             f"mass, and the nominal model has none.", element=error.element) from error  # fmt: skip
