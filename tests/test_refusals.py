@@ -90,8 +90,6 @@ REFUSALS = [
     (lambda: isolation.study(HEXAPOD, "platform", frequencies=[1.0]).under({"z": -1.0}), r"level = -1; expected a"),
     (lambda: isolation.struts(legless(), "top"), r"struts: model 'table' has no line springs"),
     (on_the_axis, r"ring: start of leg 'leg' is on the axis, and has no direction to move in"),
-    (lambda: noise(spectra={"x": 1e-5, "y": isolation.shaped([5], [1, 5])}, correlation=[[1, 0.5], [0.5, 1]]),
-     r"correlated noise of different shapes has no moments in closed form; give a band"),
     (lambda: studies.largest(), r"largest: quantities = \(\); expected at least one quantity"),
     (lambda: studies.placement({1: -3.0}), r"frequencies \[Hz\] above 0"),
     (lambda: studies.gain("a", "b", ["high"]), r"gain: frequencies = \['high'\]; expected frequencies \[Hz\]"),

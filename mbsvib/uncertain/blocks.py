@@ -119,12 +119,16 @@ def _units(linear: Any, blocks: list[Block]) -> Array:
     """
     sizes = [block.repetitions for block in blocks]
     owner, r = np.repeat(np.arange(len(blocks)), sizes), sum(sizes)
-    speed = np.abs(linear.poles())
-    typical = float(np.median(speed[speed > 0.0])) if (speed > 0.0).any() else 1.0
-    response = np.abs(linear.frequency_response(OFF_POLES * typical)[:r, :r]).max(axis=2)
+    response = np.abs(linear.frequency_response(OFF_POLES * _typical_speed(linear))[:r, :r]).max(axis=2)
     together = np.zeros((len(blocks), len(blocks)))
     np.maximum.at(together, (owner[:, None], owner), response)
     return balancing(together.astype(complex), len(blocks))[owner]
+
+
+def _typical_speed(system: Any) -> float:
+    """The median of the absolute values of poles that are not zero [rad/s]; 1 if there is none."""
+    speed = np.abs(system.poles())
+    return float(np.median(speed[speed > 0.0])) if (speed > 0.0).any() else 1.0
 
 
 def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array, Array]:
@@ -136,15 +140,15 @@ def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array,
                       [slope["Ca"], slope["Cv"], slope["Cq"], slope["D"]]])  # fmt: skip
     m = system.dof
     mass = np.sqrt(np.maximum(np.diagonal(system.M), np.finfo(float).tiny))
-    speed = float(np.median(np.abs(system.poles()))) or 1.0
+    speed = _typical_speed(system)
     rows = np.concatenate((mass, np.ones(len(whole) - m)))
     columns = np.concatenate((mass, speed * mass, speed**2 * mass, np.ones(whole.shape[1] - 3 * m)))
     scaled = whole / rows[:, None] / columns
     # ports have units of their own
-    of_rows, of_columns = (np.maximum(np.abs(scaled).max(axis=axis), np.finfo(float).tiny) for axis in (1, 0))
+    of_rows, of_columns = (np.abs(scaled).max(axis=axis, initial=np.finfo(float).tiny) for axis in (1, 0))
     of_rows[:m], of_columns[: 3 * m] = 1.0, 1.0
     u, sizes, v = np.linalg.svd(scaled / of_rows[:, None] / of_columns)
-    rank = int((sizes > ZERO_BLOCK * sizes[0]).sum()) if sizes[0] else 0
+    rank = int((sizes > ZERO_BLOCK * sizes[0]).sum()) if sizes.any() else 0
     if not rank:
         raise ModelError(f"uncertain: '{name}' changes nothing in '{system.name}'; leave it out.", element=name)
     root = np.sqrt(sizes[:rank])

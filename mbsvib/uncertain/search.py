@@ -165,14 +165,19 @@ def _negative(measured: tuple[float, Array], unit: float) -> tuple[float, Array]
 
 
 def growth(space: Matrices) -> tuple[float, Array]:
-    """Return the largest real part of the eigenvalues of A [1/s], and its gradient to [A B; C D]."""
+    """Return the largest real part of the eigenvalues of A [1/s], and its gradient to [A B; C D].
+
+    It is minus infinity where there is no state.
+    """
     from scipy.linalg import eig
 
     a, b, c, _ = space
+    gradient = np.zeros((len(a) + len(c), len(a) + b.shape[1]))
+    if not len(a):
+        return -np.inf, gradient
     values, left, right = eig(a, left=True)
     k = int(np.argmax(values.real))
     y, x = left[:, k], right[:, k]
-    gradient = np.zeros((len(a) + len(c), len(a) + b.shape[1]))
     gradient[: len(a), : len(a)] = (np.outer(y.conj(), x) / (y.conj() @ x)).real
     return float(values[k].real), gradient
 

@@ -104,6 +104,21 @@ def linear_range(system):
         return system.linear_range()
 
 
+def noise(system):
+    return dict.fromkeys(system.inputs, 1.0)
+
+
+def uncertain_masses(system):
+    """A mass matters to the force in the foot alone."""
+    if "f" not in system.outputs or "floor" not in system.inputs:
+        with pytest.raises(mv.ModelError, match="changes nothing"):
+            system.uncertain({"*.mass": (0.0, 10.0) if "n.mass" in system.parameters else 0.1})
+        return None
+    plant = system.uncertain({"*.mass": 0.1})
+    results = plant, plant.robust_stability(), plant.worst_gain(), plant.worst_rms("x", noise(system))
+    return [str(result) for result in results]
+
+
 VERBS = {
     "modes": lambda s: [str(s.modes()), s.modes(1), s.modes(2, near=3.0), s.modes(rtol=1e-13), s.modes().table()],
     "poles": lambda s: s.poles(),
@@ -130,9 +145,18 @@ VERBS = {
     "matrix_derivatives": lambda s: s.matrix_derivatives(),
     "h2_norm": finite_h2_norm,
     "hinf_norm": lambda s: s.hinf_norm(),
+    "psd": lambda s: s.psd(None, noise(s), [1.0, 2.0]),
+    "rms": lambda s: [s.rms(None, noise(s)), s.rms(None, noise(s), band=(1.0, 10.0))],
+    "budget": lambda s: str(s.budget(noise(s), band=(1.0, 10.0))),
+    "uncertain": lambda s: uncertain_masses(s),
 }  # fmt: skip
 # What needs an input and an output.
-OF_PORTS = {"reachable", "frequency_response_sensitivities", "compliance_sensitivities", "h2_norm", "hinf_norm"}
+OF_PORTS = {"reachable", "frequency_response_sensitivities", "compliance_sensitivities", "h2_norm", "hinf_norm",
+            "psd", "rms", "budget"}  # fmt: skip
+
+
+NO_PORTS = (r"no (in|out)puts are asked for, which leaves nothing of 'locked'|'locked' has no outputs; add one by"
+            r"|expected the density of each input that is driven")  # fmt: skip
 
 
 def verbs(kind):
@@ -148,7 +172,7 @@ def test_every_question_has_an_answer(scene):
         if ports or verb not in OF_PORTS:
             ask(system)
             continue
-        with pytest.raises(mv.ResponseError, match=r"no (in|out)puts are asked for, which leaves nothing of 'locked'"):
+        with pytest.raises(mv.ResponseError, match=NO_PORTS):
             ask(system)
 
 
@@ -225,3 +249,12 @@ def test_sparse():
     asked = {"modes", "reduced", "state_space", "time_response", "frequency_response", "static_compliance", "reachable",
              "explain", "mode_sensitivities", "with_ports"}  # fmt: skip
     assert verbs(SparseSystem) == asked | {"truncation_error"}
+
+
+def test_worst_gain_is_that_of_the_largest_masses():
+    """The foot carries F - m a, the masses are at most 2.2 and 3.3 kg; nothing moves, so that nothing is unstable."""
+    plant = locked().linearize().uncertain({"*.mass": 0.1})
+    worst, expected = plant.worst_gain(), np.linalg.norm([[0, 1], [1, -5.5]], 2)
+    assert worst.lower == pytest.approx(expected, rel=1e-12)
+    assert expected <= worst.upper <= 1.002 * expected
+    assert plant.robust_stability().upper == np.inf

@@ -47,6 +47,23 @@ def test_correlated_directions_of_a_platform():
     assert not np.allclose(list(first.stroke.values()), list(study.under(spectra).stroke.values()), rtol=1e-3)
 
 
+def test_correlated_directions_of_different_shapes():
+    """The cross spectrum is 0.5 sqrt(Sx Sy), which no filter has: an integral over the logarithm of frequency."""
+    study = isolation.study(library.cubic_hexapod(damping=300.0), "platform", frequencies=[1.0, 10.0])
+    result = study.under({"x": 1e-5, "y": isolation.shaped([5], [1, 5])}, [[1, 0.5], [0.5, 1]])
+    assert not result.exact
+    x, y = (study.linear.inputs.index(f"base.{d}") for d in "xy")
+    ends = np.linspace(np.log(1e-9), np.log(1e7), 600)
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    half = 0.5 * np.diff(ends)[:, None]
+    omega = np.exp(ends[:-1, None] + half * (1.0 + nodes)).ravel()
+    g = study.linear.frequency_response(omega)[study.linear.outputs.index("leg1.k.stroke")]
+    sx, sy = 1e-5, 25.0 / (25.0 + omega**2)
+    density = np.abs(g[x]) ** 2 * sx + np.abs(g[y]) ** 2 * sy + (g[x].conj() * g[y]).real * np.sqrt(sx * sy)
+    expected = density * omega / (2 * np.pi) @ (half * weights).ravel()
+    assert result.stroke["leg1.k"] ** 2 == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("phase", [np.exp(0.7j), -1.0, 1.0])
 def test_directions_of_one_source_add_as_amplitudes(phase):
     """x is the source times a phase, y the source times 2, whose density is 1e-4 f / 5 from 5 to 500 Hz."""
