@@ -170,9 +170,11 @@ def test_the_site_is_built(tmp_path):
     pages = (tmp_path / "reference").glob("*/index.html")
     full = {name for page in pages for name in re.findall(r'id="(mbsvib[^"]*)"', page.read_text(encoding="utf-8"))}
     rendered = {name.rpartition(".")[2] for name in full}
-    parts = "studies", "library", "plots", "isolation", "report"
+    parts, words = ("studies", "library", "plots", "isolation", "report"), ("tunable", "goals")
+    for word in words:
+        assert {f"mbsvib.tuning.{word}.{name}" for name in import_module(f"mbsvib.tuning.{word}").__all__} <= full
     for package in ("mbsvib", *(f"mbsvib.{part}" for part in parts), "mbsvib_export"):
-        public = set(import_module(package).__all__) - {"__version__", *parts}
+        public = set(import_module(package).__all__) - {"__version__", *parts, *words}
         assert public <= rendered, f"{package}: not in the reference: {sorted(public - rendered)}"
     missing = {f"{name}.{member}" for name in full for member in _members(name)} - full
     assert not missing, f"not in the reference: {sorted(missing)}"

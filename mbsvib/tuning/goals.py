@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
     Measured = tuple[float, Callable[[], Array]]
 
-# Poles vibrate if their imaginary part is above this share of their magnitude.
-VIBRATES = 1e-9
+__all__ = ["Goal", "damping", "hinf", "margin", "rms"]
+
+VIBRATES = 1e-9  # share of the magnitude of a pole, above which an imaginary part is a vibration
 
 
 class Goal(Displayed, ABC):
@@ -377,8 +378,7 @@ def margin(least: float) -> Goal:
 
 
 def _positive(value: Any, who: str, field: str) -> float:
-    number = check.number(value, f"goals.{who}", field)
-    if not number > 0.0:
+    if not (number := check.number(value, f"goals.{who}", field)) > 0.0:
         raise check.refuse(f"goals.{who}", field, value, "a positive number")
     return number
 

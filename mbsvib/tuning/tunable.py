@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     Given = Mapping[str, Any] | None
 
+__all__ = ["diagonal", "gain", "lead_lag", "notch", "pid", "state_space"]
+
+
 def _part(form: type[Part], outputs: Names, inputs: Names, name: str | None, start: Given, bounds: Given,
           **more: Any) -> Part:  # fmt: skip
     who = f"tunable.{form.kind}"
