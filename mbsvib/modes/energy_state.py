@@ -76,6 +76,11 @@ class EnergyState:
         return len(self.basis) - len(self.scale)
 
     @property
+    def motion(self) -> Array:
+        """Motions in the basis (m, n): q = basis @ motion @ x."""
+        return _motion(self.scale, len(self.basis))
+
+    @property
     def long(self) -> bool:
         """Whether a chain of the eigenvalue 0 is longer than two, as that of a rocket whose thrust turns along."""
         return bool((self.nilpotent @ self.nilpotent).any())
@@ -97,9 +102,6 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     coupling = stiffness.copy()
     coupling[np.arange(p), np.arange(p)] -= square
     a, force = _first_order(stiffness, damping, scale, n1)
-    show = np.zeros((m, 2 * p + n1))
-    show[np.arange(p), np.arange(p)] = 1.0 / scale
-    show[p:, 2 * p :] = np.eye(n1)
     position, rate = np.zeros((2 * p + n1, m)), np.zeros((2 * p + n1, m))
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
     null = _null_spaces(system, basis, back, stiffness, undamped_modes.rigid)
@@ -112,8 +114,16 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     conservative = bool(no_damping and not n1 and (square >= 0.0).all())
     reduction = min((group.retained for group in system.provenance.reduction.groups), default=1.0)
     uncertainty = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
-    return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, conservative, right, left, nilpotent,
-                       null[0].shape[1], count, uncertainty, basis, square, damping, coupling)  # fmt: skip
+    return EnergyState(a, basis @ _motion(scale, m), force @ basis.T, position, rate, scale, conservative, right, left,
+                       nilpotent, null[0].shape[1], count, uncertainty, basis, square, damping, coupling)  # fmt: skip
+
+
+def _motion(scale: Array, m: int) -> Array:
+    p = len(scale)
+    result = np.zeros((m, m + p))
+    result[np.arange(p), np.arange(p)] = 1.0 / scale
+    result[p:, 2 * p :] = np.eye(m - p)
+    return result
 
 
 def _resists(system: Equations) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.linalg.qr import gram_solution
+from mbsvib.responses.general_terms import cleaned
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -27,7 +28,8 @@ RATE_UNITS = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 @dataclass(frozen=True, slots=True)
 class FirstOrder:
     """x' = A x + B u,  (q, q') = T x + U u: ``a`` (n, n), ``b`` (n, inputs), ``transform`` T (2m, n) and ``through`` U
-    (2m, inputs), with names and units of the states.
+    (2m, inputs), with names and units of the states. ``carried`` (m - massless, n) are the rates w that move mass; None
+    stands for all rates.
     """
 
     a: Array
@@ -36,6 +38,19 @@ class FirstOrder:
     through: Array
     names: tuple[str, ...]
     units: tuple[str, ...]
+    carried: Array | None = None
+
+    def accelerations(self, system: Equations) -> tuple[Array, Array]:
+        """Return factors of the accelerations that outputs see, Ca q'' = L R x': L (outputs, m) and R (m, n).
+
+        Ca q'' = (Ca E) w' + (Ca N) p', in which Ca N is 0 where it is rounding: p' is large where a damper is weak.
+        """
+        rate = self.transform[system.dof :]
+        if self.carried is None or system.null_inertia is None:
+            return system.Ca, rate
+        independent, dependent = independent_coordinates(system.null_inertia)
+        return (np.concatenate((system.Ca[:, dependent], cleaned(system.Ca, system.null_inertia)), axis=1),
+                np.concatenate((self.carried, rate[independent])))  # fmt: skip
 
 
 def physical(system: Equations) -> FirstOrder:
@@ -69,7 +84,9 @@ def physical(system: Equations) -> FirstOrder:
         a[m:], b[m:] = solution[:, :n], solution[:, n:]
     rates = [rate_name(system.coordinates, null, i) for i in dependent.tolist()]
     units = tuple(RATE_UNITS[system.coordinate_units[i]] for i in dependent.tolist())
-    return FirstOrder(a, b, transform, through, system.coordinates + tuple(rates), system.coordinate_units + units)
+    carried = np.eye(len(dependent), n, m)
+    return FirstOrder(a, b, transform, through, (*system.coordinates, *rates), (*system.coordinate_units, *units),
+                      carried)  # fmt: skip
 
 
 def rate_name(coordinates: tuple[str, ...], null: Array, dependent: int) -> str:

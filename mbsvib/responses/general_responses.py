@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.memory import BATCH_BYTES
+from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned
@@ -50,8 +51,9 @@ def realization(system: Equations, state: EnergyState) -> Realization:
     """
     rate = state.show @ state.a
     e1, e2 = asymptotic_terms(state)
-    c = system.Cq @ state.show + system.Cv @ rate + system.Ca @ (rate @ state.a)
-    improper = cleaned(system.Ca @ state.basis, e1, state.basis.T @ system.B)
+    seen, b = _in_basis(system, state)
+    c = system.Cq @ state.show + system.Cv @ rate + seen @ (state.motion @ state.a @ state.a)
+    improper = cleaned(seen, e1, b)
     if improper.any():
         i, j = np.argwhere(improper)[0]
         raise ResponseError(
@@ -59,10 +61,21 @@ def realization(system: Equations, state: EnergyState) -> Realization:
             f"'{system.inputs[j]}', which no proper system has; give the body it is measured on a mass, or ask for "
             f"its velocity."
         )
-    b = state.basis.T @ system.B
     d = system.D + cleaned(system.Cv @ state.basis, e1, b)
-    d = cleaned(system.Ca @ state.basis, e2, b, direct=system.D) + (d - system.D)
+    d = cleaned(seen, e2, b, direct=system.D) + (d - system.D)
     return Realization(state.a, state.force @ system.B, c, d)
+
+
+def _in_basis(system: Equations, state: EnergyState) -> tuple[Array, Array]:
+    """Accelerations that outputs see (outputs, m) and forces of inputs (m, inputs) in the basis, with zeros where
+    massless motions are not seen or not driven.
+    """
+    seen, b, null = system.Ca @ state.basis, state.basis.T @ system.B, system.null_inertia
+    if null is not None:
+        p = len(state.scale)
+        share = state.basis[independent_coordinates(null)[0], p:]
+        seen[:, p:], b[p:] = cleaned(system.Ca, null) @ share, share.T @ cleaned(null.T, system.B)
+    return seen, b
 
 
 def summable(modal: General) -> bool:

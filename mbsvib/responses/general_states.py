@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.modes.general import rigid_shapes
 from mbsvib.responses.first_order import FirstOrder
+from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
 if TYPE_CHECKING:
@@ -44,7 +46,12 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     back = np.concatenate((state.show, state.show @ state.a))
     through = np.concatenate((np.zeros_like(system.B), state.show @ forces))
     units = tuple(["modal/s" if name.endswith("'") else "modal" for name in names])
-    return FirstOrder(a, b, back @ right, through, tuple(names), units)
+    transform, carried = back @ right, None
+    if system.null_inertia is not None:
+        independent, dependent = independent_coordinates(system.null_inertia)
+        rate = transform[system.dof :]
+        carried = cleaned(-system.null_inertia[dependent], rate[independent], direct=rate[dependent])
+    return FirstOrder(a, b, transform, through, tuple(names), units, carried)
 
 
 def _blocks(modal: General) -> list[tuple[int, Array, Array]]:

@@ -77,9 +77,10 @@ def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     m = system.dof
     q, rate = reduced.transform[:m], reduced.transform[m:]
     through = reduced.through[m:]
-    # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
-    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
-    d = cleaned(system.Ca, rate, reduced.b, direct=system.D + system.Cv @ through)
+    # linearize ensures that no output depends on the rate of an input
+    seen, rates = reduced.accelerations(system)
+    c = system.Cq @ q + system.Cv @ rate + seen @ (rates @ reduced.a)
+    d = cleaned(seen, rates, reduced.b, direct=system.D + system.Cv @ through)
     return form(
         system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
         system.inputs, system.input_units, system.outputs, system.output_units,

@@ -4,11 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpmath import mp
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
 from mbsvib.errors import ResponseError
 from mbsvib.responses.general_responses import solved, trusted
 from tests.modes.test_general import FAMILIES
+from tests.support import fast_digits
 from tests.support import unsymmetric as reference
 from tests.support.sizes import few
 from tests.support.unsymmetric import chain, massless, unsymmetric
@@ -184,3 +188,40 @@ def test_thrust_that_turns_along_beside_a_vibration():
     angle, held, of_load = -1.0 / (3.0 * w**2), 120.0 - 3.0 * w**2, 120.0 - 4.0 * w**2
     np.testing.assert_allclose(system.frequency_response(w)[0, 0], 6.0 * angle * of_load / (held * of_load - 120.0**2),
                                rtol=1e-11)  # fmt: skip
+
+
+def shaft_on_a_node(speed):
+    """A shaft turns on a node without mass, whose own turning is damped so weakly that it comes to rest in 0.1 us."""
+    axes, own = (Rotation.from_rotvec(turn).as_matrix() for turn in ((0.4, -0.7, 0.9), (1, 2, 3)))
+    model, at = mv.Model("shaft"), (-0.45, -0.5, -0.9)
+    model.add_body("base", 2.0, (0.3, 0.4, 0.5), position=(0.1, 0.9, 0.4))
+    model.add_body("node", 0.0, (0, 0, 0), position=(0.16, 0.95, 0.57))
+    model.add_body("shaft", 1.4, (0.056, 0.056, 0.025), position=at, orientation=axes)
+    model.add_joint("bearing", "revolute", "node", "shaft", position=at, axis=axes[:, 2])
+    model.add_bushing("feet", "ground", "base", position=(0, 0.1, 0), stiffness=(3e4, 4e4, 5e4, 300, 400, 500),
+                      damping=(30, 40, 50, 0.3, 0.4, 0.5))  # fmt: skip
+    model.add_bushing("tie", "base", "node", position=(0.1, 0.92, 0.55), orientation=own,
+                      stiffness=(34475, 4004, 25282, 230, 38, 125), damping=(3e-3, 4e-4, 2e-3, 2e-5, 4e-6, 1e-5))
+    model.add_torsion_spring("brake", "base", "shaft", axes[:, 2], stiffness=20.0, damping=0.1)
+    if speed:
+        model.add_rotor("spin", "shaft", axis=axes[:, 2], inertia=0.02, speed=speed)
+    model.add_input("F", "shaft", (-0.3, 0.5, 2.3), position=(-0.2, -0.57, -0.95))
+    model.add_base_motion("floor", "z")
+    model.add_force_output("ground", "ground", (-0.99, -0.95, 1.4))
+    return model
+
+
+@pytest.mark.parametrize("speed", [0.0, 50.0])
+def test_forces_beside_a_motion_without_mass_that_comes_to_rest_at_once(speed):
+    """Sums of forces do not see its acceleration, which is 1e14 times its angle: rounding of that is no force."""
+    system, omega = shaft_on_a_node(speed).linearize(), 3.3
+    assert np.abs(system.poles()).max() > 1e7
+    space, time, loads = system.state_space(), np.linspace(0.0, 0.5, 6), np.ones((2, 6))
+    with mp.workdps(40):
+        s = mp.mpc(0, omega)
+        m, c, k, b, cq, cv, ca, d = (mp.matrix(getattr(system, name).tolist()) for name in
+                                     ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D"))  # fmt: skip
+        exact = (cq + s * cv + s * s * ca) * fast_digits.solve(k + s * c + s * s * m, b) + d
+        exact = np.array(exact.tolist(), dtype=complex)
+    assert_allclose(space.frequency_response([omega])[0, :, 0], exact[0], rtol=1e-9)
+    assert_allclose(system.time_response(time, loads), space.time_response(time, loads), rtol=1e-7, atol=1e-12)
