@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     Measured = tuple[float, Callable[[], Array]]
 
-__all__ = ["Goal", "damping", "hinf", "margin", "rms"]
+__all__ = ["damping", "hinf", "margin", "rms"]
 
 VIBRATES = 1e-9  # share of the magnitude of a pole, above which an imaginary part is a vibration
 
