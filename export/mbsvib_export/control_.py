@@ -10,6 +10,7 @@ from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import linear_of, refusal, state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import discretised
+from mbsvib_export.uncertain_ import centred, is_uncertain, refuse_steps
 
 if TYPE_CHECKING:
     import control
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.controller import Controller
     from mbsvib.feedback.feedback_loop import FeedbackLoop
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib.uncertain.plant import UncertainPlant
     from mbsvib_export.neutral import Source
 
 
@@ -32,7 +34,7 @@ SAME = 1e-9  # share by which two sample times may differ and be one
 
 @overload
 def to_control(
-    system: Source | FeedbackLoop, realization: str = ...,
+    system: Source | FeedbackLoop | UncertainPlant, realization: str = ...,
     dt: float | None = ..., *, method: str | None = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
@@ -45,7 +47,7 @@ def to_control(
 
 
 def to_control(
-    system: Source | FeedbackLoop | Batch, realization: str = "physical",
+    system: Source | FeedbackLoop | UncertainPlant | Batch, realization: str = "physical",
     dt: float | None = None, *, method: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
@@ -60,12 +62,17 @@ def to_control(
     Hessenberg form, which costs the badly scaled physical states of a Stewart platform seven digits, modal and balanced
     ones (physical states times powers of two) none.
 
+    An uncertain plant is M of its linear fractional map: inputs "PARAMETER:w" and outputs "PARAMETER:z", as many as
+    ``plant.blocks`` says, come before those of the plant, w = delta z with delta from -1 at the lower to 1 at the upper
+    limit, 0 in the middle.
+
     Next to a pole at 0 that no response contains, as that of PI on a velocity, python-control's ``dcgain`` is NaN;
     ``system.frequency_response([0.0])`` has the value.
 
     Parameters
     ----------
-    system : System, ClosedLoop, SampledLoop, Controller, StateSpace, control.StateSpace, SystemData or Batch
+    system : System, ClosedLoop, SampledLoop, Controller, StateSpace, control.StateSpace, SystemData,
+            UncertainPlant or Batch
         The equations of motion, a closed loop, or a state space that is ready; a batch gives a list. Of a system that
         is held sparse give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what
         is missing. A sampled loop becomes a discrete system, exact for inputs that are held over each sample.
@@ -106,6 +113,9 @@ def to_control(
     if isinstance(system, Batch):
         return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
                 for variant in system.state_space(realization)]  # fmt: skip
+    if is_uncertain(system):
+        refuse_steps(system, dt, method)  # type: ignore[arg-type]
+        system, outputs, inputs = centred(system, realization, outputs, inputs), None, None  # type: ignore[arg-type]
     if isinstance(system, SampledLoop):
         space: Any = system.with_ports(outputs, inputs)
         loop = space.sample_to_sample

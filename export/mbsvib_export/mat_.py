@@ -5,6 +5,7 @@
     mech.M .C .K .B .F .G .D                 M q'' + C q' + K q = B u, y = F q + G q' + D u, as mechss takes it
     mech.CoordinateName .CoordinateUnit      F, G, D are empty where an acceleration cannot be written so
     check.omega (n, 1), .response (outputs, inputs, n), .scale     what the frequency response must be, and its size
+    uncertain.Name .Variable .Unit .Nominal .Range .Half .Repetitions           parameters of an uncertain plant: ureal
     mbsvib                                   all else that ``from_mat`` needs: Cq Cv Ca D, bodies, transform
 
 Octave takes bytes for characters, and those of MATLAB have 16 bits: in names, a character that is not ASCII becomes
@@ -41,6 +42,7 @@ from mbsvib_export.responses import (
     second_order_response,
     state_space_response,
 )
+from mbsvib_export.uncertain_ import is_uncertain, matlab_parameters, with_channels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace as FirstOrder
+    from mbsvib.uncertain.plant import UncertainPlant
     from mbsvib_export.neutral import Source
 
 
@@ -58,18 +61,20 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 
 
 def to_mat(
-    system: Source, path: str | os.PathLike[str],
+    system: Source | UncertainPlant, path: str | os.PathLike[str],
     realization: str = "physical", loader: bool = True,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.
 
     ``[plant, mech] = load_stewart()`` gives an ``ss`` and a ``mechss`` object (in Octave ``ss`` of its package control,
-    without it a struct) after comparing their frequency response with that in the file.
+    without it a struct) after comparing their frequency response with that in the file. Of an uncertain plant it gives
+    a ``uss`` object where MATLAB has them; the equations in the file have inputs "PARAMETER.w" and outputs
+    "PARAMETER.z" before all others, w = (p - nominal) / half z, and ``uncertain`` has the parameters.
 
     Parameters
     ----------
-    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace, SystemData or UncertainPlant
         The equations of motion, or first-order equations alone, which make no ``mechss`` object.
     path : str or path
         File to write; its name ends in .mat.
@@ -92,12 +97,15 @@ def to_mat(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
+    plant: Any = system if is_uncertain(system) else None
+    system = with_ports(system, outputs, inputs) if plant is None else with_channels(plant, outputs, inputs)
     data = data_of(system, realization, "to_mat")
     if isinstance(data, SystemData):
         content = _content(data, system if isinstance(system, System) else None)
     else:
         content = _space_content(data)
+    if plant is not None:
+        content["uncertain"] = matlab_parameters(plant, _Words().cells)
     from scipy.io import savemat
 
     stream = BytesIO()

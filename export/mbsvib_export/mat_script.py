@@ -8,7 +8,7 @@ _TEXT = """\
 function [plant, mech, worst] = {function}(file)
 %{upper}  Rebuild the system {system} of {file} with its names, and check it.
 %
-%   plant          ss object, SI units and radians; a struct of the matrices where there is no ss
+%   plant          ss object, SI units and radians, uss of an uncertain plant; a struct where there is no ss
 %   mech           mechss object (R2020b and later), else a struct: M q'' + C q' + K q = B u, y = F q + G q' + D u
 %   worst          largest relative error of the frequency response against the points kept in the file
 %
@@ -41,6 +41,9 @@ if exist('ss') > 0
     plant = ss(data.A, data.B, data.C, data.D, 'Name', data.Name, 'StateName', data.StateName, ...
         'StateUnit', data.StateUnit, 'InputName', data.InputName, 'InputUnit', data.InputUnit, ...
         'OutputName', data.OutputName, 'OutputUnit', data.OutputUnit);
+    if isfield(data, 'uncertain') && exist('ureal') > 0
+        plant = uncertain_plant(plant, data.uncertain);
+    end
 else
     plant = data;
 end
@@ -52,6 +55,20 @@ if exist('mechss') > 0 && ~isempty(data.mech.F)
     mech.OutputName = data.OutputName;
     mech.OutputUnit = data.OutputUnit;
 end
+end
+
+function plant = uncertain_plant(plant, p)
+delta = cell(numel(p.Nominal), 1);
+for k = 1:numel(delta)
+    parameter = ureal(p.Variable{{k}}, p.Nominal(k), 'Range', p.Range(k, :));
+    delta{{k}} = (parameter - p.Nominal(k)) / p.Half(k) * eye(p.Repetitions(k));
+end
+count = sum(p.Repetitions) + 1;
+inputs = plant.InputName(count:end);
+outputs = plant.OutputName(count:end);
+plant = lft(blkdiag(delta{{:}}), plant);
+plant.InputName = inputs;
+plant.OutputName = outputs;
 end
 
 function data = with_names(data)

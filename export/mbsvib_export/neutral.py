@@ -240,6 +240,9 @@ def refusal(source: object, caller: str, expected: str, fault: str = "") -> Expo
     if kind == "Batch":
         return ExportError(f"{caller}: '{name}' is a batch of {len(source)} variants; export them one by one, "  # type: ignore[arg-type]
                            f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
+    if kind_of(source) == "uncertain plant":
+        return ExportError(f"{caller}: '{name}' is uncertain; export it at values of its parameters, "
+                           f"{caller}(plant.at(values)), or all of it by to_mat or to_control.")  # fmt: skip
     return ExportError(f"{caller}: {fault or f'system = {kind}'}; expected {expected}.")
 
 

@@ -50,7 +50,7 @@ class Block:
         return 0.5 * (self.high - self.low)
 
     @property
-    def limits(self) -> tuple[float, float]:
+    def changes(self) -> tuple[float, float]:
         """Changes to the lower and the upper limit, in units of half the width."""
         return (self.low - self.nominal) / self.half, (self.high - self.nominal) / self.half
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -24,14 +24,17 @@ if TYPE_CHECKING:
 class UncertainPlant(Displayed):
     """A system or a loop whose parameters lie within limits: each enters as w = delta z, as often as its rank.
 
-    ``nominal`` is the plant at the values of the model, ``limits`` {parameter: (lower, upper)}. ``linear`` is the same
+    ``nominal`` is the plant at the values of the model, ``limits`` {parameter: (lower, upper)}, ``parameters`` all that
+    is known of each. ``linear`` is the same
     with the inputs "PARAMETER.w" and outputs "PARAMETER.z" of changes in units of half their width, before its own.
     (MATLAB: ``uss``.)
     """
 
+    kind: ClassVar[str] = "uncertain plant"
+
     nominal: Any
     linear: Any
-    _blocks: tuple[Block, ...] = field(repr=False)
+    parameters: tuple[Block, ...] = field(repr=False)
     _loops: tuple[dict[str, Any], ...] = field(default=(), repr=False)
     _origin: Any = field(default=None, repr=False)
 
@@ -43,12 +46,12 @@ class UncertainPlant(Displayed):
     @property
     def blocks(self) -> dict[str, int]:
         """How often each uncertain parameter enters, {parameter: repetitions}."""
-        return {block.name: block.repetitions for block in self._blocks}
+        return {block.name: block.repetitions for block in self.parameters}
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Limits of each parameter, {parameter: (lower, upper)}."""
-        return {block.name: (block.low, block.high) for block in self._blocks}
+        return {block.name: (block.low, block.high) for block in self.parameters}
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -111,9 +114,9 @@ class UncertainPlant(Displayed):
         """
         check.count(n, "sample", "n", 1)
         rng = np.random.default_rng(check.count(seed, "sample", "seed", 0))
-        share = rng.random((n, len(self._blocks)))
-        return [self.at({block.name: block.low + x * (block.high - block.low)
-                         for block, x in zip(self._blocks, row.tolist(), strict=True)}) for row in share]  # fmt: skip
+        share = rng.random((n, len(self.parameters)))
+        return [self.at({name: low + x * (high - low) for (name, (low, high)), x in
+                         zip(self.limits.items(), row.tolist(), strict=True)}) for row in share]  # fmt: skip
 
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None,
@@ -235,13 +238,13 @@ class UncertainPlant(Displayed):
             Title, columns, rows and notes.
         """
         rows = [(block.name, f"{block.low:.6g}", f"{block.nominal:.6g}", f"{block.high:.6g}", block.unit,
-                 str(block.repetitions)) for block in self._blocks]  # fmt: skip
+                 str(block.repetitions)) for block in self.parameters]  # fmt: skip
         columns: list[tuple[str, Any]] = [("parameter", "left"), ("lower", "right"), ("nominal", "right"),
                                           ("upper", "right"), ("unit", "left"), ("repetitions", "right")]  # fmt: skip
         return {"title": f"Uncertain {self.name}", "columns": columns, "rows": rows, "notes": []}
 
     def __repr__(self) -> str:
-        return f"UncertainPlant({self.name!r}: {counted(len(self._blocks), 'parameter')}, " \
+        return f"UncertainPlant({self.name!r}: {counted(len(self.parameters), 'parameter')}, " \
                f"{counted(sum(self.blocks.values()), 'channel')})"  # fmt: skip
 
 

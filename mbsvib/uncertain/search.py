@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closing import Matrices
-    from mbsvib.uncertain.blocks import Block
 
     Measure = Callable[["Matrices"], "tuple[float, Array]"]
 
@@ -140,23 +139,17 @@ class Perturbed:
 
 def perturbed(plant: Any, outputs: Names = None, inputs: Names = None) -> Perturbed:
     """Return the equations that changes of parameters close, from some inputs to some outputs."""
-    space, r, blocks = first_order(plant.linear), sum(plant.blocks.values()), uncertain_blocks(plant)
+    space, r, blocks = first_order(plant.linear), sum(plant.blocks.values()), plant.parameters
     o, i = port_numbers(outputs, inputs, (space.outputs[r:], space.inputs[r:]), plant.name)
     owner = np.repeat(np.arange(len(blocks)), [block.repetitions for block in blocks])
-    return Perturbed((space.A, space.B, space.C, space.D), owner, np.array([block.limits for block in blocks]),
+    return Perturbed((space.A, space.B, space.C, space.D), owner, np.array([block.changes for block in blocks]),
                      [r + k for k in o], [r + k for k in i])  # fmt: skip
 
 
 def values_at(plant: Any, delta: Array) -> dict[str, float]:
     """Return the values of the parameters for changes delta (parameters,) in units of half their width."""
     return {block.name: block.nominal + block.half * d for block, d in
-            zip(uncertain_blocks(plant), np.asarray(delta).tolist(), strict=True)}  # fmt: skip
-
-
-def uncertain_blocks(plant: Any) -> tuple[Block, ...]:
-    """Return the uncertain parameters of a plant."""
-    blocks: tuple[Block, ...] = plant._blocks  # noqa: SLF001
-    return blocks
+            zip(plant.parameters, np.asarray(delta).tolist(), strict=True)}  # fmt: skip
 
 
 def _negative(measured: tuple[float, Array], unit: float) -> tuple[float, Array]:
