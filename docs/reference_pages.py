@@ -74,8 +74,9 @@ def commands_page() -> str:
 
 
 def _option(argument) -> str:
-    value = f" {argument.settings['metavar']}" if argument.takes_value else ""
-    return ", ".join(argument.names) + value
+    names = argument.settings.get("metavar", ())
+    words = [names] if isinstance(names, str) else list(names)
+    return " ".join([", ".join(argument.names), *(words if argument.takes_value else [])])
 
 
 def files_page() -> str:

@@ -10,6 +10,7 @@ from mbsvib.cli._arguments import (
     JSON,
     MODEL,
     OUTPUTS,
+    Argument,
     Command,
     ModelFile,
     file_argument,
@@ -37,16 +38,15 @@ def budget(
 ) -> None:  # fmt: skip
     """Print which source of noise contributes how much to the root mean square of each output."""
     check_format(file)
-    plant = loop_of(model, controllers or [], rate, delay)
-    spectra: dict[str, Any] = {}
-    for text in noise:
-        pattern, _, word = text.partition("=")
-        if not pattern or not word:
-            raise shell.UsageProblem(f"--noise '{text}': expected {EXAMPLE}.")
-        if pattern in spectra:
-            raise shell.UsageProblem(f"--noise '{text}': '{pattern}' has noise already; give one of them.")
-        spectra[pattern] = density_of(word, units_of(plant, pattern))
-    result = plant.budget(spectra, outputs or None, band, weighting=weighting)
+    plant = system_of(model)
+    if controllers:
+        loop, rate = closed(plant, controllers, rate)
+        if delay and rate is None:
+            raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
+        plant = loop if rate is None else loop.sampled(rate, delay)
+    elif rate is not None or delay:
+        raise shell.UsageProblem("--rate and --delay are those of a controller; give it by --controller FILE.")
+    result = plant.budget(densities_of(noise, plant), outputs or None, band, weighting=weighting)
     if as_json:
         shell.say_json({
             "name": result.name, "rms": dict(result.rms), "units": dict(result.units), "band": result.band,
@@ -59,13 +59,10 @@ def budget(
         deliver(result.plot(), file, as_json, remark)
 
 
-def loop_of(model: ModelFile, controllers: list[Path], rate: float | None, delay: float) -> Any:
-    """Return the system of a model, or the loop that controllers of files close around it, with their noise."""
-    if not controllers and (rate is not None or delay):
-        raise shell.UsageProblem("--rate and --delay are those of a controller; give it by --controller FILE.")
-    system = system_of(model)
-    if not controllers:
-        return system
+def closed(plant: Any, controllers: list[Path], rate: float | None) -> tuple[Any, float | None]:
+    """Return the loop that controllers of files close around a system or an uncertain plant, with their noise, and the
+    rate [Hz] at which they run, None in continuous time.
+    """
     read = [read_controller(path, None, None, rate) for path in controllers]
     law, rate = read[0]
     if len(read) > 1:
@@ -74,12 +71,31 @@ def loop_of(model: ModelFile, controllers: list[Path], rate: float | None, delay
 
         if (discrete := [path for path, (one, _) in zip(controllers, read, strict=True) if getattr(one, "dt", 0)]):
             raise shell.UsageProblem(f"{discrete[0]} is in discrete time: give no other controller beside it.")
-        laws = [as_controller(one, system) for one, _ in read]
+        laws = [as_controller(one, plant) for one, _ in read]
         law = combined(laws, united(*[one.inputs for one in laws]), united(*[one.outputs for one in laws]))
-    if delay and rate is None:
-        raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
-    loop = system.feedback(law, name=", ".join(path.stem for path in controllers), noise=True)
-    return loop if rate is None else loop.sampled(rate, delay)
+    return plant.feedback(law, name=", ".join(path.stem for path in controllers), noise=True), rate
+
+
+def densities_of(noise: list[str], linear: Any) -> dict[str, Any]:
+    """Return the densities at inputs of texts INPUT=DENSITY."""
+    spectra: dict[str, Any] = {}
+    for pattern, word in pairs(noise, "--noise", EXAMPLE):
+        spectra[pattern] = density_of(word, units_of(linear, pattern))
+    return spectra
+
+
+def pairs(texts: list[str], name: str, expected: str) -> list[tuple[str, str]]:
+    """Return the two sides of texts NAME=VALUE of an option, whose names must differ."""
+    result: dict[str, str] = {}
+    for text in texts:
+        key, _, word = text.partition("=")
+        if not key or not word:
+            raise shell.UsageProblem(f"{name} '{text}': expected {expected}.")
+        if key in result:
+            raise shell.UsageProblem(f"{name} '{text}': '{key}' is there already, as {key}={result[key]}; give one of "
+                                     f"them.")  # fmt: skip
+        result[key] = word
+    return list(result.items())
 
 
 def units_of(linear: Any, pattern: str) -> set[str]:
@@ -134,19 +150,26 @@ def rows_of(path: Path) -> list[tuple[float, float]]:
     return rows
 
 
+def noise_argument(*, required: bool = False) -> Argument:
+    """Return the option ``--noise INPUT=DENSITY``."""
+    return option(
+        "--noise", to="noise", metavar="INPUT=DENSITY", action="append", required=required,
+        words="One-sided density [unit^2/Hz] at an input or a pattern: a number (white noise), a file of two columns "
+              "(frequency [Hz], density), or a curve: VC-A to VC-G, NLNM, NHNM, ISO-C@20 (a road of class C at 20 m/s)"
+              "; may be given several times. With a controller also at SENSOR.noise and ACTUATOR.noise.",
+    )  # fmt: skip
+
+
+CONTROLLERS = option("--controller", to="controllers", metavar="FILE", type=Path, action="append", completes="file",
+                     words="Controller with names of its signals, as of mbsvib loop; may be given several times.",
+                     )  # fmt: skip
 COMMANDS = {"budget": Command(budget, (
-    MODEL,
-    option("--noise", to="noise", metavar="INPUT=DENSITY", action="append", required=True,
-           words="One-sided density [unit^2/Hz] at an input or a pattern: a number (white noise), a file of two "
-                 "columns (frequency [Hz], density), or a curve: VC-A to VC-G, NLNM, NHNM, ISO-C@20 (a road of class C "
-                 "at 20 m/s); may be given several times. With a controller also at SENSOR.noise and ACTUATOR.noise."),
-    OUTPUTS,
+    MODEL, noise_argument(required=True), OUTPUTS,
     option("--band", to="band", metavar=("LOW", "HIGH"), type=number, nargs=2,
            words="First and last frequency [Hz]. Default: all."),
     option("--weighting", to="weighting", metavar="NAME", choices=("Wk", "Wd"),
            words="Weighting of ISO 2631-1 of all outputs."),
-    option("--controller", to="controllers", metavar="FILE", type=Path, action="append", completes="file",
-           words="Controller with names of its signals, as of mbsvib loop; may be given several times."),
+    CONTROLLERS,
     option("--rate", to="rate", metavar="HZ", type=number,
            words="Rate at which the controllers run in discrete time. Default: that of a file with dt or Ts, else "
                  "continuous time."),

@@ -17,7 +17,8 @@ HOMES = {
     "sigma": "_drawing", "step": "_drawing", "draw": "_drawing", "animate": "_drawing", "check": "_looking",
     "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying", "path": "_studying",
     "isolation": "_studying",
-    "loop": "_loops", "budget": "_budgeting", "export": "_exporting", "check-export": "_checking",
+    "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",
+    "export": "_exporting", "check-export": "_checking",
     "cosim": "_cosimulating", "report": "_reporting", "schema": "_looking",
 }  # fmt: skip
 OPTIONS = {

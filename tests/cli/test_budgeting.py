@@ -57,7 +57,7 @@ def test_controllers_add_their_noise(run, tmp_path):
 
 @pytest.mark.parametrize(("line", "words"), [
     ("--noise F", "expected INPUT=VALUE"),
-    ("--noise F=1 --noise F=2", "has noise already"),
+    ("--noise F=1 --noise F=2", "is there already"),
     ("--noise F=VC-Z", "no curve; curves: VC-A"),
     ("--noise F=VC-C", "one of m/s^2, yet the input has the unit N"),
     ("--noise F=ISO-C@fast", "class of roads and a speed"),

@@ -19,6 +19,8 @@ LINES = {
     "equilibrium": "equilibrium slider.yaml", "path": "path slider.yaml rail.z=0:0.1:3",
     "isolation": "isolation quarter_car body",
     "loop": "loop slider.yaml law.json", "budget": "budget slider.yaml --noise F=1",
+    "robust": "robust slider.yaml -l k.stiffness=0.1",
+    "tune": "tune slider.yaml --gain F x --hinf x F --starts 1",
     "export": "export slider.yaml -o slider.npz",
     "check-export": "check-export slider.npz slider.yaml", "report": "report slider.yaml",
     "cosim": None,  # tests/cli/test_cosim.py
