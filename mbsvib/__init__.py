@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
+    from mbsvib.measurement.data import Measurement
+    from mbsvib.measurement.modes import MeasuredModes
     from mbsvib.mjcf import load_mjcf
     from mbsvib.modes.disparity import modal_disparity
-    from mbsvib.responses.measurement import Measurement
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.tuning import goals, tunable, tune
     from mbsvib.urdf import load_urdf
@@ -44,6 +45,7 @@ __all__ = [
     "LargeDisplacementWarning",
     "LeftOutWarning",
     "MbsvibError",
+    "MeasuredModes",
     "Measurement",
     "Model",
     "ModelError",
@@ -79,7 +81,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Measurement": "mbsvib.responses.measurement",
+    "MeasuredModes": "mbsvib.measurement.modes",
+    "Measurement": "mbsvib.measurement.data",
     "Model": "mbsvib.api.model",
     "Modes": "mbsvib.api.modes",
     "Run": "mbsvib.api.run",

@@ -24,7 +24,7 @@ from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.measurement import Measurement
+    from mbsvib.measurement.data import Measurement
     from mbsvib_export.neutral import Source
 
     Model = System | SystemData | StateSpace

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.responses.measurement import Measurement, Point
+    from mbsvib.measurement.data import Measurement
+    from mbsvib.measurement.points import Point
     from mbsvib_export.neutral import Source
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.file_content import ContentError, check_shape
-from mbsvib.responses.measurement import Point
+from mbsvib.measurement.points import Point
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex

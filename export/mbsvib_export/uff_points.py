@@ -16,10 +16,8 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import kind_of
-from mbsvib.elements.body import Body
 from mbsvib.elements.ports import BaseMotion, Input, Output
-from mbsvib.equations.expansion import EXPANSIONS
-from mbsvib.responses.measurement import Point
+from mbsvib.measurement.points import GROUND, Point, body_positions
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
 
-GROUND = "ground"
 # Directions whose length differs from 1 by more are products of a direction and a factor.
 _UNIT = 1e-12
 
@@ -109,10 +106,7 @@ def geometry_of(linear: Any) -> Geometry:
     system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts = system.provenance.parts if isinstance(system, System) else ()
     ports = system.provenance.ports if isinstance(system, System) else ()
-    positions = {part.name: part.position for part in parts if isinstance(part, Body)}
-    for part in parts:
-        if type(part) in EXPANSIONS:
-            positions |= {name: body.position for name, body in EXPANSIONS[type(part)](part, {}).bodies.items()}
+    positions = body_positions(parts)
     numbering = _Numbering(positions)
     for body in getattr(system, "bodies", ()):
         if body in positions:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.file_content import ContentError, check_dense, check_shape
-from mbsvib.responses.measurement import MeasuredMode, Measurement, Node
+from mbsvib.measurement.data import MeasuredMode, Measurement
+from mbsvib.measurement.points import Node, matrix3
 from mbsvib_export.uff_functions import Function, function_of
 from mbsvib_export.uff_records import DataSet, data_sets
 
 if TYPE_CHECKING:
+    from mbsvib.common.arguments import Matrix3
     from mbsvib.common.arrays import Array, Complex
     from mbsvib_export.uff_functions import Axis
 
@@ -105,7 +107,7 @@ def measurement_of(raw: bytes) -> tuple[Measurement, tuple[str, ...]]:
     if unknown:
         content.left_out[f"coordinate system {', '.join(map(str, unknown))}, which is not in the file: taken for that "
                          "of the world"] += 1  # fmt: skip
-    nodes = tuple(Node(number, content.names.get(number, ""), position)
+    nodes = tuple(Node(number, content.names.get(number, ""), position, _axes(number, content))
                   for number, position in content.positions.items())  # fmt: skip
     left_out = {kind: f"{count} of {kind}" for kind, count in content.left_out.items()}
     return (_measurement(content, nodes, tuple(left_out.values()), len(raw)),
@@ -135,9 +137,11 @@ def _measurement(content: _Content, nodes: tuple[Node, ...], left_out: tuple[str
             raise ContentError(f"the response of '{function.output.name}' to '{function.input.name}' is there twice")
         responses[at] = function.values
     return Measurement(
-        omega, responses, tuple(outputs), tuple(axis.unit for axis in outputs.values()),
-        tuple(axis.point for axis in outputs.values()), tuple(inputs), tuple(axis.unit for axis in inputs.values()),
-        tuple(axis.point for axis in inputs.values()), nodes, tuple(content.modes), tuple(content.lines), left_out,
+        omega, responses, tuple(outputs), tuple(inputs), output_units=tuple(axis.unit for axis in outputs.values()),
+        input_units=tuple(axis.unit for axis in inputs.values()),
+        output_points=tuple(axis.point for axis in outputs.values()),
+        input_points=tuple(axis.point for axis in inputs.values()), nodes=nodes, modes=tuple(content.modes),
+        lines=tuple(content.lines), left_out=left_out,
     )  # fmt: skip
 
 
@@ -282,12 +286,18 @@ def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content
     """Six components of a node in world axes; rotations that the file does not have are NaN."""
     values = numbers[0::2] + 1j * numbers[1::2] if is_complex else numbers
     six = np.concatenate((values, np.full(6 - len(values), np.nan)))
-    system = content.systems.get(content.system_of.get(node, 0))
     six[:3] /= content.length
+    axes = _axes(node, content)
+    return np.asarray(six if axes is None else np.concatenate((np.dot(axes, six[:3]), np.dot(axes, six[3:]))))
+
+
+def _axes(node: int, content: _Content) -> Matrix3 | None:
+    """Axes of displacements at a node as columns, where they are not those of the world."""
+    system = content.systems.get(content.system_of.get(node, 0))
     if system is None:
-        return np.asarray(six)
+        return None
     axes = system.axes_at(np.multiply(content.positions[node], content.length))
-    return np.asarray(np.concatenate((axes @ six[:3], axes @ six[3:])))
+    return None if (axes == np.eye(3)).all() else matrix3(axes)
 
 
 _MODES = {55: _mode_55, 2414: _mode_2414}

@@ -6,8 +6,8 @@ import pytest
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
+from mbsvib.measurement.points import Point
 from mbsvib.responses.frequency_grid import resonant_grid
-from mbsvib.responses.measurement import Point
 from tests.export.plants import INERTIA, same_bits, slider, stewart
 
 pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed: pip install 'mbsvib[test]'")

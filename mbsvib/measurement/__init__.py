@@ -1,0 +1,1 @@
+"""Measured data: frequency responses and modes with their noise, and their channels matched with a model's."""

@@ -1,0 +1,323 @@
+"""Measured data: frequency responses between named points of a structure with their noise, and modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.arguments import shown
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
+from mbsvib.common.selection import key_ports, needed_ports, signal_names
+from mbsvib.elements.ports import QUANTITIES
+from mbsvib.errors import ResponseError, an, counted, nearest
+from mbsvib.measurement.matching import ORDERS, Matching, matching_of
+from mbsvib.measurement.points import nodes_of, points_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Complex
+
+# Coherence of 1, and symmetry of a covariance, up to rounding of the program that estimated them.
+_ROUNDED = 1e-6
+WHO = "Measurement"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredMode:
+    """A mode: undamped ``frequency`` [Hz], ``damping_ratio`` [1] and ``shape`` (nodes, 6), x y z rx ry rz, world axes,
+    for the nodes with the numbers ``nodes``; real where the mode is a normal one, NaN where it is not known.
+    """
+
+    name: str
+    frequency: float
+    damping_ratio: float
+    nodes: tuple[int, ...]
+    shape: Array | Complex
+
+    def __post_init__(self) -> None:
+        self.shape.setflags(write=False)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Measurement(Displayed):
+    """Frequency responses of a structure, as measured, with their noise and the places of all channels.
+
+    y(i w) = G(i w) u(i w) + n;  of G is known ``responses``, of its error the mean square E|n|^2
+
+    Parameters
+    ----------
+    omega : array-like, shape (n,)
+        Angular frequencies [rad/s], ascending.
+    responses : array-like, shape (outputs, inputs, n)
+        Complex responses [output unit / input unit]; NaN: a pair or line that was not measured.
+    outputs, inputs : sequence of str
+        Names; labels such as ``"101X+"`` (node 101, along x) are read as nodes and directions.
+    variance : array-like, shape (outputs, inputs, n), optional
+        E|n|^2 of the complex error of ``responses``, the mean of all averages; real and imaginary part have half each.
+    coherence : array-like, shape (outputs, inputs, n), optional
+        Coherence c of H1 estimates with one input; with ``averages`` m it gives variance |G|^2 (1 - c) / (c m).
+    averages : float, optional
+        Number of independent averages.
+    covariance : array-like, shape (outputs, outputs, n), optional
+        E[n_i conj(n_j)] of the errors of the outputs, the same for each input. Its diagonal is the variance.
+    quantity : str or sequence of str, optional
+        "displacement", "velocity" or "acceleration" of all or of each output; default: by ``output_units``, else that
+        of the model's output.
+    output_units, input_units : sequence of str, optional
+        SI units such as ``"m/s^2"``, ``"N"``, or others, such as ``"V"``; default: unknown.
+    output_points, input_points : sequence, optional
+        A ``Point``, a pair of position [m] and direction, ``((0.1, 0, 0), "z")``, or None of each channel; default:
+        from labels.
+    nodes : sequence of Node, or dict of int to position, optional
+        Nodes of the geometry [m], world axes.
+    modes : sequence of MeasuredMode, optional
+        Modes that were found from the data.
+    lines : sequence of tuple of int, optional
+        Connected nodes, for pictures.
+    left_out : sequence of str, optional
+        What a file holds beside these.
+
+    Raises
+    ------
+    ResponseError
+        If shapes do not match, frequencies do not ascend, a variance is negative, a coherence is not within 0 to 1, or
+        quantities and units disagree.
+
+    Source
+    ------
+    Bendat, J. S., Piersol, A. G., Random Data (2010), 9.2.3 (variance of H1).
+    """
+
+    omega: Array
+    responses: Complex
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    variance: Array | None = None
+    coherence: Array | None = None
+    averages: float | None = None
+    covariance: Complex | None = None
+    quantity: Any = None
+    output_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_points: Any = None
+    input_points: Any = None
+    nodes: Any = ()
+    modes: tuple[MeasuredMode, ...] = ()
+    lines: tuple[tuple[int, ...], ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
+        omega = np.array(reals(self.omega, WHO, "omega", "ascending angular frequencies [rad/s]"))
+        if omega.ndim != 1 or not np.isfinite(omega).all() or (omega < 0.0).any() or (np.diff(omega) <= 0.0).any():
+            raise ResponseError(f"{WHO}: omega {_not_ascending(omega)}; expected a vector of ascending angular "
+                                f"frequencies [rad/s], from 0 on, each once.")  # fmt: skip
+        for kind, count in (("outputs", -3), ("inputs", -2)):
+            names = getattr(self, kind)
+            size = np.shape(self.responses)[count] if np.ndim(self.responses) == 3 else len(names)
+            set_(kind, signal_names(names, size, kind, WHO))
+        shape = (len(self.outputs), len(self.inputs), len(omega))
+        responses = _array(self.responses, shape, "responses", complex)
+        if np.isinf(responses).any():
+            raise ResponseError(f"{WHO}: responses are infinite; expected finite numbers, or NaN where nothing was "
+                                f"measured.")  # fmt: skip
+        set_("omega", omega)
+        set_("responses", responses)
+        self._check_noise(shape, set_)
+        self._check_channels(set_)
+        for name in ("omega", "responses", "variance", "coherence", "covariance"):
+            if getattr(self, name) is not None:
+                getattr(self, name).setflags(write=False)
+
+    def _check_noise(self, shape: tuple[int, ...], set_: Any) -> None:
+        known = ~np.isnan(self.responses)
+        if self.coherence is not None:
+            coherence = _array(self.coherence, shape, "coherence", float)
+            wrong = known & ~((coherence >= -_ROUNDED) & (coherence <= 1.0 + _ROUNDED))
+            self._refuse_at(wrong, coherence, "coherence", "values from 0 to 1")
+            set_("coherence", np.clip(coherence, 0.0, 1.0))
+        if self.averages is not None and not (np.ndim(self.averages) == 0 and self.averages >= 1):
+            raise ResponseError(f"{WHO}: averages = {shown(self.averages)}; expected their number, 1 or more.")
+        if self.covariance is not None:
+            full = _array(self.covariance, (shape[0], shape[0], shape[2]), "covariance", complex)
+            power = np.moveaxis(full, -1, 0)
+            size = np.abs(power).max(initial=0.0)
+            if not (np.isfinite(power).all() and np.abs(power - power.conj().swapaxes(1, 2)).max(initial=0.0)
+                    <= _ROUNDED * size and np.linalg.eigvalsh(power).min(initial=0.0) >= -_ROUNDED * size):  # fmt: skip
+                raise ResponseError(f"{WHO}: covariance is not Hermitian and positive semidefinite at each line; "
+                                    f"expected E[n_i conj(n_j)] of the outputs.")  # fmt: skip
+            set_("covariance", full)
+        if self.variance is None and self.covariance is not None:
+            diagonal = np.einsum("iin->in", self.covariance).real
+            set_("variance", np.repeat(diagonal[:, None], shape[1], axis=1))
+        elif self.variance is None and self.coherence is not None and self.averages is not None:
+            with np.errstate(divide="ignore"):
+                share = (1.0 - self.coherence) / (self.coherence * self.averages)
+            set_("variance", np.where(known, np.abs(self.responses) ** 2 * share, np.nan))
+        elif self.variance is not None:
+            variance = _array(self.variance, shape, "variance", float)
+            self._refuse_at(known & ~(variance >= 0.0), variance, "variance", "values of 0 or more")
+            set_("variance", variance)
+
+    def _refuse_at(self, wrong: Any, values: Array, field: str, expected: str) -> None:
+        if wrong.any():
+            i, j, k = np.argwhere(wrong)[0]
+            raise ResponseError(f"{WHO}: {field} of '{self.outputs[i]}' to '{self.inputs[j]}' is {values[i, j, k]:g} "
+                                f"at {self.frequencies[k]:g} Hz; expected {expected} wherever a response is known.")
+
+    def _check_channels(self, set_: Any) -> None:
+        nodes = nodes_of(self.nodes)
+        for kind in ("output", "input"):
+            names = getattr(self, f"{kind}s")
+            units = getattr(self, f"{kind}_units") or ("",) * len(names)
+            if len(units) != len(names):
+                raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
+                                    f"one of each.")  # fmt: skip
+            points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
+            set_(f"{kind}_units", tuple(units))
+            set_(f"{kind}_points", tuple(points))
+        for name in ("modes", "lines", "left_out"):
+            set_(name, tuple(getattr(self, name)))
+        set_("nodes", tuple(nodes))
+        set_("quantity", _quantities(self.quantity, self.outputs, self.output_units))
+
+    @property
+    def frequencies(self) -> Array:
+        """Frequencies of the lines [Hz], (n,)."""
+        return np.asarray(self.omega / (2 * np.pi))
+
+    @property
+    def driving_points(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of output and input at the same node in the same direction, either sign."""
+        return tuple((output, name) for output, at in zip(self.outputs, self.output_points, strict=True)
+                     for name, point in zip(self.inputs, self.input_points, strict=True)
+                     if (at.node, abs(at.direction)) == (point.node, abs(point.direction)))  # fmt: skip
+
+    @property
+    def is_measured(self) -> Array:
+        """Which pairs were measured, (outputs, inputs), true or false."""
+        return np.asarray(~np.isnan(self.responses).all(axis=2))
+
+    def __getitem__(self, key: Any) -> Measurement:
+        """Return some of the outputs and inputs: ``data[outputs, inputs]``, by names or patterns."""
+        rows, columns = needed_ports(*key_ports(key, WHO), (self.outputs, self.inputs), WHO)
+        pairs: dict[str, Any] = {
+            name: None if (array := getattr(self, name)) is None else array[np.ix_(rows, columns)]
+            for name in ("responses", "variance", "coherence")}  # fmt: skip
+        ends: dict[str, Any] = {
+            field: tuple(getattr(self, field)[k] for k in chosen)
+            for kind, chosen in (("output", rows), ("input", columns))
+            for field in (f"{kind}s", f"{kind}_units", f"{kind}_points")}  # fmt: skip
+        covariance = None if self.covariance is None else self.covariance[np.ix_(rows, rows)]
+        return replace(self, **pairs, **ends, covariance=covariance, quantity=tuple(self.quantity[k] for k in rows))
+
+    def within(self, low: float, high: float) -> Measurement:
+        """Return the lines from ``low`` to ``high``.
+
+        Parameters
+        ----------
+        low, high : float
+            Limits [Hz], included.
+
+        Returns
+        -------
+        Measurement
+            The same channels with fewer lines.
+
+        Raises
+        ------
+        ResponseError
+            If there is no line between them.
+        """
+        lines = (self.frequencies >= low) & (self.frequencies <= high)
+        if not lines.any():
+            raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {_range(self)}.")
+        arrays: dict[str, Any] = {
+            name: None if (array := getattr(self, name)) is None else array[..., lines]
+            for name in ("omega", "responses", "variance", "coherence", "covariance")}  # fmt: skip
+        return replace(self, **arrays)
+
+    def matched(
+        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
+    ) -> Matching:
+        """Return the outputs and inputs of a model that are those of the measurement, by name, then by place.
+
+        G_measured = s_o s_i (i w)^(k_o - k_i) G_model, with signs s, and k time derivatives between the quantities
+
+        Parameters
+        ----------
+        linear : Model, System, ClosedLoop or StateSpace
+            What has the inputs and outputs.
+        names : dict of str to str, optional
+            Names in the model of measured channels that have another name there.
+        distance : float
+            Largest distance [m] of places that are the same.
+        angle : float
+            Largest angle [rad] of directions that are the same, or opposite.
+
+        Returns
+        -------
+        Matching
+            A partner of each channel, printed as a table; ``.factor(omega)`` are the factors of the equation.
+
+        Raises
+        ------
+        ResponseError
+            If a channel has no partner, or its unit, place or direction is another one.
+        """
+        channels = [("outputs", self.outputs, self.output_units, self.output_points, self.quantity),
+                    ("inputs", self.inputs, self.input_units, self.input_points, None)]  # fmt: skip
+        return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+
+    def __repr__(self) -> str:
+        groups = ((self.inputs, "input"), (self.outputs, "output"), (self.omega, "frequency"), (self.nodes, "node"),
+                  (self.modes, "mode"))  # fmt: skip
+        return f"Measurement({', '.join(counted(len(items), kind) for items, kind in groups)})"
+
+
+def _range(data: Measurement) -> str:
+    f = data.frequencies
+    return f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
+
+
+def _not_ascending(omega: Array) -> str:
+    if omega.ndim != 1:
+        return f"has shape {omega.shape}"
+    bad = np.flatnonzero(~np.isfinite(omega) | (omega < 0.0) | (np.diff(omega, prepend=-1.0) <= 0.0))[0]
+    before = f" behind {omega[bad - 1]:g}" if bad else ""
+    return f"has {omega[bad]:g} rad/s{before} (index {bad})"
+
+
+def _array(value: Any, shape: tuple[int, ...], field: str, kind: type) -> Any:
+    try:
+        result: Any = np.array(reals(value, WHO, field, "real numbers") if kind is float else value, dtype=kind)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"{WHO}: {field} = {shown(value)}; expected numbers of shape {shape}.") from error
+    if result.shape != shape:
+        ends = "outputs, outputs and lines" if field == "covariance" else "outputs, inputs and lines"
+        raise ResponseError(f"{WHO}: {field} has shape {result.shape}; expected {shape}, {ends}.")
+    return result
+
+
+def _quantities(given: Any, names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
+    """Return the quantity of each output; "" where neither quantity nor unit says it."""
+    listed: tuple[Any, ...] = (given,) * len(names) if given is None or isinstance(given, str) else tuple(given)
+    if len(listed) != len(names):
+        raise ResponseError(f"{WHO}: quantity = {shown(list(listed))}; expected one, or one of each output "
+                            f"({', '.join(names)}).")  # fmt: skip
+    result: list[str] = []
+    for name, quantity, unit in zip(names, listed, units, strict=True):
+        by_unit = QUANTITIES[ORDERS[unit][1]] if unit in ORDERS else ""
+        if quantity and quantity not in QUANTITIES:
+            raise ResponseError(f"{WHO}: quantity of '{name}' = {quantity!r}; expected displacement, velocity or "
+                                f"acceleration.{nearest(str(quantity), QUANTITIES)}")  # fmt: skip
+        if quantity and by_unit and quantity != by_unit:
+            raise ResponseError(f"{WHO}: quantity of '{name}' = {quantity!r}, yet its unit is {unit}, of "
+                                f"{an(by_unit)}; expected the same.")  # fmt: skip
+        result.append(quantity or by_unit)
+    return tuple(result)

@@ -1,0 +1,214 @@
+"""Which inputs and outputs of a model are those of a measurement: by name, then by place and direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.errors import ResponseError, an, nearest
+from mbsvib.measurement.points import model_places, place_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.measurement.points import Node, Place, Point
+
+# What a unit measures, and the number of its time derivatives.
+ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad": ("angle", 0),
+          "rad/s": ("angle", 1), "rad/s^2": ("angle", 2)}  # fmt: skip
+_QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+_KINDS = {**{unit: kind for unit, (kind, _) in ORDERS.items()}, "N": "force", "N m": "moment"}
+# Candidates that a refusal lists.
+_NEAREST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Partner:
+    """The channel ``name`` of a model that is the measured channel ``measured``.
+
+    ``how``: "name" or "place". Measured is ``sign`` times the derivative of order ``derivatives`` in time of what the
+    model has. ``distance`` [m] and ``angle`` [rad] of the places are None where these are not known.
+    """
+
+    measured: str
+    name: str
+    how: str
+    sign: int
+    derivatives: int
+    measured_unit: str
+    unit: str
+    distance: float | None
+    angle: float | None
+
+
+@dataclass(frozen=True, repr=False)
+class Matching(Displayed):
+    """The partner in a model of each output and input of a measurement, in the order of the measurement."""
+
+    outputs: tuple[Partner, ...]
+    inputs: tuple[Partner, ...]
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs in the model."""
+        return tuple(partner.name for partner in self.outputs)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs in the model."""
+        return tuple(partner.name for partner in self.inputs)
+
+    def factor(self, omega: Array) -> Complex:
+        """Return what responses of the model are multiplied with to be those that were measured.
+
+        Parameters
+        ----------
+        omega : array, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            s_o s_i (i w)^(k_o - k_i); NaN at w = 0 where the power is negative.
+        """
+        (row_signs, row_powers), (signs, powers) = (
+            (np.array([p.sign for p in partners]), np.array([p.derivatives for p in partners]))
+            for partners in (self.outputs, self.inputs))  # fmt: skip
+        power = np.subtract.outer(row_powers, powers)[:, :, None]
+        w = np.asarray(omega, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where((w == 0.0) & (power < 0), np.nan, w ** power.astype(float))
+        turn = np.array([1, 1j, -1, -1j])[power % 4]
+        return np.asarray(np.multiply.outer(row_signs, signs)[:, :, None] * turn * size)
+
+    def table(self) -> dict[str, Any]:
+        """Return title, columns and rows of the table that ``print`` shows.
+
+        Returns
+        -------
+        dict of str to object
+            The arguments of a table.
+        """
+        rows = []
+        for kind, partners in (("output", self.outputs), ("input", self.inputs)):
+            for p in partners:
+                power = f"(iω)^{p.derivatives}" if p.derivatives else ""
+                rows.append((kind, p.measured, p.name, p.how, "" if p.distance is None else f"{1e3 * p.distance:.3g}",
+                             "" if p.angle is None else f"{np.degrees(p.angle):.3g}", "−" if p.sign < 0 else "+",
+                             f"{p.measured_unit or '?'} / {p.unit or '?'}", power))  # fmt: skip
+        names = ("", "measured", "model", "by", "distance [mm]", "angle [deg]", "sign", "unit", "factor")
+        return {"title": "Channels of a measurement and of the model",
+                "columns": [(name, "right" if "[" in name else "left") for name in names], "rows": rows}  # fmt: skip
+
+
+def matching_of(
+    channels: Sequence[tuple[str, Sequence[str], Sequence[str], Sequence[Point], Sequence[str] | None]],
+    nodes: Sequence[Node], linear: Any, names: Mapping[str, str], limits: tuple[float, float],
+) -> Matching:  # fmt: skip
+    """Return the partners of channels, each given by kind, names, units, points and quantities.
+
+    ``limits``: largest distance [m] and angle [rad].
+    """
+    known = {node.number: node for node in nodes}
+    places = model_places(linear)
+    unknown = [name for name in names if not any(name in listed for _, listed, *_ in channels)]
+    if unknown:
+        given = ", ".join(name for _, listed, *_ in channels for name in listed)
+        raise ResponseError(f"matched: names has {', '.join(map(repr, unknown))}, which the measurement has not. Its "
+                            f"channels are {given}.")  # fmt: skip
+    results: dict[str, tuple[Partner, ...]] = {}
+    missing: list[str] = []
+    for kind, listed, units, points, quantities in channels:
+        candidates = _candidates(linear, kind, places)
+        partners = []
+        for k, name in enumerate(listed):
+            measured = (name, units[k], quantities[k] if quantities else "", place_of(points[k], known))
+            partner = _partner(measured, names.get(name), candidates, limits, kind[:-1])
+            if isinstance(partner, str):
+                missing.append(partner)
+            else:
+                partners.append(partner)
+        results[kind] = tuple(partners)
+    if missing:
+        raise ResponseError(f"matched: {' '.join(missing)} Give names={{measured: name in the model}}, add the channel "
+                            f"to the model, or leave it out: data[outputs, inputs].")  # fmt: skip
+    return Matching(results["outputs"], results.get("inputs", ()))
+
+
+def _candidates(linear: Any, kind: str, places: Mapping[tuple[str, str], Place]) -> dict[str, tuple[str, Place | None]]:
+    """Unit and place of each channel of the model by its name."""
+    listed = getattr(linear, kind)
+    units = ([port.unit for port in listed.values()] if hasattr(listed, "values")
+             else getattr(linear, f"{kind[:-1]}_units", ("",) * len(listed)))  # fmt: skip
+    return {name: (unit, places.get((kind[:-1], name))) for name, unit in zip(listed, units, strict=True)}
+
+
+def _partner(
+    measured: tuple[str, str, str, Place | None], renamed: str | None,
+    candidates: Mapping[str, tuple[str, Place | None]], limits: tuple[float, float], kind: str,
+) -> Partner | str:  # fmt: skip
+    """Return the partner of a channel, or why it has none.
+
+    ``measured``: name, unit, quantity and place.
+    """
+    name, unit, quantity, place = measured
+    wanted = name if renamed is None else renamed
+    if wanted in candidates:
+        found, how = wanted, "name"
+    else:
+        near = [] if place is None or renamed is not None else sorted(
+            [(other, there) for other, (_, there) in candidates.items() if there is not None],
+            key=lambda item: (_angle(place, item[1]), place.distance(item[1])))  # fmt: skip
+        fits = [other for other, there in near if _fits(place, there, limits)]
+        same = [other for other in fits if _derivatives(unit, quantity, candidates[other][0]) == 0]
+        if not fits:
+            return f"The measured {kind} '{wanted}' has no partner.{_nearest(wanted, place, near, candidates)}"
+        found, how = (same or fits)[0], "place"
+    other_unit, there = candidates[found]
+    distance = angle = None
+    sign = 1
+    if place is not None and there is not None:
+        distance, angle = place.distance(there), _angle(place, there)
+        sign = -1 if place.cosine(there) < 0.0 else 1
+        if not _fits(place, there, limits):
+            return (f"The measured {kind} '{name}' and '{found}' of the model have one name, but are "
+                    f"{1e3 * distance:.3g} mm and {np.degrees(angle):.3g} deg apart (limits {1e3 * limits[0]:g} mm, "
+                    f"{np.degrees(limits[1]):.3g} deg).")  # fmt: skip
+    order = _derivatives(unit, quantity, other_unit)
+    if order is None:
+        return (f"The measured {kind} '{name}' has the unit {unit or 'of ' + an(quantity)}, and '{found}' of the model "
+                f"{other_unit}.")  # fmt: skip
+    return Partner(name, found, how, sign, order, unit, other_unit, distance, angle)
+
+
+def _angle(a: Place, b: Place) -> float:
+    """Angle of two lines [rad], 0 to pi/2: pi/2 between a translation and a rotation."""
+    return float(np.arccos(min(1.0, abs(a.cosine(b)))))
+
+
+def _fits(a: Place | None, b: Place, limits: tuple[float, float]) -> bool:
+    return a is not None and a.distance(b) <= limits[0] and _angle(a, b) <= limits[1]
+
+
+def _derivatives(unit: str, quantity: str, other: str) -> int | None:
+    """Time derivatives from the model's unit to what was measured; None where the two measure different things."""
+    if unit in _KINDS and other in _KINDS and _KINDS[unit] != _KINDS[other]:
+        return None
+    if other not in ORDERS:
+        return None if quantity and other in _KINDS else 0
+    order = _QUANTITIES[quantity] if quantity else ORDERS[unit][1] if unit in ORDERS else ORDERS[other][1]
+    return order - ORDERS[other][1]
+
+
+def _nearest(
+    name: str, place: Place | None, near: Sequence[tuple[str, Place]], candidates: Mapping[str, Any]
+) -> str:
+    if place is None or not near:
+        return f"{nearest(name, candidates)} The model has {', '.join(candidates) or 'none'}."
+    listed = [f"'{other}' ({1e3 * place.distance(there):.3g} mm, {np.degrees(_angle(place, there)):.3g} deg)"
+              for other, there in sorted(near, key=lambda item: place.distance(item[1]))[:_NEAREST]]  # fmt: skip
+    return f" Nearest are {', '.join(listed)}."

@@ -1,0 +1,128 @@
+"""Modes as they were measured: frequencies, damping ratios and shapes at the outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
+from mbsvib.common.selection import signal_names
+from mbsvib.errors import ResponseError
+from mbsvib.measurement.matching import matching_of
+from mbsvib.measurement.points import nodes_of, points_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.measurement.matching import Matching
+
+WHO = "MeasuredModes"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class MeasuredModes(Displayed):
+    """Modes that were measured, in any order; a model's modes are paired with them by their shapes.
+
+    Parameters
+    ----------
+    frequencies : array-like, shape (modes,)
+        Undamped natural frequencies [Hz].
+    damping_ratios : array-like, shape (modes,), optional
+        Damping ratios [1].
+    shapes : array-like, shape (outputs, modes), optional
+        Displacements of the outputs in each mode, real or complex, to any factor; NaN where not measured.
+    outputs : sequence of str, optional
+        Names of the rows of ``shapes``; labels such as ``"101X+"`` are read as nodes and directions.
+    sd : float or array-like, shape (modes,), optional
+        Standard deviation of the frequencies [Hz].
+    output_points, nodes : sequence, optional
+        Where the outputs are, as of a ``Measurement``.
+
+    Raises
+    ------
+    ResponseError
+        If shapes do not match, or a number is not finite or not positive.
+    """
+
+    frequencies: Array
+    damping_ratios: Array | None = None
+    shapes: Array | Complex | None = None
+    outputs: tuple[str, ...] = ()
+    sd: Array | None = None
+    output_points: Any = None
+    nodes: Any = ()
+
+    def __post_init__(self) -> None:
+        values: dict[str, Any] = {
+            "frequencies": _numbers(self.frequencies, None, "frequencies", "positive numbers [Hz]")}
+        count = len(values["frequencies"])
+        for field, expected in (("damping_ratios", "ratios of 0 or more"), ("sd", "positive numbers [Hz]")):
+            given = getattr(self, field)
+            values[field] = None if given is None else _numbers(given, count, field, expected)
+        shapes = None if self.shapes is None else np.array(self.shapes)
+        if (shapes is None) != (not self.outputs):
+            raise ResponseError(f"{WHO}: shapes and outputs are given together, or neither.")
+        if shapes is not None and (shapes.shape != (len(self.outputs), count) or shapes.dtype.kind not in "iufc"
+                                   or np.isinf(shapes).any()):  # fmt: skip
+            raise ResponseError(f"{WHO}: shapes has shape {shapes.shape}; expected {(len(self.outputs), count)}, "
+                                f"finite numbers of outputs and modes.")  # fmt: skip
+        outputs = signal_names(self.outputs, len(self.outputs), "outputs", WHO)
+        points, nodes = points_of(self.output_points, outputs, nodes_of(self.nodes), WHO)
+        values |= {"shapes": shapes, "outputs": outputs, "output_points": tuple(points), "nodes": tuple(nodes)}
+        for field, value in values.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, field, value)
+
+    def matched(
+        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
+    ) -> Matching:
+        """Return the outputs of a model that are those of the shapes, by name, then by place.
+
+        Parameters
+        ----------
+        linear : Model, System, ClosedLoop or StateSpace
+            What has the outputs.
+        names : dict of str to str, optional
+            Names in the model of outputs that have another name there.
+        distance, angle : float
+            Largest distance [m] of places and angle [rad] of directions that are the same.
+
+        Returns
+        -------
+        Matching
+            A partner of each output, printed as a table.
+        """
+        channels = [("outputs", self.outputs, ("",) * len(self.outputs), self.output_points,
+                     ("displacement",) * len(self.outputs))]  # fmt: skip
+        return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+
+    def table(self) -> dict[str, Any]:
+        """Return title, columns and rows of the table that ``print`` shows.
+
+        Returns
+        -------
+        dict of str to object
+            The arguments of a table.
+        """
+        ratios = [""] * len(self.frequencies) if self.damping_ratios is None else \
+            [f"{100 * ratio:.3g}" for ratio in self.damping_ratios]  # fmt: skip
+        sd = [""] * len(self.frequencies) if self.sd is None else [f"{value:.2g}" for value in self.sd]
+        rows = [(k + 1, f"{f:.6g}", ratios[k], sd[k]) for k, f in enumerate(self.frequencies)]
+        names = ("mode", "frequency [Hz]", "damping ratio [%]", "standard deviation [Hz]")
+        return {"title": "Measured modes", "columns": [(name, "right") for name in names], "rows": rows}
+
+
+def _numbers(value: Any, count: int | None, field: str, expected: str) -> Array:
+    array = np.array(reals(value, WHO, field, expected))
+    if array.ndim == 0 and count is not None:
+        array = np.full(count, float(array))
+    least_ok = (array >= 0.0) if field == "damping_ratios" else (array > 0.0)
+    if array.ndim != 1 or (count is not None and len(array) != count) or not (np.isfinite(array) & least_ok).all():
+        raise ResponseError(f"{WHO}: {field} = {array.tolist() if array.size < 9 else array.shape}; expected {expected}"
+                            f"{'' if count is None else f', one of each of {count} modes'}.")  # fmt: skip
+    return array

@@ -1,0 +1,94 @@
+"""Measured data: what it says of itself, and what it refuses."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.measurement.points import Node, Point
+
+
+def roved(**more):
+    """Three of four pairs were measured; the second input acts against the second output."""
+    responses = np.ones((2, 2, 3), dtype=complex)
+    responses[0, 1] = np.nan
+    given = {
+        "output_units": ("m", "m"), "output_points": (Point(1, 3), Point(2, -1)), "input_units": ("N", "N"),
+        "input_points": (Point(1, 4), Point(2, 1)), "nodes": (Node(1, "plate", (0.0, 0.0, 0.0)),),
+    }  # fmt: skip
+    return mv.Measurement([1.0, 2.0, 3.0], responses, ("a", "b"), ("F", "G"), **(given | more))
+
+
+def test_pairs_and_driving_points():
+    data = roved()
+    assert data.is_measured.tolist() == [[True, False], [True, True]]
+    assert data.driving_points == (("b", "G"),)
+    assert repr(data) == "Measurement(2 inputs, 2 outputs, 3 frequencies, 1 node, 0 modes)"
+    assert data.quantity == ("displacement", "displacement")
+    assert data.frequencies == pytest.approx(np.arange(1, 4) / (2 * np.pi))
+    with pytest.raises(ValueError, match="read-only"):
+        data.responses[0, 0, 0] = 1.0
+    same = pickle.loads(pickle.dumps(roved(variance=np.ones((2, 2, 3)))))
+    np.testing.assert_array_equal(same.responses, data.responses)
+    assert same.variance.sum() == 12.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"omega": [1.0, 2.0]}, r"responses has shape \(2, 2, 3\); expected \(2, 2, 2\)"),
+        ({"omega": [1.0, 3.0, 2.0]}, r"omega has 2 rad/s behind 3 \(index 2\); expected a vector of ascending"),
+        ({"omega": [-1.0, 3.0, 2.0]}, r"omega has -1 rad/s \(index 0\)"),
+        ({"responses": np.full((2, 2, 3), np.inf)}, "responses are infinite"),
+        ({"outputs": ("a", "a")}, "'a' is there more than once"),
+        ({"input_units": ("N",)}, "1 input_units for the inputs F, G"),
+        ({"output_points": (Point(1, 1),)}, "1 points for the channels a, b"),
+        ({"variance": np.full((2, 2, 3), -1.0)}, "variance of 'a' to 'F' is -1 at 0.159155 Hz; expected values of 0"),
+        ({"variance": np.ones((2, 2))}, r"variance has shape \(2, 2\); expected \(2, 2, 3\)"),
+        ({"coherence": np.full((2, 2, 3), 1.2)}, "coherence of 'a' to 'F' is 1.2 at 0.159155 Hz; expected values"),
+        ({"averages": 0}, "averages = 0; expected their number"),
+        ({"covariance": -np.ones((2, 2, 3))}, "not Hermitian and positive semidefinite"),
+        ({"quantity": "acceleration"}, "quantity of 'a' = 'acceleration', yet its unit is m, of a displacement"),
+        ({"quantity": "accelerance", "output_units": ()}, "expected displacement, velocity or acceleration. Did you"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_together(change, message):
+    with pytest.raises(mv.ResponseError, match=message):
+        replace(roved(), **change)
+
+
+def test_variance_is_that_of_coherence_or_of_the_covariance():
+    """Bendat, Piersol: |G|^2 (1 - c) / (c m); rounding above 1 is 1."""
+    coherence = np.array([0.5, 0.9, 1.0 + 1e-9]).reshape(1, 1, 3)
+    data = mv.Measurement([1.0, 2.0, 3.0], [[[2j, 2.0, 1.0]]], ["y"], ["u"], coherence=coherence, averages=4)
+    np.testing.assert_allclose(data.variance[0, 0], [1.0, 4.0 * (0.1 / 0.9) / 4, 0.0], rtol=1e-12, atol=0)
+    noise = np.array([[2.0, 1j], [-1j, 3.0]])[:, :, None] * np.ones(3)
+    data = roved(covariance=noise)
+    assert data.variance[:, 1, 0].tolist() == [2.0, 3.0]
+
+
+def test_parts_of_the_data():
+    data = roved(variance=np.arange(12.0).reshape(2, 2, 3), quantity=("displacement", ""))
+    part = data["b", "*"].within(0.3, 0.5)
+    assert (part.outputs, part.inputs, part.output_points) == (("b",), ("F", "G"), (Point(2, -1),))
+    assert part.variance.ravel().tolist() == [7.0, 8.0, 10.0, 11.0]
+    assert part.omega.tolist() == [2.0, 3.0]
+    with pytest.raises(mv.ResponseError, match=r"no line from 1 to 2 Hz; the measurement has 3 lines from 0\.159155"):
+        data.within(1.0, 2.0)
+
+
+def test_measured_modes():
+    modes = mv.MeasuredModes([5.0, 2.0], [0.01, 0.02], [[1.0, 2.0], [3.0, 4.0]], ["1X+", "2Z-"], sd=0.01)
+    assert modes.sd.tolist() == [0.01, 0.01]
+    assert modes.output_points == (Point(1, 1), Point(2, -3))
+    assert "5" in str(modes)
+    for given, message in (
+        ({"frequencies": [0.0]}, r"frequencies = \[0.0\]; expected positive numbers"),
+        ({"damping_ratios": [0.1]}, "expected ratios of 0 or more, one of each of 2 modes"),
+        ({"outputs": ("a",)}, r"shapes has shape \(2, 2\); expected \(1, 2\)"),
+        ({"shapes": None}, "given together"),
+    ):
+        with pytest.raises(mv.ResponseError, match=message):
+            replace(modes, **given)
