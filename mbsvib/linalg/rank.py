@@ -192,3 +192,6 @@ ZERO_BLOCK = 1e-10
 # Equations that leave a straight line between the limits of a parameter by more than this share of the change are not
 # affine in it.
 NOT_AFFINE = 1e-8
+# Measured inputs are independent, and a line is excited, if the least singular value of their spectra is above this
+# share of the largest: below, noise of 0.1 % decides.
+INPUTS_APART = 1e-3

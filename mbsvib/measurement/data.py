@@ -14,6 +14,7 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted, nearest
+from mbsvib.measurement.doors import Doors
 from mbsvib.measurement.matching import ORDERS, Matching, matching_of
 from mbsvib.measurement.points import nodes_of, points_of
 
@@ -44,7 +45,7 @@ class MeasuredMode:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Measurement(Displayed):
+class Measurement(Doors, Displayed):
     """Frequency responses of a structure, as measured, with their noise and the places of all channels.
 
     y(i w) = G(i w) u(i w) + n;  of G is known ``responses``, of its error the mean square E|n|^2
@@ -81,6 +82,10 @@ class Measurement(Displayed):
         Connected nodes, for pictures.
     left_out : sequence of str, optional
         What a file holds beside these.
+    noise_variance : array-like, shape (outputs, inputs, n), optional
+        The part of the variance that changes from period to period; the rest of it is nonlinear distortion.
+    notes : sequence of str, optional
+        How the responses were estimated.
 
     Raises
     ------
@@ -110,6 +115,8 @@ class Measurement(Displayed):
     modes: tuple[MeasuredMode, ...] = ()
     lines: tuple[tuple[int, ...], ...] = ()
     left_out: tuple[str, ...] = ()
+    noise_variance: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
@@ -130,7 +137,7 @@ class Measurement(Displayed):
         set_("responses", responses)
         self._check_noise(shape, set_)
         self._check_channels(set_)
-        for name in ("omega", "responses", "variance", "coherence", "covariance"):
+        for name in ("omega", "responses", "variance", "coherence", "covariance", "noise_variance"):
             if getattr(self, name) is not None:
                 getattr(self, name).setflags(write=False)
 
@@ -159,10 +166,11 @@ class Measurement(Displayed):
             with np.errstate(divide="ignore"):
                 share = (1.0 - self.coherence) / (self.coherence * self.averages)
             set_("variance", np.where(known, np.abs(self.responses) ** 2 * share, np.nan))
-        elif self.variance is not None:
-            variance = _array(self.variance, shape, "variance", float)
-            self._refuse_at(known & ~(variance >= 0.0), variance, "variance", "values of 0 or more")
-            set_("variance", variance)
+        for name in ("variance", "noise_variance"):
+            if getattr(self, name) is not None:
+                variance = _array(getattr(self, name), shape, name, float)
+                self._refuse_at(known & ~(variance >= 0.0), variance, name, "values of 0 or more")
+                set_(name, variance)
 
     def _refuse_at(self, wrong: Any, values: Array, field: str, expected: str) -> None:
         if wrong.any():
@@ -181,7 +189,7 @@ class Measurement(Displayed):
             points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
             set_(f"{kind}_units", tuple(units))
             set_(f"{kind}_points", tuple(points))
-        for name in ("modes", "lines", "left_out"):
+        for name in ("modes", "lines", "left_out", "notes"):
             set_(name, tuple(getattr(self, name)))
         set_("nodes", tuple(nodes))
         set_("quantity", _quantities(self.quantity, self.outputs, self.output_units))
@@ -208,7 +216,7 @@ class Measurement(Displayed):
         rows, columns = needed_ports(*key_ports(key, WHO), (self.outputs, self.inputs), WHO)
         pairs: dict[str, Any] = {
             name: None if (array := getattr(self, name)) is None else array[np.ix_(rows, columns)]
-            for name in ("responses", "variance", "coherence")}  # fmt: skip
+            for name in ("responses", "variance", "coherence", "noise_variance")}  # fmt: skip
         ends: dict[str, Any] = {
             field: tuple(getattr(self, field)[k] for k in chosen)
             for kind, chosen in (("output", rows), ("input", columns))
@@ -239,7 +247,7 @@ class Measurement(Displayed):
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {_range(self)}.")
         arrays: dict[str, Any] = {
             name: None if (array := getattr(self, name)) is None else array[..., lines]
-            for name in ("omega", "responses", "variance", "coherence", "covariance")}  # fmt: skip
+            for name in ("omega", "responses", "variance", "coherence", "covariance", "noise_variance")}  # fmt: skip
         return replace(self, **arrays)
 
     def matched(

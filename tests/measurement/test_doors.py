@@ -1,0 +1,98 @@
+"""Measurements from and to other programs: python-control, numpy files, SEP 005, pandas; a measured mirror."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+
+MIRROR = Path(__file__).parents[1] / "data" / "fsm_excerpt.npz"
+
+
+def noisy():
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal((2, 2, 4)) + 1j * rng.standard_normal((2, 2, 4))
+    return mv.Measurement([1.0, 2.0, 4.0, 5.0], values, ["p", "q"], ["F", "M"], variance=np.abs(values),
+                          coherence=np.full((2, 2, 4), 0.9), averages=7.5, quantity="velocity",
+                          output_units=("m/s", "rad/s"), input_units=("N", "N m"))  # fmt: skip
+
+
+def test_frd_of_python_control_there_and_back():
+    data = noisy()
+    frd = data.to_frd()
+    assert (frd.output_labels, frd.input_labels) == (["p", "q"], ["F", "M"])
+    back = mv.Measurement.from_frd(frd, quantity="velocity")
+    np.testing.assert_array_equal(back.responses, data.responses)
+    np.testing.assert_array_equal(back.omega, data.omega)
+    assert (back.outputs, back.inputs, back.quantity) == (data.outputs, data.inputs, ("velocity",) * 2)
+    system = mv.library.two_link().linearize()
+    omega = np.array([1.0, 5.0])
+    one = mv.Measurement.from_frd(mx.to_frd(system, omega))
+    np.testing.assert_array_equal(one.responses, system.frequency_response(omega))
+    with pytest.raises(mv.ResponseError, match="StateSpace has no frequency responses"):
+        mv.Measurement.from_frd(system.state_space())
+
+
+def test_table_of_pandas():
+    pytest.importorskip("pandas")
+    data = noisy()
+    table = data.to_pandas()
+    assert table.shape == (4, 4)
+    np.testing.assert_array_equal(table["q", "F"].to_numpy(), data.responses[1, 0])
+    np.testing.assert_allclose(table.index, data.frequencies)
+
+
+def test_numpy_file_there_and_back(tmp_path):
+    data = noisy()
+    back = mv.Measurement.from_npz(data.to_npz(tmp_path / "data.npz"))
+    for name in ("omega", "responses", "variance", "coherence"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(data, name))
+    for name in ("outputs", "inputs", "quantity", "output_units", "input_units", "averages"):
+        assert getattr(back, name) == getattr(data, name)
+    (tmp_path / "none.npz").write_bytes(b"no archive")
+    with pytest.raises(mv.ResponseError, match=r"none.npz: no file of arrays that can be read"):
+        mv.Measurement.from_npz(tmp_path / "none.npz")
+    with pytest.raises(mv.ResponseError, match="response is nothing that a measurement has"):
+        mv.Measurement.from_npz(MIRROR, response="responses_100")
+
+
+def test_the_measured_mirror():
+    """The peaks that its README has, at the resolution of the excerpt; noise is a part of the variance."""
+    with pytest.raises(mv.ResponseError, match="responses is missing; the file has frequencies, outputs"):
+        mv.Measurement.from_npz(MIRROR)
+    data = mv.Measurement.from_npz(MIRROR, responses="responses_100", variance="variance_100",
+                                   noise_variance="noise_variance_100")  # fmt: skip
+    assert (data.outputs, data.inputs) == (("s1", "s2", "s3"), ("V1", "V2", "V3"))
+    largest = np.linalg.svd(np.moveaxis(data.responses, -1, 0), compute_uv=False)[:, 0]
+    for peak in (640.3, 813.2, 924.2, 999.5):
+        near = np.abs(data.frequencies - peak) < 12.0
+        assert data.frequencies[near][np.argmax(largest[near])] == pytest.approx(peak, abs=2.4)
+    assert np.median(data.noise_variance / data.variance) < 1.0
+
+
+def sep005(**change):
+    t = np.arange(4096) / 100.0
+    u = np.random.default_rng(2).standard_normal(4096)
+    y = np.convolve(u, [0.0, 0.5, 0.3])[:4096]
+    channels = [{"name": "force", "data": u / 1e3, "fs": 100, "unit_str": "kN", "start_timestamp": "a"},
+                {"name": "acc", "data": y / 9.80665, "time": t, "unit_str": "g", "start_timestamp": "a"}]  # fmt: skip
+    channels[1] |= change
+    return channels
+
+
+def test_channels_of_sep005_come_in_si_units():
+    data = mv.Measurement.from_sep005(sep005(), inputs="force", segments=16)
+    exact = np.polyval([0.3, 0.5, 0.0], np.exp(-1j * data.omega / 100.0))
+    assert np.abs(data.responses[0, 0] - exact).max() < 0.05
+    assert (data.output_units, data.input_units, data.quantity) == (("m/s^2",), ("N",), ("acceleration",))
+    for change, message in (
+        ({"time": None}, "'acc' has neither 'time' nor a positive 'fs'"),
+        ({"time": None, "fs": 50}, "records differ, .*acc: 4096 samples each 0.02 s a"),
+        ({"start_timestamp": "b"}, "records differ"),
+    ):
+        with pytest.raises(mv.ResponseError, match=message):
+            mv.Measurement.from_sep005(sep005(**change), inputs="force", segments=16)
+    with pytest.raises(mv.ResponseError, match="'name' is missing"):
+        mv.Measurement.from_sep005([{"data": [1.0]}], inputs="force")
