@@ -72,10 +72,10 @@ def _exponential(a: Array, b: Array, c: Array, dt: float) -> tuple[Array, Array,
     return np.ldexp(phi, back - power), np.ldexp(gamma, back), np.ldexp(slope, back)
 
 
-def check_step(dt: float, caller: str) -> None:
-    """Refuse a time between samples that is no positive number."""
+def check_step(dt: float, caller: str, name: str = "step") -> None:
+    """Refuse a time that is no positive number."""
     if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0.0 < dt < np.inf:
-        raise ExportError(f"{caller}: step = {dt!r}; expected a positive number of seconds.")
+        raise ExportError(f"{caller}: {name} = {dt!r}; expected a positive number of seconds.")
 
 
 def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple[Array, Array, Array, Array]:

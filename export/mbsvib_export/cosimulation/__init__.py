@@ -2,9 +2,8 @@
 
 unit         FMUs from files, run through fmpy, and the equations that they obey
 connections  which output goes to which input; what cannot work is refused here
-masters      one step of each kind of master, on exactly discretised equations
+masters      one step of each kind of master, on exactly discretised equations; spectral radius against step
 running      the same masters with the FMUs themselves
-stability    spectral radius against step
 result       what came out, as a table and a figure
 check        all of it in one call
 archive      both FMUs and their connections in one file, SSP

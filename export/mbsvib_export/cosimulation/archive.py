@@ -11,16 +11,17 @@ from typing import IO, TYPE_CHECKING, Any
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib_export.cosimulation.check import as_file
-from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
-from mbsvib_export.cosimulation.unit_file import open_unit
+from mbsvib_export.cosimulation.connections import SIDES, connect
+from mbsvib_export.cosimulation.unit import open_unit
 from mbsvib_export.fmu_.names import unique_names
 from mbsvib_export.fmu_.variables import attributes
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
-    from mbsvib_export.cosimulation.unit_file import UnitFile
+    from mbsvib_export.cosimulation.connections import Connections
+    from mbsvib_export.cosimulation.unit import UnitFile
 
 _SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -65,8 +66,8 @@ def to_ssp(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
         units = {side: stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu", version), "to_ssp"))
-                 for side, source in ((PLANT, plant), (CONTROLLER, controller))}  # fmt: skip
-        links = connect(units[PLANT], units[CONTROLLER], connections)
+                 for side, source in zip(SIDES, (plant, controller), strict=True)}  # fmt: skip
+        links = connect(list(units.values()), connections)
         described = "\n".join(_description(name, units, links, outer)) + "\n"
 
         def write(stream: IO[bytes]) -> None:
@@ -81,37 +82,32 @@ def to_ssp(
 
 
 def _description(name: str, units: dict[str, UnitFile], links: Connections, with_outputs: bool) -> Iterator[str]:
-    signals = _signals(units)
-    free = {(PLANT, "input", i) for i in links.plant_free} | {(CONTROLLER, "input", i) for i in links.controller_free}
-    outer = [key for key in signals if with_outputs and (key in free or key[1] == "output")]
+    # side, name in the file, kind and unit of each signal, in the order of the numbers of connections
+    inputs, outputs = ([(side, item.name, item.causality, item.unit or None) for side, unit in units.items()
+                        for item in unit.description.modelVariables if item.causality == kind]
+                       for kind in ("input", "output"))  # fmt: skip
+    outer = sorted([*(inputs[i] for i in links.free), *outputs], key=lambda item: SIDES.index(item[0]))
+    outer = outer if with_outputs else []
     # a name is that of the signal, except where both units have a signal of that name
-    names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
+    names = unique_names({"signal": [item[1] for item in outer]})["signal"]
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (f'<ssd:SystemStructureDescription xmlns:ssd="{_SPACE}Description" xmlns:ssc="{_SPACE}Common"'
            f'{attributes(version="1.0", name=name)}>')  # fmt: skip
     yield f"<ssd:System{attributes(name=name)}>"
     if outer:
-        yield from _connectors((names[key], key[1], signals[key][1]) for key in outer)
+        yield from _connectors((unique, *item[2:]) for unique, item in zip(names, outer, strict=True))
     yield "<ssd:Elements>"
     for side in units:
         component = attributes(name=side, type="application/x-fmu-sharedlibrary", source=f"resources/{side}.fmu")
         yield f"<ssd:Component{component}>"
-        yield from _connectors((signal, key[1], unit) for key, (signal, unit) in signals.items() if key[0] == side)
+        yield from _connectors(item[1:] for item in (*inputs, *outputs) if item[0] == side)
         yield "</ssd:Component>"
     yield "</ssd:Elements>"
     yield "<ssd:Connections>"
-
-    def raw(side: str, kind: str, number: int) -> str:
-        return signals[side, kind, number][0]
-
-    for i, o in zip(links.plant_into, links.controller_out, strict=True):
-        yield _connection(CONTROLLER, raw(CONTROLLER, "output", o), PLANT, raw(PLANT, "input", i))
-    for i, o in zip(links.controller_into, links.plant_out, strict=True):
-        yield _connection(PLANT, raw(PLANT, "output", o), CONTROLLER, raw(CONTROLLER, "input", i))
-    for key in outer:
-        inner = raw(*key)
-        yield (_connection(None, names[key], key[0], inner) if key[1] == "input"
-               else _connection(key[0], inner, None, names[key]))  # fmt: skip
+    for i, o in links.pairs:
+        yield _connection(*outputs[o][:2], *inputs[i][:2])
+    for unique, (side, inner, kind, _) in zip(names, outer, strict=True):
+        yield _connection(None, unique, side, inner) if kind == "input" else _connection(side, inner, None, unique)
     yield "</ssd:Connections></ssd:System>"
     yield from _units(units)
     known = [unit.description.defaultExperiment for unit in units.values()]
@@ -120,18 +116,7 @@ def _description(name: str, units: dict[str, UnitFile], links: Connections, with
     yield "</ssd:SystemStructureDescription>"
 
 
-def _signals(units: dict[str, UnitFile]) -> dict[tuple[str, str, int], tuple[str, str | None]]:
-    """Name in the file and unit of each signal, by side, kind and number."""
-    result = {}
-    for side, unit in units.items():
-        known = {variable.valueReference: variable.name for variable in unit.description.modelVariables}
-        for kind, listed in (("input", unit.inputs), ("output", unit.outputs)):
-            for i, variable in enumerate(listed):
-                result[side, kind, i] = (known[variable.reference], variable.unit or None)
-    return result
-
-
-def _connectors(listed: Iterator[tuple[str, str, str | None]]) -> Iterator[str]:
+def _connectors(listed: Iterable[tuple[str, str, str | None]]) -> Iterator[str]:
     yield "<ssd:Connectors>"
     for name, kind, unit in listed:
         yield f"<ssd:Connector{attributes(name=name, kind=kind)}><ssc:Real{attributes(unit=unit)}/></ssd:Connector>"

@@ -10,24 +10,23 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from mbsvib.errors import ExportError, nearest
-from mbsvib_export.cosimulation.connections import connect, refuse_algebraic_loop
-from mbsvib_export.cosimulation.masters import MASTERS, Loop, discretised
+from mbsvib.linalg.discrete import first_order_hold
+from mbsvib_export.cosimulation.connections import SIDES, connect, refuse_algebraic_loop
+from mbsvib_export.cosimulation.masters import MASTERS, is_stable, largest_stable_step, loop_of, radius, within
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 from mbsvib_export.cosimulation.running import run
-from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius, within
-from mbsvib_export.cosimulation.unit import equations
-from mbsvib_export.cosimulation.unit_file import open_unit
+from mbsvib_export.cosimulation.unit import equations, open_unit
+from mbsvib_export.sampling import check_step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib_export.cosimulation.connections import Connections
-    from mbsvib_export.cosimulation.unit_file import Signal, UnitFile
+    from mbsvib_export.cosimulation.masters import Loop
+    from mbsvib_export.cosimulation.unit import Signal, UnitFile
 
 
 _STEPS = 256  # of the first size, where no duration is given
@@ -84,26 +83,30 @@ def check_cosimulation(
     ExportError
         If an FMU cannot be read or run, is not linear, units or names do not fit, or there is an algebraic loop.
     """
-    h = _positive("step", step)
-    count = _STEPS if duration is None else max(round(_positive("duration", duration) / h), 1)
+    check_step(step, "check_cosimulation")
+    if duration is not None:
+        check_step(duration, "check_cosimulation", "duration")
+    h, count = float(step), _STEPS if duration is None else max(round(duration / step), 1)
+    for word in systems or {}:
+        if word not in SIDES:
+            raise ExportError(f"check_cosimulation: systems: {word!r}; expected 'plant' or 'controller'.")
     with ExitStack() as stack:
-        folder = stack.enter_context(TemporaryDirectory(prefix="mbsvib-"))
-        units = [stack.enter_context(open_unit(as_file(source, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
-                 for word, source in (("plant", plant), ("controller", controller))]  # fmt: skip
-        for word in systems or {}:
-            if word not in ("plant", "controller"):
-                raise ExportError(f"check_cosimulation: systems: {word!r}; expected 'plant' or 'controller'.")
-        links = connect(units[0], units[1], connections)
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
+        units = [stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu"), "check_cosimulation"))
+                 for side, source in zip(SIDES, (plant, controller), strict=True)]  # fmt: skip
+        links = connect(units, connections)
         methods, remarks = _able(masters, units)
-        numbers = [_equations(word, unit, (systems or {}).get(word), Path(folder))
-                   for word, unit in zip(("plant", "controller"), units, strict=True)]  # fmt: skip
-        refuse_algebraic_loop(units[0], units[1], links, numbers[0][3], numbers[1][3])
-        make = _loops(units, numbers, links)
+        numbers = [_equations(side, unit, (systems or {}).get(side), folder)
+                   for side, unit in zip(SIDES, units, strict=True)]  # fmt: skip
+        refuse_algebraic_loop(units, links, [d for _, _, _, d in numbers])
+        make = partial(loop_of, numbers, links.coupling, links.outside)
         a = make(h).monolithic()[0]
         growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf)) if np.isfinite(a).all() else np.inf
         if growth * h * count > 1e-6:
             remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
-        e, notes = _excited(units, links, excitation)
+        inputs = [signal for unit in units for signal in unit.inputs]
+        values = _excited([inputs[i].name for i in links.free], excitation)
+        e = np.array(list(values.values()))
         x = np.zeros(len(a)) if e.any() else _nominal(units)
         if not e.any() and len(x) != len(a):
             raise ExportError("check_cosimulation: excitation: no free input is excited, and an FMU lists no states "
@@ -112,18 +115,8 @@ def check_cosimulation(
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
         checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)
-        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.notes, notes, growth, checked,
+        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.notes, values, growth, checked,
                                  tuple(remarks))  # fmt: skip
-
-
-def _positive(name: str, value: float) -> float:
-    try:
-        result = float(value)
-    except (TypeError, ValueError):
-        result = float("nan")
-    if not (np.isfinite(result) and result > 0):
-        raise ExportError(f"check_cosimulation: {name} = {value!r}; expected a positive number of seconds.")
-    return result
 
 
 def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
@@ -188,36 +181,16 @@ def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
              if method in requested])  # fmt: skip
 
 
-def _loops(
-    units: list[UnitFile], numbers: list[tuple[Array, Array, Array, Array]], links: Connections
-) -> Callable[[float], Loop]:
-    actuate, measure = links.selection(units[0], units[1])
-    free = len(links.plant_free) + len(links.controller_free)
-    outside = [np.zeros((len(unit.inputs), free)) for unit in units]
-    outside[0][list(links.plant_free), range(len(links.plant_free))] = 1.0
-    outside[1][list(links.controller_free), range(len(links.plant_free), free)] = 1.0
-
-    def make(h: float) -> Loop:
-        p, k = (discretised(*matrices, h) for matrices in numbers)
-        return Loop(p, k, actuate, measure, outside[0], outside[1], h)
-
-    return make
-
-
-def _excited(
-    units: list[UnitFile], links: Connections, inputs: Mapping[str, float] | None
-) -> tuple[Array, dict[str, float]]:
-    names = [units[0].inputs[i].name for i in links.plant_free]
-    names += [units[1].inputs[i].name for i in links.controller_free]
+def _excited(names: list[str], inputs: Mapping[str, float] | None) -> dict[str, float]:
+    """Values of the free inputs by their names."""
     for name in inputs or {}:
         if name not in names:
             raise ExportError(f"check_cosimulation: excitation: '{name}' is not a free input; these are free: "
                               f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
-    values = dict.fromkeys(names, 1.0) if inputs is None else {name: float(inputs.get(name, 0.0)) for name in names}
-    result = np.array([values[name] for name in names])
-    if not np.isfinite(result).all():
+    values = {name: 1.0 if inputs is None else float(inputs.get(name, 0.0)) for name in names}
+    if not np.isfinite(list(values.values())).all():
         raise ExportError("check_cosimulation: excitation holds NaN or infinity; expected finite numbers.")
-    return result, values
+    return values
 
 
 def _nominal(units: list[UnitFile]) -> Array:
@@ -258,7 +231,7 @@ def _check(
         if completed == 0 or (method == "iteration" and not is_stable(grows, growth, loop.h)):
             errors.append(float("inf"))
             continue
-        rows, forces = run(method, units[0], units[1], loop, x, e, completed)
+        rows, middles = run(method, units, loop, x, e, completed)
         truth = _reference(loop, x, e, number)
         same = _simulated(method, loop, x, e, completed)
         difference = max(difference, float(_relative(rows, same, same, groups).max(initial=0.0)))
@@ -267,7 +240,7 @@ def _check(
         if not worst and len(relative):
             worst = signals[int(relative.argmax())].name
         if divisor == 1 and work:
-            energy = _generated_energy(rows, forces, loop, units, work, e)
+            energy = _generated_energy(rows, middles, loop, work, e)
     largest = largest_stable_step(make, method, h, growth)
     stable = is_stable(first, growth, h) and within(h, largest)
     return MasterCheck(method, tuple(steps), tuple(errors), worst, difference, first, stable, largest, energy)
@@ -276,25 +249,19 @@ def _check(
 def _reference(loop: Loop, x: Array, e: Array, count: int) -> Array:
     """Outputs of the closed loop as one system, at all steps."""
     a, b, c, d = loop.monolithic()
-    n = len(a)
-    big = np.zeros((n + 1, n + 1))
-    big[:n, :n], big[:n, n] = a * loop.h, b @ e * loop.h
-    step, z, rows = expm(big), np.append(x, 1.0), []
-    for _ in range(count + 1):
-        rows.append(c @ z[:n] + d @ e)
-        z = step @ z
-    return np.array(rows)
+    phi, held, _ = first_order_hold(a, (b @ e)[:, None], loop.h)
+    states = [x]
+    for _ in range(count):
+        states.append(phi @ states[-1] + held[:, 0])
+    return np.asarray(states @ c.T + d @ e)
 
 
 def _simulated(method: str, loop: Loop, x: Array, e: Array, count: int) -> Array:
     """Outputs of the same master in numpy."""
-    n, nk, out, outk = loop.sizes
-    z = loop.start(x, e, method == "slopes")
-    step = partial(loop.step, method, e=e)
-    rows = [z]
+    rows = [loop.start(x, e, method == "slopes")]
     for _ in range(count):
-        rows.append(step(rows[-1]))
-    return np.array(rows)[:, n + nk : n + nk + out + outk]
+        rows.append(loop.step(method, rows[-1], e))
+    return np.array(rows)[:, len(loop.A) : len(loop.A) + len(loop.C)]
 
 
 def _relative(actual: Array, truth: Array, scale: Array, groups: list[str]) -> Array:
@@ -305,14 +272,11 @@ def _relative(actual: Array, truth: Array, scale: Array, groups: list[str]) -> A
     return np.asarray(np.abs(actual - truth).max(axis=0) / np.where(size > 0, size, 1.0))
 
 
-def _generated_energy(
-    rows: Array, forces: Array, loop: Loop, units: list[UnitFile], work: list[tuple[int, int]], e: Array
-) -> float:
+def _generated_energy(rows: Array, middles: Array, loop: Loop, work: list[tuple[int, int]], e: Array) -> float:
     """Energy error of the coupling: work of the plant's inputs minus work of the controller's outputs."""
-    out = len(units[0].outputs)
-    actuation = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
     into, onto = [column[0] for column in work], [column[1] for column in work]
+    forces = (rows @ loop.coupling.T + loop.outside @ e)[:, into]
     displacements = np.diff(rows[:, onto], axis=0)
-    expected = (actuation[1:, into] + actuation[:-1, into]) / 2 * displacements
+    expected = (forces[1:] + forces[:-1]) / 2 * displacements
     through = float(np.abs(expected).sum())
-    return float((forces[:, into] * displacements - expected).sum() / through) if through else float("nan")
+    return float((middles[:, into] * displacements - expected).sum() / through) if through else float("nan")

@@ -1,7 +1,8 @@
-"""One step of each kind of master on exactly discretised equations, and the loop that they all approximate.
+"""One step of each kind of master on exactly discretised equations, how large it may be, and the loop itself.
 
-The vector between two steps is z = (states of the plant, of the controller, outputs of the plant, of the controller),
-and for linear extrapolation the rates of those outputs too. Inputs that are not connected are held: e.
+States, inputs and outputs are those of the plant, then those of the controller. The vector between two steps is
+z = (states, outputs), and for linear extrapolation the rates of the outputs too. Inputs that are not connected are
+held: e.
 """
 
 from __future__ import annotations
@@ -10,10 +11,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import block_diag
+
+from mbsvib.linalg.discrete import first_order_hold
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from mbsvib.common.arrays import Array
+
+    Equations = tuple[Array, Array, Array, Array]
 
 
 MASTERS = {
@@ -22,11 +29,18 @@ MASTERS = {
     "slopes": "both step in parallel, inputs by linear extrapolation of the outputs",
     "iteration": "steps are repeated until inputs, linear in time, meet the outputs",
 }
+_ROUNDING = 1e-7  # eigenvalues of rigid-body motions come in pairs, which rounding takes apart
+_FEW = 60  # numbers in z up to which steps are tried close to each other, so that no unstable range is jumped over
+_SHORT = 0.1  # of the shortest time constant: where the search begins, as longer steps may be stable again
+_MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step asked for: where the search ends; halvings of the last range
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """x' = A x + B u, y = C x + D u of an FMU, its step: x(h) = phi x + g0 u + g1 u'."""
+class Loop:
+    """x' = A x + B u, y = C x + D u,  u = ``coupling`` y + ``outside`` e,  and the step x(h) = phi x + g0 u + g1 u'.
+
+    ``ahead``: number of outputs of the plant, which come first.
+    """
 
     A: Array
     B: Array
@@ -35,117 +49,126 @@ class Block:
     phi: Array
     g0: Array
     g1: Array
-
-
-def discretised(a: Array, b: Array, c: Array, d: Array, h: float) -> Block:
-    """Return an FMU's equations with their exact step of ``h`` [s]."""
-    n, m = b.shape
-    size = np.where(np.abs(b).max(axis=0, initial=0.0) > 0, np.abs(b).max(axis=0, initial=0.0), 1.0)
-    big = np.zeros((n + 2 * m, n + 2 * m))
-    big[:n, :n], big[:n, n : n + m] = a * h, b / size * h
-    big[n : n + m, n + m :] = np.eye(m)
-    e = expm(big)
-    return Block(a, b, c, d, e[:n, :n], e[:n, n : n + m] * size, e[:n, n + m :] * size * h)
-
-
-@dataclass(frozen=True, slots=True)
-class Loop:
-    """Plant and controller with a step ``h``, ``actuate`` and ``measure`` between them, inputs from outside added."""
-
-    plant: Block
-    controller: Block
-    actuate: Array
-    measure: Array
-    plant_free: Array
-    controller_free: Array
+    coupling: Array
+    outside: Array
+    ahead: int
     h: float
 
-    @property
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Numbers of states and outputs: plant, controller."""
-        return (len(self.plant.A), len(self.controller.A), len(self.plant.C), len(self.controller.C))
-
-    def split(self, z: Array) -> list[Array]:
-        """Return the parts of z."""
-        return np.split(z, np.cumsum(self.sizes))
-
-    def monolithic(self) -> tuple[Array, Array, Array, Array]:
+    def monolithic(self) -> Equations:
         """Return A, B, C, D of the closed loop with the outputs of both, from the inputs that are free."""
-        p, k = self.plant, self.controller
-        n, nk, out, outk = self.sizes
-        # outputs v = L v + (C x + D e) of both
-        inner = np.block([[np.zeros((out, out)), p.D @ self.actuate], [k.D @ self.measure, np.zeros((outk, outk))]])
-        c = np.block([[p.C, np.zeros((out, nk))], [np.zeros((outk, n)), k.C]])
-        d = np.concatenate((p.D @ self.plant_free, k.D @ self.controller_free))
-        solved = np.linalg.solve(np.eye(out + outk) - inner, np.concatenate((c, d), axis=1))
-        c, d = solved[:, : n + nk], solved[:, n + nk :]
-        into = np.block([[np.zeros((n, out)), p.B @ self.actuate], [k.B @ self.measure, np.zeros((nk, outk))]])
-        a = np.block([[p.A, np.zeros((n, nk))], [np.zeros((nk, n)), k.A]]) + into @ c
-        b = np.concatenate((p.B @ self.plant_free, k.B @ self.controller_free)) + into @ d
-        return a, b, c, d
+        solved = np.linalg.solve(np.eye(len(self.C)) - self.D @ self.coupling,
+                                 np.concatenate((self.C, self.D @ self.outside), axis=1))  # fmt: skip
+        c, d = np.split(solved, [len(self.A)], axis=1)
+        into = self.B @ self.coupling
+        return self.A + into @ c, self.B @ self.outside + into @ d, c, d
 
     def start(self, x: Array, e: Array, slopes: bool) -> Array:
         """Return z at the beginning, all outputs as they follow from states and inputs at once."""
-        a, b, c, d = self.monolithic()
-        del a, b
-        v = c @ x + d @ e
-        if not slopes:
-            return np.concatenate((x, v))
-        n, _, out, _ = self.sizes
-        p, k = self.plant, self.controller
-        up = self.actuate @ v[out:] + self.plant_free @ e
-        uk = self.measure @ v[:out] + self.controller_free @ e
-        rate = (p.C @ (p.A @ x[:n] + p.B @ up), k.C @ (k.A @ x[n:] + k.B @ uk))
-        return np.concatenate((x, v, *rate))
+        _, _, c, d = self.monolithic()
+        y = c @ x + d @ e
+        rate = self.C @ (self.A @ x + self.B @ (self.coupling @ y + self.outside @ e))
+        return np.concatenate((x, y, rate) if slopes else (x, y))
 
     def step(self, method: str, z: Array, e: Array) -> Array:
         """Return z after a step of a master; z and e may have columns."""
-        p, k = self.plant, self.controller
-        xp, xk, y, f, rest = self.split(z)
-        up, uk = self.actuate @ f + self.plant_free @ e, self.measure @ y + self.controller_free @ e
-        if method == "slopes":
-            dy, df = np.split(rest, [len(y)])
-            sp, sk = self.actuate @ df, self.measure @ dy
-            xp, y, dy = _sloped(p, xp, up, sp, self.h)
-            xk, f, df = _sloped(k, xk, uk, sk, self.h)
-            return np.concatenate((xp, xk, y, f, dy, df))
+        x, y, rate = np.split(z, np.cumsum((len(self.A), len(self.C))))
         if method == "iteration":
-            return self._iterated(xp, xk, y, f, e)
-        xp = p.phi @ xp + p.g0 @ up
-        y = p.C @ xp + p.D @ up
-        if method == "gauss-seidel":
-            uk = self.measure @ y + self.controller_free @ e
-        xk = k.phi @ xk + k.g0 @ uk
-        return np.concatenate((xp, xk, y, k.C @ xk + k.D @ uk))
+            first = self.sweep(x, y, e, np.zeros_like(y))[1][self.ahead :]
+            guess = np.zeros_like(y)
+            guess[self.ahead :] = np.linalg.solve(np.eye(len(first)) - self.contraction(), first)
+            return np.concatenate(self.sweep(x, y, e, guess))
+        u = self.coupling @ y + self.outside @ e
+        if method == "slopes":
+            slope = self.coupling @ rate
+            x, end = self.phi @ x + self.g0 @ u + self.g1 @ slope, u + self.h * slope
+            rate = self.C @ (self.A @ x + self.B @ end) + self.D @ slope
+            return np.concatenate((x, self.C @ x + self.D @ end, rate))
+        if method == "gauss-seidel":  # the controller takes what the plant will answer
+            new = self.C @ (self.phi @ x + self.g0 @ u) + self.D @ u
+            u = self.coupling @ np.concatenate((new[: self.ahead], y[self.ahead :])) + self.outside @ e
+        x = self.phi @ x + self.g0 @ u
+        return np.concatenate((x, self.C @ x + self.D @ u))
 
-    def sweep(
-        self, xp: Array, xk: Array, y: Array, f: Array, e: Array, guess: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return states and outputs at the end of a step in which the controller's outputs run from f to a guess."""
-        h = self.h
-        up, uk = self.actuate @ f + self.plant_free @ e, self.measure @ y + self.controller_free @ e
-        xp, y1, _ = _sloped(self.plant, xp, up, self.actuate @ (guess - f) / h, h)
-        xk, f1, _ = _sloped(self.controller, xk, uk, self.measure @ (y1 - y) / h, h)
-        return xp, xk, y1, f1
-
-    def _iterated(self, xp: Array, xk: Array, y: Array, f: Array, e: Array) -> Array:
-        contraction = self.contraction()
-        first = self.sweep(xp, xk, y, f, e, np.zeros_like(f))[3]
-        end = np.asarray(np.linalg.solve(np.eye(len(f)) - contraction, first), dtype=float)
-        return np.concatenate(self.sweep(xp, xk, y, f, e, end))
+    def sweep(self, x: Array, y: Array, e: Array, guess: Array) -> tuple[Array, Array]:
+        """Return states and outputs at the end of a step in which the controller's outputs run from y to a guess."""
+        u = self.coupling @ y + self.outside @ e
+        for _ in range(2):  # the plant, then the controller, whose inputs run to the plant's new outputs
+            slope = self.coupling @ (guess - y) / self.h
+            end = self.phi @ x + self.g0 @ u + self.g1 @ slope
+            outputs = self.C @ end + self.D @ (u + self.h * slope)
+            guess = np.concatenate((outputs[: self.ahead], guess[self.ahead :]))
+        return end, outputs
 
     def contraction(self) -> Array:
         """Return what one iteration makes of an error of the controller's outputs."""
-        n, nk, out, outk = self.sizes
-        xp, xk, y, f, e = (np.zeros((size, outk)) for size in (n, nk, out, outk, self.plant_free.shape[1]))
-        return self.sweep(xp, xk, y, f, e, np.eye(outk))[3]
+        guess = np.eye(len(self.C))[:, self.ahead :]
+        x, e = (np.zeros((size, guess.shape[1])) for size in (len(self.A), self.outside.shape[1]))
+        return self.sweep(x, np.zeros_like(guess), e, guess)[1][self.ahead :]
 
     def matrix(self, method: str) -> Array:
         """Return the matrix of a master's step."""
-        size = sum(self.sizes) + (sum(self.sizes[2:]) if method == "slopes" else 0)
-        return self.step(method, np.eye(size), np.zeros((self.plant_free.shape[1], size)))
+        size = len(self.A) + len(self.C) * (2 if method == "slopes" else 1)
+        return self.step(method, np.eye(size), np.zeros((self.outside.shape[1], size)))
 
 
-def _sloped(block: Block, x: Array, u: Array, slope: Array, h: float) -> tuple[Array, Array, Array]:
-    x, end = block.phi @ x + block.g0 @ u + block.g1 @ slope, u + h * slope
-    return x, block.C @ x + block.D @ end, block.C @ (block.A @ x + block.B @ end) + block.D @ slope
+def loop_of(units: Sequence[Equations], coupling: Array, outside: Array, h: float) -> Loop:
+    """Return the loop of a plant and a controller with the step ``h`` [s].
+
+    ``units``: A, B, C, D of both. ``coupling`` (inputs, outputs), ``outside`` (inputs, free inputs): what inputs take.
+    """
+    held = [(phi, now, change * h) for phi, now, change in (first_order_hold(a, b, h) for a, b, _, _ in units)]
+    a, b, c, d = (block_diag(*parts) for parts in zip(*units, strict=True))
+    phi, g0, g1 = (block_diag(*parts) for parts in zip(*held, strict=True))
+    return Loop(a, b, c, d, phi, g0, g1, coupling, outside, len(units[0][2]), h)
+
+
+def radius(loop: Loop, method: str) -> float:
+    """Return the spectral radius of a step [1]; for iteration the contraction factor, if that is larger."""
+    largest = _largest(loop.matrix(method))
+    return max(largest, _largest(loop.contraction())) if method == "iteration" else largest
+
+
+def _largest(matrix: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)) if np.isfinite(matrix).all() else np.inf
+
+
+def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
+    """Return whether a spectral radius is no more than that of the loop itself, whose poles end at ``growth`` [1/s]."""
+    return bool(spectral_radius <= np.exp(min(max(growth, 0.0) * h, 50.0)) + _ROUNDING)
+
+
+def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
+    """Return the largest step [s], to 0.1 %, such that a master is stable with this and all shorter steps.
+
+    ``make``: step [s] -> Loop. ``step``: requested step [s]. ``growth``: largest real part of the closed loop's poles
+    [1/s]. Returns infinity if 100 times the requested step is still stable, 0 if a millionth of it is not.
+    """
+
+    def stable(h: float) -> bool:
+        return is_stable(radius(make(h), method), growth, h)
+
+    loop = make(step)
+    fastest = max(_largest(loop.A), _largest(loop.monolithic()[0]))
+    factor = 1.25 if len(loop.A) + len(loop.C) <= _FEW else 2.0
+    h = max(min(step, _SHORT / fastest), _LEAST * step) if fastest > 0.0 else step
+    if stable(h):
+        while stable(h * factor):
+            h *= factor
+            if h > _MOST * step:
+                return float("inf")
+        good, bad = h, h * factor
+    else:
+        while not stable(h / factor):
+            h /= factor
+            if h < _LEAST * step:
+                return 0.0
+        good, bad = h / factor, h
+    for _ in range(_DIGITS):
+        h = (good + bad) / 2
+        good, bad = (h, bad) if stable(h) else (good, h)
+    return good
+
+
+def within(step: float, largest: float) -> bool:
+    """Return whether a step is no more than the largest stable one, which is known to 0.1 %."""
+    return step <= largest * (1.0 + 2.0 * 2.0**-_DIGITS)

@@ -41,6 +41,12 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
     return result
 
 
+def original_outputs(outputs: Iterable[str], inputs: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of outputs without what ``unique_names`` appends where an input has the same name."""
+    known = set(inputs)
+    return tuple(short if (short := name.removesuffix(" (output)")) in known else name for name in outputs)
+
+
 def base_unit(unit: str) -> dict[str, int] | None:
     """Return the exponents other than 0 of kg, m, s and rad in a unit of mbsvib, such as ``"N m/rad"``.
 

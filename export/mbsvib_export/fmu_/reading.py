@@ -24,6 +24,7 @@ from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.archives import archive_of, unpacked
 from mbsvib_export.fmu_.matrices import MAGIC
+from mbsvib_export.fmu_.names import original_outputs
 
 if TYPE_CHECKING:
     import zipfile
@@ -68,10 +69,9 @@ def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str,
         raise ExportError(f"{file}: {error}. The file is damaged, or was changed after it was written; export it "
                           f"again.") from error  # fmt: skip
     inputs, outputs, states = (names[kind] for kind in ("input", "output", "state"))
-    input_names = {name for name, _, _ in inputs}
-    plain = [short if (short := name.removesuffix(" (output)")) in input_names else name for name, _, _ in outputs]
-    space = StateSpace(top.get("modelName", ""), "unit", a, b, c, d, np.eye(len(a)), *_columns(states),
-                       *_columns(inputs), tuple(plain), _columns(outputs)[1])  # fmt: skip
+    (input_names, input_units), (output_names, output_units) = _columns(inputs), _columns(outputs)
+    space = StateSpace(top.get("modelName", ""), "unit", a, b, c, d, np.eye(len(a)), *_columns(states), input_names,
+                       input_units, original_outputs(output_names, input_names), output_units)  # fmt: skip
     return space, platforms
 
 

@@ -33,12 +33,12 @@ def test_the_description_is_valid_and_whole(version, tmp_path):
 
 def truth():
     """The loop with a unit disturbance, by the check of co-simulation's own numpy master."""
-    from mbsvib_export.cosimulation.masters import Loop, discretised
+    from mbsvib_export.cosimulation.masters import loop_of
 
     space, law = plant().state_space(), speed_feedback()
-    blocks = [discretised(*(np.asarray(getattr(item, label)) for label in "ABCD"), H) for item in (space, law)]
-    actuate, measure, free = np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]]), np.array([[0.0], [1.0]])
-    loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), H)
+    units = [tuple(np.asarray(getattr(item, label)) for label in "ABCD") for item in (space, law)]
+    coupling = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])  # (F, d, y) take (y, z, F)
+    loop = loop_of(units, coupling, np.eye(3)[:, 1:2], H)
     z, rows = loop.start(np.zeros(3), np.ones(1), False), []
     for _ in range(COUNT):
         z = loop.step("jacobi", z, np.ones(1))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from mbsvib_export.cosimulation.masters import Loop, discretised
-from mbsvib_export.cosimulation.stability import largest_stable_step
+from mbsvib_export.cosimulation.masters import largest_stable_step, loop_of
 
 
 def held(a, b, h):
@@ -23,10 +22,10 @@ def test_the_largest_stable_step(ratio, gain, rolloff, step):
     """x'' + 2 D x' + x = F with F = -g / (s / w + 1) x: both units hold the other's last output over a step."""
     a, b, c = np.array([[0.0, 1.0], [-1.0, -2.0 * ratio]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     law = np.array([[-rolloff]]), np.array([[1.0]]), np.array([[-gain * rolloff]])
-    none = np.zeros((1, 1))
+    none, swap = np.zeros((1, 1)), np.eye(2)[::-1]
 
     def make(h):
-        return Loop(*[discretised(*unit, none, h) for unit in ((a, b, c), law)], np.eye(1), np.eye(1), none, none, h)
+        return loop_of([(*unit, none) for unit in ((a, b, c), law)], swap, np.zeros((2, 0)), h)
 
     def radius(h):
         (move, push), (law_move, law_push) = held(a, b, h), held(*law[:2], h)

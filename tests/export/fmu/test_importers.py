@@ -14,7 +14,7 @@ from fmpy.validation import validate_fmu
 import mbsvib_export as mx
 from mbsvib import library
 from mbsvib_export.affine import affine
-from mbsvib_export.cosimulation.masters import Loop, discretised
+from mbsvib_export.cosimulation.masters import loop_of
 from tests.export.fmu.drive import held, names_of, unit, worst
 
 MODELS = tuple(library.models())
@@ -207,12 +207,12 @@ def test_ecos_closes_the_loop_as_our_own_master_does(version, tmp_path):
             for _ in range(count):
                 simulation.step()
                 result.append([simulation.get_real("car::body.z"), simulation.get_real("law::actuator")])
-    space, actuate, measure = car.state_space(), np.zeros((3, 1)), np.zeros((1, len(car.outputs)))
-    actuate[car.inputs.index("actuator")] = measure[0, car.outputs.index("body.az")] = 1.0
-    free = np.zeros((3, 1))
+    space = car.state_space()
+    coupling, free = np.zeros((4, len(car.outputs) + 1)), np.zeros((4, 1))  # inputs and outputs of the car, of the law
+    coupling[car.inputs.index("actuator"), -1] = coupling[-1, car.outputs.index("body.az")] = 1.0
     free[car.inputs.index("load")] = 1.0
-    blocks = [discretised(*(np.asarray(getattr(item, label)) for label in "ABCD"), h) for item in (space, law)]
-    loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), h)
+    units = [tuple(np.asarray(getattr(item, label)) for label in "ABCD") for item in (space, law)]
+    loop = loop_of(units, coupling, free, h)
     z, truth = loop.start(np.zeros(6), np.ones(1), False), []
     for _ in range(count):
         z = loop.step("jacobi", z, np.ones(1))
