@@ -189,6 +189,8 @@ UNIT_CORRELATION = 1e-12
 ZERO_MARKOV = 1e-12
 # Singular values of the change by a parameter below this share of the largest are rounding: it enters by no more.
 ZERO_BLOCK = 1e-10
+# An output that misses being the rate of a combination of states by more than this share of its size is none.
+ZERO_RATE = 1e-9
 # Equations that leave a straight line between the limits of a parameter by more than this share of the change are not
 # affine in it.
 NOT_AFFINE = 1e-8

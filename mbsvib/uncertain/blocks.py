@@ -35,7 +35,9 @@ CHANGE, SEEN = ".w", ".z"
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """An uncertain parameter: its ``nominal`` value, limits ``low`` and ``high``, and number of ``repetitions``."""
+    """An uncertain parameter: its ``nominal`` value, limits ``low`` and ``high``, number of ``repetitions``, and
+    whether it is ``inertial``: accelerations drive it, and it acts on the equations of motion only.
+    """
 
     name: str
     unit: str
@@ -43,6 +45,7 @@ class Block:
     low: float
     high: float
     repetitions: int
+    inertial: bool
 
     @property
     def half(self) -> float:
@@ -104,7 +107,8 @@ def with_blocks(
     known, blocks, into, out = system.parameters, [], [], []
     for k, (name, (nominal, low, high)) in enumerate(found.items()):
         left, right = _factors(system, {key: getattr(slopes, key)[k] for key in _MATRICES}, name)
-        blocks.append(Block(name, known.units[name], nominal, low, high, left.shape[1]))
+        inertial = not left[system.dof :].any() and not right[system.dof :].any()
+        blocks.append(Block(name, known.units[name], nominal, low, high, left.shape[1], inertial))
         root = np.sqrt(blocks[-1].half)
         into.append(root * left)
         out.append(root * right)

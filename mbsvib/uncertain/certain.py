@@ -13,17 +13,19 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import closed_space, regular
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.rank import ZERO_RATE
 from mbsvib.random.budget import random
 from mbsvib.random.moments import Equations, moments
 from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
+from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.intervals import Channels, cover
 from mbsvib.uncertain.search import gain, perturbed, values_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closing import Matrices
     from mbsvib.uncertain.scalings import Scalings
@@ -43,8 +45,8 @@ class RobustStability(Displayed):
     """How far all limits may be moved: the plant is stable for factors below ``lower`` on the distances from nominal,
     and not stable at ``values``, which are at the factor ``upper``; 1 stands for the limits as stated.
 
-    ``omega`` [rad/s] is the frequency of the pole there. Without such values ``upper`` is infinite, ``values`` are
-    empty and ``omega`` is not a number.
+    ``omega`` [rad/s] is the frequency of the pole there, infinite where the equations become singular, as by a mass
+    that vanishes. Without such values ``upper`` is infinite, ``values`` are empty and ``omega`` is not a number.
     """
 
     name: str
@@ -65,8 +67,9 @@ class RobustStability(Displayed):
                    if self.upper <= 1.0 else "Stability within the limits is not proven, and not refuted.")  # fmt: skip
         notes = [f"Stable below {self.lower:.4g} times the distances to the limits.", verdict]
         if self.values:
-            notes.insert(1, f"A pole at {self.omega:.6g} rad/s reaches the axis at {self.upper:.4g} times, with these "
-                            f"values.")  # fmt: skip
+            what = f"A pole at {self.omega:.6g} rad/s reaches the axis" if np.isfinite(self.omega) else \
+                "The equations become singular"  # fmt: skip
+            notes.insert(1, f"{what} at {self.upper:.4g} times, with these values.")
         return _values_table(f"Robust stability of {self.name}", self.values, notes)
 
     def __repr__(self) -> str:
@@ -215,7 +218,44 @@ def _proof(plant: Any, problem: Perturbed) -> Proof:
     rest = parts.decaying
     sizes = np.abs(rest.poles)
     unit = float(np.exp(np.log(sizes).mean())) if len(sizes) else 1.0
-    return Proof((*scaled(rest.a / unit, rest.b / unit, rest.c), d), tuple(plant.blocks.values()), unit)
+    space = *scaled(rest.a / unit, rest.b / unit, rest.c), d
+    inertial = np.repeat([block.inertial for block in plant.parameters], list(plant.blocks.values()))
+    space = even_gain(by_velocities(space, np.flatnonzero(inertial), r), r)
+    return Proof(space, tuple(plant.blocks.values()), unit)
+
+
+def even_gain(space: Matrices, r: int) -> Matrices:
+    """Equations in units of the gain's signals in which parameters and gain do as much to each other."""
+    a, b, c, d = space
+    size = np.abs(c @ np.linalg.solve(1j * OFF_POLES[:, None, None] * np.eye(len(a)) - a, b) + d).max(axis=0)
+    to, of = np.linalg.norm(size[:r, r:]), np.linalg.norm(size[r:, :r])
+    unit = np.sqrt(to / of) if to and of else 1.0
+    rows, columns = (np.where(np.arange(count) < r, 1.0, unit) for count in d.shape)
+    return a, b / columns, rows[:, None] * c, rows[:, None] * d / columns
+
+
+def by_velocities(space: Matrices, at: Index, r: int) -> Matrices:
+    """Equations in which inertial channels have velocities as z and impulses as w: T^-1 M T with T = s there.
+
+    Real parameters commute with s, so that T changes nothing of what is true. Constant scalings G of opposite sign
+    prove now that masses and springs exchange energy and no more; in accelerations these would depend on frequency.
+    Gains of accelerations have T = s too. Where a signal would become improper, the equations stay as they are.
+    """
+    a, b, c, d = space
+    for rows, columns in ((at, at), (np.concatenate((at, np.arange(r, len(c)))),
+                                     np.concatenate((at, np.arange(r, b.shape[1]))))):  # fmt: skip
+        if not len(a) or not len(at):
+            break
+        both, wanted = np.concatenate((a, b), axis=1), np.concatenate((c[rows], d[rows]), axis=1)
+        x = np.linalg.lstsq(both.T, wanted.T, rcond=None)[0].T
+        others = np.delete(d, rows, axis=0)[:, columns]
+        if np.abs(x @ both - wanted).max() > ZERO_RATE * np.abs(wanted).max() or others.any():
+            continue
+        b, c, d = b.copy(), c.copy(), d.copy()
+        c[rows], d[rows] = x, 0.0
+        d[:, columns], b[:, columns] = c @ b[:, columns], a @ b[:, columns]
+        return *scaled(a, b, c), d
+    return space
 
 
 def robust_stability(plant: Any, accuracy: float) -> RobustStability:
@@ -228,11 +268,8 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
     if found is not None:
         upper, delta = found
         values = values_at(plant, delta)
-        closed = problem.closure(delta)
-        if closed is not None:
-            poles = np.linalg.eigvals(closed.closed[0])
-            omega = float(np.abs(poles[int(np.argmax(poles.real))].imag))
-            starts = [omega / proof.unit]
+        omega = np.inf if (closed := problem.closure(delta)) is None else _rightmost(closed.closed[0])
+        starts = [omega / proof.unit] if np.isfinite(omega) else []
 
     def proves(t: float) -> bool:
         return proof.holds(t * problem.limits, starts)
@@ -244,6 +281,11 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
             break
         lower = share * last
     return RobustStability(plant.name, lower, upper, values, omega)
+
+
+def _rightmost(a: Array) -> float:
+    poles = np.linalg.eigvals(a)
+    return float(np.abs(poles[int(np.argmax(poles.real))].imag))
 
 
 def _closest(proves: Callable[[float], bool], good: float, bad: float, near: float) -> float:

@@ -161,11 +161,9 @@ def cover(
         else:
             queue.remove(w)
         low, high = next(gap for gap in gaps if gap[0] <= w <= gap[1])
-        scalings, value = best_scalings(channels.at(np.array([w]))[0], channels.sizes, channels.inputs, ENOUGH)
-        if value <= 0.0:
-            return w
+        scalings = best_scalings(channels.at(np.array([w]))[0], channels.sizes, channels.inputs, ENOUGH)[0]
         covered = interval(channels, scalings, w)
-        if covered[1] <= covered[0] and low != high:
+        if covered[1] <= covered[0]:
             return w
         known.append(scalings)
         before = sum(map(_width, gaps))

@@ -86,16 +86,22 @@ def best_scalings(m: Complex, sizes: Sequence[int], inputs: int, enough: float =
     exceeds ``enough``; the trace of D with what scales the gain is fixed until then. s < 0 means that there are none.
     """
     n = sum(sizes)
-    factors = balancing(m, n)
-    scale = np.concatenate((factors, np.ones(m.shape[0] - n)))
-    back = np.concatenate((1.0 / factors, np.ones(inputs)))
-    inside = scale[:, None] * m * back
+    factors = _factors(m, n, inputs)
+    scale, back = (np.concatenate((factors[:n], np.full(count - n, factors[-1]))) for count in m.shape)
     basis = bases(sizes)
-    problem = _Problem(inside, basis, n, inputs)
-    x, s = problem.solved(enough)
+    x, s = _Problem(scale[:, None] * m / back, basis, n, inputs).solved(enough)
     k = len(basis)
-    both = np.outer(factors, factors) / (x[k] if inputs else 1.0)
+    both = np.outer(factors[:n], factors[:n]) / (x[k] * factors[-1] ** 2 if inputs else 1.0)
     return Scalings(np.tensordot(x[:k], basis, axes=1) * both, np.tensordot(x[-k:], basis, axes=1) * both), s
+
+
+def _factors(m: Complex, n: int, inputs: int) -> Array:
+    """Factors of ``balancing`` (n + 1,) of the channels of the parameters and of the gain as one more."""
+    size = np.zeros((n + 1, n + 1), dtype=complex)
+    size[:n, :n] = np.abs(m[:n, :n])
+    if inputs:
+        size[:n, n], size[n, :n] = np.linalg.norm(m[:n, n:], axis=1), np.linalg.norm(m[n:, :n], axis=0)
+    return balancing(size, n + 1)
 
 
 class _Problem:

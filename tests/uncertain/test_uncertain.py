@@ -138,6 +138,34 @@ def test_flutter_against_a_search_of_all_values():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("limits", [{"k1.stiffness": 0.3, "m1.mass": 0.3},
+                                    {"k1.stiffness": 0.3, "k2.stiffness": 0.3, "m2.mass": 0.3}])  # fmt: skip
+def test_masses_and_springs_exchange_energy_only(limits):
+    """A mechanism with dampers is stable for all positive masses and stiffness: up to 1 / 0.3 of the distances."""
+    stable = two_masses().linearize().uncertain(limits).robust_stability()
+    assert stable.upper == pytest.approx(1.0 / 0.3, rel=2e-3)
+    assert stable.lower > 0.98 * stable.upper
+
+
+def test_a_mass_that_vanishes_makes_the_equations_singular():
+    stable = oscillator().linearize().uncertain({"b.mass": 0.5}).robust_stability()
+    assert (stable.upper, stable.omega) == (pytest.approx(2.0, rel=1e-9), np.inf)
+    assert stable.lower > 0.98 * stable.upper
+    assert "become singular at 2 times" in str(stable)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_bounds_of_gains_do_not_depend_on_units(size):
+    """0.5 + 0.1 d / (1 - 0.5 d) is 0.7 at most; the unit of the channel between parameter and gain is free."""
+    for gain, proven in ((0.71, True), (0.69, False)):
+        m = np.array([[0.5, 0.1 * size], [1.0 / size, 0.5]], dtype=complex) / np.array([[1.0], [gain]])
+        scalings, _ = best_scalings(m, (1,), 1)
+        phi = scalings.phi(m, 1)
+        unit = 1.0 / np.sqrt([scalings.d[0, 0].real, 1.0])
+        assert bool(np.linalg.eigvalsh(unit[:, None] * phi * unit)[0] > 0.0) is proven
+
+
+@pytest.mark.slow
 def test_worst_gain_of_a_loop_against_samples():
     loop = platform().uncertain({"leg*.k.stiffness": 0.1, "platform.mass": (9.0, 12.0)}).feedback(
         -3e4 * np.eye(6), ["x", "y", "z", "rx", "ry", "rz"], ["Fx", "Fy", "Fz", "Mx", "My", "Mz"])  # fmt: skip
