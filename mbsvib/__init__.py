@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
+    from mbsvib.measurement.comparing import compare
     from mbsvib.measurement.data import Measurement
     from mbsvib.measurement.modes import MeasuredModes
     from mbsvib.mjcf import load_mjcf
@@ -59,6 +60,7 @@ __all__ = [
     "System",
     "UndeterminedForceWarning",
     "__version__",
+    "compare",
     "from_dh",
     "goals",
     "isolation",
@@ -88,6 +90,7 @@ _HOMES = {
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.system",
+    "compare": "mbsvib.measurement.comparing",
     "from_dh": "mbsvib.library",
     "goals": "mbsvib.tuning",
     "isolation": "mbsvib.isolation",

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 HOMES = {
     "demo": "_demo", "models": "_looking", "modes": "_looking", "bode": "_drawing", "nyquist": "_drawing",
     "sigma": "_drawing", "step": "_drawing", "draw": "_drawing", "animate": "_drawing", "check": "_looking",
-    "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying", "path": "_studying",
-    "isolation": "_studying",
+    "compare": "_comparing", "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying",
+    "path": "_studying", "isolation": "_studying",
     "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",
     "export": "_exporting", "check-export": "_checking",
     "cosim": "_cosimulating", "report": "_reporting", "schema": "_looking",

@@ -21,6 +21,8 @@ from mbsvib.measurement.points import nodes_of, points_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from matplotlib.figure import Figure
+
     from mbsvib.common.arrays import Array, Complex
 
 # Coherence of 1, and symmetry of a covariance, up to rounding of the program that estimated them.
@@ -281,6 +283,32 @@ class Measurement(Doors, Displayed):
         channels = [("outputs", self.outputs, self.output_units, self.output_points, self.quantity),
                     ("inputs", self.inputs, self.input_units, self.input_points, None)]  # fmt: skip
         return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+
+    def plot(self, linear: Any = None, names: Mapping[str, str] | None = None) -> Figure:
+        """Draw magnitude and phase of the responses with their standard deviation, and a model's over them.
+
+        Parameters
+        ----------
+        linear : Model, System, ClosedLoop or StateSpace, optional
+            The model, whose channels are found by ``matched``.
+        names : dict of str to str, optional
+            As of ``matched``.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            One panel for each pair of input and output.
+        """
+        from mbsvib.plots.measured import measured
+
+        if linear is None:
+            return measured(self, None)
+        matching = self.matched(linear, names)
+        system = linear.linearize() if hasattr(linear, "linearize") else linear
+        rows, columns = ([list(getattr(system, kind)).index(name) for name in listed] for kind, listed in (
+            ("outputs", matching.output_names), ("inputs", matching.input_names)))  # fmt: skip
+        responses = system.frequency_response(self.omega)[np.ix_(rows, columns)]
+        return measured(self, responses * matching.factor(self.omega), system.name)
 
     def __repr__(self) -> str:
         groups = ((self.inputs, "input"), (self.outputs, "output"), (self.omega, "frequency"), (self.nodes, "node"),

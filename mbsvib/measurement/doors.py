@@ -12,7 +12,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, reals
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
-from mbsvib.measurement import estimation
+from mbsvib.measurement.time_records import check_length, estimate, samples_of, si, stacked, step_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,18 +20,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.measurement.estimation import Estimate
 
 METHODS = ("H1", "H2", "Hv", "local", "periodic")
 # Entries of a file of arrays that are channels and noise; the others of a measurement are not kept there.
 ARRAYS = ("omega", "responses", "outputs", "inputs", "variance", "coherence", "averages", "covariance", "quantity",
           "output_units", "input_units", "noise_variance")  # fmt: skip
-# Times that differ from even ones by less than this share of a step are even: rounded time stamps.
-EVEN = 1e-2
-# Units of test laboratories in SI units.
-SI = {"g": (9.80665, "m/s^2"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "kN": (1e3, "N"),
-      "mm/s": (1e-3, "m/s"), "m/s²": (1.0, "m/s^2"), "m/s2": (1.0, "m/s^2"), "Nm": (1.0, "N m")}  # fmt: skip
+
 
 
 class Doors:
@@ -100,27 +94,27 @@ class Doors:
                                     f"{'one' if belongs else 'none'}.")  # fmt: skip
         if reference and method not in ("H1", "local"):
             raise ResponseError(f"from_records: reference with method={method!r}; expected 'H1' or 'local'.")
-        records, sizes = _stacked({"output": outputs, "input": inputs, "reference": reference or {}})
-        step = _step(t, records.shape[-1])
-        samples = _samples(records.shape[-1], step, segments, period)
-        _check_length(samples * step, band, lowest, windowed)
-        estimate = _estimate(records, sizes, method, samples, noise_ratio)
-        frequencies = np.arange(1, estimate.responses.shape[-1] + 1) / (samples * step)
+        records, sizes = stacked({"output": outputs, "input": inputs, "reference": reference or {}})
+        step = step_of(t, records.shape[-1])
+        samples = samples_of(records.shape[-1], step, segments, period)
+        check_length(samples * step, band, lowest, windowed)
+        result = estimate(records, sizes, method, samples, noise_ratio)
+        frequencies = np.arange(1, result.responses.shape[-1] + 1) / (samples * step)
         low, high = band or (0.0, np.inf)
         kept = (frequencies >= low) & (frequencies <= high) & (frequencies < 0.5 / step)
         if not kept.any():
             raise ResponseError(f"from_records: no line from {low:g} to {high:g} Hz; there are lines each "
                                 f"{frequencies[0]:g} Hz up to {0.5 / step:g} Hz.")  # fmt: skip
-        worst = np.argmax(np.where(kept, estimate.condition, 0.0))
+        worst = np.argmax(np.where(kept, result.condition, 0.0))
         notes = [f"method {method}", f"resolution {frequencies[0]:g} Hz"]
-        notes += [] if estimate.averages is None else [f"{estimate.averages:.3g} independent averages"]
-        notes += [] if sizes[1] == 1 else [f"condition of the inputs up to {estimate.condition[worst]:.3g}, at "
+        notes += [] if result.averages is None else [f"{result.averages:.3g} independent averages"]
+        notes += [] if sizes[1] == 1 else [f"condition of the inputs up to {result.condition[worst]:.3g}, at "
                                            f"{frequencies[worst]:g} Hz"]  # fmt: skip
-        lines = {name: None if (array := getattr(estimate, name)) is None else array[..., kept]
+        lines = {name: None if (array := getattr(result, name)) is None else array[..., kept]
                  for name in ("responses", "variance", "coherence")}  # fmt: skip
-        noise = None if estimate.noise is None else estimate.noise[..., kept]
+        noise = None if result.noise is None else result.noise[..., kept]
         return cls(omega=2 * np.pi * frequencies[kept], outputs=tuple(outputs), inputs=tuple(inputs), **lines,
-                   averages=estimate.averages, noise_variance=noise, notes=tuple(notes), **channels)  # type: ignore[call-arg]  # fmt: skip
+                   averages=result.averages, noise_variance=noise, notes=tuple(notes), **channels)  # type: ignore[call-arg]  # fmt: skip
 
     @classmethod
     def from_sep005(
@@ -165,7 +159,7 @@ class Doors:
             times = channel.get("time")
             if times is None and not (rate := float(channel.get("fs") or 0.0)) > 0.0:
                 raise ResponseError(f"from_sep005: '{name}' has neither 'time' nor a positive 'fs'.")
-            step = 1.0 / rate if times is None else _step(times, len(data))
+            step = 1.0 / rate if times is None else step_of(times, len(data))
             steps[name] = (round(step, 12), len(data), str(channel.get("start_timestamp", "")))
         if len(set(steps.values())) > 1:
             listed = "; ".join(f"{name}: {n} samples each {step:g} s {start}"
@@ -175,7 +169,7 @@ class Doors:
         groups = [[names[k] for k in selected(wanted, names, "channel", "records")] if wanted else []
                   for wanted in (inputs, reference)]  # fmt: skip
         groups.append([name for name in names if name not in (*groups[0], *groups[1])])
-        scaled = {str(c["name"]): _si(c) for c in channels}
+        scaled = {str(c["name"]): si(c) for c in channels}
         taken, loop, outputs = ({name: scaled[name][0] for name in group} for group in groups)
         units = {f"{kind}_units": tuple(scaled[name][1] for name in group)
                  for kind, group in (("output", outputs), ("input", taken))}  # fmt: skip
@@ -307,111 +301,3 @@ class Doors:
         """
         arrays = {name: np.asarray(value) for name in ARRAYS if (value := getattr(self, name)) is not None}
         return write_atomic(path, lambda stream: np.savez_compressed(stream, **arrays), ResponseError)  # type: ignore[arg-type]
-
-
-def _stacked(groups: Mapping[str, Mapping[str, ArrayLike]]) -> tuple[Array, tuple[int, int, int]]:
-    """Records (experiments, channels, N) and the number of channels of each group."""
-    stacked: list[Array] = []
-    for kind, group in groups.items():
-        if not hasattr(group, "items") or (not group and kind != "reference"):
-            raise ResponseError(f"from_records: {kind}s = {shown(group)}; expected records by name, {{'F': array}}.")
-        for name, values in group.items():
-            record = np.atleast_2d(reals(values, "from_records", f"'{name}'", "a record of numbers"))
-            if record.ndim != 2 or (stacked and record.shape != stacked[0].shape):
-                raise ResponseError(f"from_records: '{name}' has shape {record.shape}; expected experiments and "
-                                    f"samples{f', {stacked[0].shape} as the others' if stacked else ''}.")  # fmt: skip
-            if not np.isfinite(record).all():
-                at = np.argwhere(~np.isfinite(record))[0][-1]
-                raise ResponseError(f"from_records: '{name}' is not finite at sample {at}; cut or repair the record.")
-            if (np.ptp(record) if len(record) else 0.0) == 0.0:
-                raise ResponseError(f"from_records: '{name}' is constant; leave this {kind} out.")
-            stacked.append(record - record.mean(axis=1, keepdims=True))
-    outputs, inputs, references = (len(groups[kind]) for kind in ("output", "input", "reference"))
-    if references and references < inputs:
-        raise ResponseError(f"from_records: {references} references for {inputs} inputs; expected as many or more.")
-    return np.stack(stacked, axis=1), (outputs, inputs, references)
-
-
-def _step(t: ArrayLike, count: int) -> float:
-    """Time between samples [s]."""
-    times = reals(t, "from_records", "t", "even times [s], or the time between samples [s]")
-    if times.ndim == 0 and times > 0.0:
-        return float(times)
-    if times.shape != (count,) or count < 2 or not np.isfinite(times).all():
-        raise ResponseError(f"from_records: t has shape {times.shape}, records have {count} samples; expected one time "
-                            f"[s] each, or the time between samples.")  # fmt: skip
-    step = float(times[-1] - times[0]) / (count - 1)
-    off = np.abs(times - times[0] - step * np.arange(count)).max()
-    if not step > 0.0 or off > EVEN * step:
-        raise ResponseError(f"from_records: times are uneven: off by {off:.3g} s from steps of {step:.6g} s; resample "
-                            f"the records.")  # fmt: skip
-    return step
-
-
-def _samples(count: int, step: float, segments: int | None, period: float | None) -> int:
-    """Samples of a segment, of a period, or of the record."""
-    if period is not None:
-        samples = period / step
-        if not samples >= 2.0 or abs(samples - round(samples)) > EVEN:
-            raise ResponseError(f"from_records: period = {period!r} s is {samples:.6g} samples; expected a "
-                                f"whole number.")  # fmt: skip
-        return round(samples)
-    if segments is None:
-        return count
-    if isinstance(segments, bool) or not isinstance(segments, (int, np.integer)) or not 1 <= segments <= count // 4:
-        raise ResponseError(f"from_records: segments = {shown(segments)}; expected a whole number from 1 to "
-                            f"{count // 4}.")  # fmt: skip
-    return count // int(segments)
-
-
-def _check_length(
-    seconds: float, band: tuple[float, float] | None, lowest: tuple[float, float] | None, windowed: bool
-) -> None:
-    """Refuse lines that stretches of that length do not resolve."""
-    what = f"segments of {seconds:.4g} s" if windowed else f"{seconds:.4g} s"
-    hint = "Record longer" + (", take fewer segments, or method='local'." if windowed else ".")
-    if band is not None and not (0.0 < band[0] < band[1] and band[0] * seconds >= 1.0):
-        raise ResponseError(f"from_records: band = {shown(band)} Hz with {what}, whose lowest line is "
-                            f"{1 / seconds:.4g} Hz; expected a band above it. {hint}")  # fmt: skip
-    if lowest is not None:
-        frequency, ratio = lowest
-        if not (frequency > 0.0 and ratio > 0.0):
-            raise ResponseError(f"from_records: lowest = {shown(lowest)}; expected a frequency [Hz] and a damping "
-                                f"ratio.")  # fmt: skip
-        if seconds * frequency * ratio < 1.0:
-            raise ResponseError(f"from_records: {what} for a mode at {frequency:g} Hz with damping ratio {ratio:g}; "
-                                f"expected 1 / (ratio f) = {1 / ratio / frequency:.4g} s or more. {hint}")  # fmt: skip
-
-
-def _estimate(
-    records: Array, sizes: tuple[int, int, int], method: str, samples: int, ratio: float | None
-) -> Estimate:
-    outputs, inputs, references = sizes
-    if method == "local":
-        return estimation.local_polynomials(records, sizes)
-    if method == "periodic":
-        return estimation.periodic(records, (outputs, inputs), samples)
-    spectra, averages = estimation.welch(records, samples)
-    spectra = spectra[1:]
-    if method == "Hv":
-        return estimation.total_least_squares(spectra, (outputs, inputs), ratio, averages)
-    if method == "H1":
-        first = outputs + inputs if references else outputs
-        return estimation.by_instruments(spectra, (outputs, inputs), np.arange(first, spectra.shape[1]), averages)
-    if inputs == 1:  # each output alone: outputs without noise depend on each other
-        each = [estimation.by_instruments(spectra[:, pair][:, :, pair], (1, 1), np.array([0]), averages)
-                for pair in ([o, outputs] for o in range(outputs))]  # fmt: skip
-        responses, variance, coherence = (np.concatenate([getattr(one, field) for one in each])
-                                          for field in ("responses", "variance", "coherence"))  # fmt: skip
-        return estimation.Estimate(responses, variance, coherence, each[0].condition, averages)
-    if outputs != inputs:
-        raise ResponseError(f"from_records: H2 of {outputs} outputs and {inputs} inputs; expected as many of both, or "
-                            f"one input. Take 'H1' or 'Hv'.")  # fmt: skip
-    return estimation.by_instruments(spectra, (outputs, inputs), np.arange(outputs), averages)
-
-
-def _si(channel: Mapping[str, Any]) -> tuple[Array, str]:
-    """Values in SI units and their unit; units that are not known stay."""
-    unit = str(channel.get("unit_str", ""))
-    factor, known = SI.get(unit, (1.0, unit))
-    return factor * np.asarray(channel["data"], dtype=float), known

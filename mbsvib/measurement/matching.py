@@ -107,11 +107,11 @@ class Matching(Displayed):
 
 def matching_of(
     channels: Sequence[tuple[str, Sequence[str], Sequence[str], Sequence[Point], Sequence[str] | None]],
-    nodes: Sequence[Node], linear: Any, names: Mapping[str, str], limits: tuple[float, float],
+    nodes: Sequence[Node], linear: Any, names: Mapping[str, str], limits: tuple[float, float], partial: bool = False,
 ) -> Matching:  # fmt: skip
     """Return the partners of channels, each given by kind, names, units, points and quantities.
 
-    ``limits``: largest distance [m] and angle [rad].
+    ``limits``: largest distance [m] and angle [rad]. ``partial``: leave out channels without partner.
     """
     known = {node.number: node for node in nodes}
     places = model_places(linear)
@@ -133,7 +133,7 @@ def matching_of(
             else:
                 partners.append(partner)
         results[kind] = tuple(partners)
-    if missing:
+    if missing and not partial:
         raise ResponseError(f"matched: {' '.join(missing)} Give names={{measured: name in the model}}, add the channel "
                             f"to the model, or leave it out: data[outputs, inputs].")  # fmt: skip
     return Matching(results["outputs"], results.get("inputs", ()))

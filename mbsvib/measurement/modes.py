@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,12 +12,13 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError
 from mbsvib.measurement.matching import matching_of
-from mbsvib.measurement.points import nodes_of, points_of
+from mbsvib.measurement.points import label_of, nodes_of, points_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.measurement.data import Measurement
     from mbsvib.measurement.matching import Matching
 
 WHO = "MeasuredModes"
@@ -77,6 +78,41 @@ class MeasuredModes(Displayed):
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
             object.__setattr__(self, field, value)
+
+    @classmethod
+    def from_measurement(cls, data: Measurement) -> MeasuredModes:
+        """Return the modes that a measurement has, such as those of a universal file.
+
+        Parameters
+        ----------
+        data : Measurement
+            With ``modes`` at its ``nodes``.
+
+        Returns
+        -------
+        MeasuredModes
+            Outputs are labels of nodes and directions, ``"101X+"``; what a mode does not have is NaN.
+
+        Raises
+        ------
+        ResponseError
+            If it has no modes.
+        """
+        if not data.modes:
+            raise ResponseError(f"{WHO}: the measurement has no modes.")
+        numbers = sorted({number for mode in data.modes for number in mode.nodes})
+        shapes = np.full((len(numbers), 6, len(data.modes)), np.nan, dtype=complex)
+        for k, mode in enumerate(data.modes):
+            shapes[[numbers.index(number) for number in mode.nodes], :, k] = mode.shape
+        flat = shapes.reshape(-1, len(data.modes))
+        flat = flat if any(np.iscomplexobj(mode.shape) for mode in data.modes) else flat.real
+        labels = [label_of(number, axis) for number in numbers for axis in range(6)]
+        known = ~np.isnan(flat).all(axis=1)
+        world = [replace(node, axes=None) for node in data.nodes]  # shapes are in world axes
+        outputs = tuple(label for label, is_known in zip(labels, known, strict=True) if is_known)
+        frequencies, ratios = (np.array([getattr(mode, field) for mode in data.modes])
+                               for field in ("frequency", "damping_ratio"))  # fmt: skip
+        return cls(frequencies, ratios, flat[known], outputs, nodes=world)
 
     def matched(
         self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18

@@ -67,6 +67,11 @@ class Place:
         return float(self.direction @ other.direction)
 
 
+def label_of(node: int, axis: int) -> str:
+    """Return the label of a direction 0 to 5 at a node."""
+    return f"{node}{_AXES[axis]}+"
+
+
 def point_of(label: str) -> Point | None:
     """Return node and direction of a label, ``101X+``, ``101+X``, ``101RZ-``; None of other names."""
     match = _LABEL.fullmatch(label)
@@ -156,12 +161,18 @@ def body_positions(parts: Iterable[Any]) -> dict[str, Vector]:
 
 
 def model_places(linear: Any) -> dict[tuple[str, str], Place]:
-    """Return places of the inputs and outputs of a model or system that act on one body, by (kind, name).
+    """Return places of the inputs and outputs of a model, system or measurement that act on one body, by (kind, name).
 
     ``kind``: "input" or "output". Equations from files or matrices have none; a closed loop has those of its plant.
     """
     parts: Any
     ports: Any
+    if hasattr(linear, "output_points"):  # a measurement
+        known = {node.number: node for node in linear.nodes}
+        listed = [((kind, name), place_of(point, known)) for kind in ("output", "input")
+                  for name, point in zip(getattr(linear, f"{kind}s", ()), getattr(linear, f"{kind}_points", ()),
+                                         strict=True)]  # fmt: skip
+        return {key: place for key, place in listed if place is not None}
     if kind_of(linear) == "model":
         parts, ports = linear.declared_parts, chain(linear.inputs.values(), linear.outputs.values())
     else:

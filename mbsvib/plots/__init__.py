@@ -6,6 +6,7 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
+from mbsvib.plots.comparison import comparison
 from mbsvib.plots.cycle import cycle
 from mbsvib.plots.energy import energy
 from mbsvib.plots.front import front
@@ -31,6 +32,7 @@ from mbsvib.plots.trade_off import trade_off
 __all__ = [
     "bode",
     "campbell",
+    "comparison",
     "cycle",
     "energy",
     "front",

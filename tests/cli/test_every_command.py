@@ -15,6 +15,7 @@ LINES = {
     "models": "models", "modes": "modes slider.yaml", "check": "check slider.yaml", "schema": "schema",
     "bode": "bode slider.yaml", "nyquist": "nyquist slider.yaml", "sigma": "sigma slider.yaml",
     "step": "step slider.yaml --duration 1", "draw": "draw slider.yaml", "animate": "animate slider.yaml",
+    "compare": "compare slider.yaml slider.yaml",
     "params": "params slider.yaml", "sweep": "sweep slider.yaml k.stiffness=1e3:1e4:3",
     "equilibrium": "equilibrium slider.yaml", "path": "path slider.yaml rail.z=0:0.1:3",
     "isolation": "isolation quarter_car body",

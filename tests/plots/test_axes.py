@@ -64,6 +64,7 @@ FIGURES = {
     "bode": lambda: [plots.bode(system(), ["z", "rx"], ["Fz", "Mx"], decibels=decibels, radians=radians)
                      for decibels in (False, True) for radians in (False, True)],
     "campbell": lambda: [plots.campbell(spinning())],
+    "comparison": lambda: [mv.compare(system(), system()).plot()],
     "cycle": lambda: [plots.cycle(cycle()), plots.cycle(library.toggle().cycle("rail.z", [0.0, -0.01], speed=0.1))],
     "energy": lambda: [plots.energy(system()), plots.energy(system(), "kinetic")],
     "front": lambda: [plots.front(front())],
