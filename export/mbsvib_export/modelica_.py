@@ -13,7 +13,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import base_unit, identifier
-from mbsvib_export.neutral import state_space_of, with_ports
+from mbsvib_export.neutral import check_finite, state_space_of, with_ports
 
 if TYPE_CHECKING:
     import os
@@ -85,9 +85,7 @@ def to_modelica(
                           f"no word of Modelica.")  # fmt: skip
     if not space.states and not space.outputs:
         raise ExportError(f"{caller}: '{space.name}' has no states and no outputs; its model would be empty.")
-    for label in "ABCD":
-        if not np.isfinite(getattr(space, label)).all():
-            raise ExportError(f"{caller}: {label} of '{space.name}' holds NaN or infinity; expected finite numbers.")
+    check_finite(space, caller)
     text = _model(space, model, connectors)
     return write_atomic(path, lambda file: file.write(text.encode("utf-8")))
 

@@ -197,6 +197,13 @@ def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
     return ready
 
 
+def check_finite(space: Any, caller: str) -> None:
+    """Refuse equations (A, B, C, D) that are not finite."""
+    for label in "ABCD":
+        if not np.isfinite(getattr(space, label)).all():
+            raise ExportError(f"{caller}: {label} of '{space.name}' holds NaN or infinity; expected finite numbers.")
+
+
 def space_of(source: object, realization: str) -> object:
     """Return the state space of a closed loop, a controller or equations of python-control; else the source.
 

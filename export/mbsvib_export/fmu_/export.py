@@ -15,11 +15,10 @@ from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.companion import check_companion
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
-from mbsvib_export.fmu_.description_2 import description_2
-from mbsvib_export.fmu_.description_3 import description_3
+from mbsvib_export.fmu_.description import VERSIONS, description
 from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.fmu_.sources import plant_of
+from mbsvib_export.fmu_.plant import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
 from mbsvib_export.neutral import with_ports
 
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib_export.neutral import Source
 
 
-VERSIONS = {"2.0": description_2, "3.0": description_3}
 # Bytes of a description in which its attributes are looked for.
 HEAD = 20_000
 
@@ -134,11 +132,8 @@ def to_fmu(
     """
     system = with_ports(system, outputs, inputs)
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
-    for fmi_version in versions:
-        if fmi_version not in VERSIONS:
-            raise ExportError(f'to_fmu: version = {fmi_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
-    if not versions:
-        raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    if not versions or not set(versions) <= set(VERSIONS):
+        raise ExportError(f'to_fmu: version = {version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
     if goal.suffix.lower() != ".fmu":
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
@@ -149,26 +144,26 @@ def to_fmu(
         return _write(plant, goal, version, libraries)
     paths = [goal.with_name(f"{goal.stem}-fmi{fmi_version[0]}{goal.suffix}") for fmi_version in versions]
     for path in paths:
-        check_companion(path, lambda file: _holds(file, plant.name), f"an FMU of '{plant.name}' by mbsvib",
+        check_companion(path, lambda file: _holds(file, plant.space.name), f"an FMU of '{plant.space.name}' by mbsvib",
                         "Move it, or take another name.")  # fmt: skip
     return tuple(_write(plant, path, fmi_version, libraries)
                  for path, fmi_version in zip(paths, versions, strict=True))  # fmt: skip
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
-    variables = variables_of(plant)
-    name = identifier(plant.name)
+    variables, space = variables_of(plant), plant.space
+    name = identifier(space.name)
     head = {
-        "modelName": plant.name or "system",
-        "description": f"Linear system {plant.name}, {len(plant.states)} states ({plant.realization})",
+        "modelName": space.name or "system",
+        "description": f"Linear system {space.name}, {len(space.states)} states ({space.realization})",
         "generationTool": f"mbsvib {__version__}",
-    }  # fmt: skip
-    content, token = matrices_file(plant, VERSIONS[version](variables, head, name, ""))
-    description = VERSIONS[version](variables, head, name, token)
+    }
+    content, token = matrices_file(plant, description(version, variables, head, name, ""))
+    described = description(version, variables, head, name, token)
 
     def write(stream: IO[bytes]) -> None:
         with zipfile.ZipFile(stream, "w") as archive:
-            _put(archive, "modelDescription.xml", description.encode())
+            _put(archive, "modelDescription.xml", described.encode())
             _put(archive, "resources/model.lti", content)
             for target, library in libraries.items():
                 folder = target if version == "3.0" else PLATFORMS[target].folder_2

@@ -28,20 +28,20 @@ def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
 
     ``described``: all that the description says except the token, which depends on it: equal content, equal token.
     """
-    blocks = plant.blocks
-    n, np_ = len(plant.states), len(plant.tunable)
+    blocks, space = plant.blocks, plant.space
+    n, m = len(space.states), len(space.inputs)
     first = np.cumsum([0, *(len(item.indices) for item in plant.tunable)])
     integers = [blocks, first, *(item.indices for item in plant.tunable)]
     real = [
-        np.zeros(n), plant.nominal, np.zeros(len(plant.inputs)), np.array([item.value for item in plant.tunable]),
+        np.zeros(n), plant.nominal, np.zeros(m), np.array([item.value for item in plant.tunable]),
         *(item.slope for item in plant.tunable),
-        *(plant.A[a:b, a:b].ravel() for a, b in pairwise(blocks)),
-        plant.B.ravel(), plant.C.ravel(), plant.D.ravel(),
+        *(space.A[a:b, a:b].ravel() for a, b in pairwise(blocks)),
+        space.B.ravel(), space.C.ravel(), space.D.ravel(),
         *(() if plant.E is None or plant.F is None else (plant.E.ravel(), plant.F.ravel())),
     ]  # fmt: skip
     body = b"".join([*(np.asarray(item, dtype="<i8").tobytes() for item in integers),
                      *(np.asarray(item, dtype="<f8").tobytes() for item in real)])  # fmt: skip
-    sizes = struct.pack("<6q", n, len(plant.inputs), len(plant.outputs), np_, len(blocks) - 1,
+    sizes = struct.pack("<6q", n, m, len(space.outputs), len(plant.tunable), len(blocks) - 1,
                         2 * int(first[-1]) + (plant.E is not None))  # fmt: skip
     digest = hashlib.sha256(sizes + body + described.encode()).hexdigest()
     token = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"

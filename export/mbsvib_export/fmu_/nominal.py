@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.state_space import StateSpace
 
 # Importers take an absolute tolerance of the relative one times the nominal value. Errors of outputs add up over many
 # steps, so that a state is as accurate as the outputs if its nominal value is this share of what outputs resolve.
@@ -28,14 +27,7 @@ PERIODS, STEPS, FAST = 20.0, 1000.0, 2.0
 DECAYS = 1.0
 
 
-def scales(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> tuple[Array, tuple[float, float]]:
-    """Return ``nominal_values`` (n,) of the states of a state space, and ``experiment_times`` [s], stop time and step.
-    """
-    values = np.linalg.eigvals(a).astype(complex)
-    return nominal_values((a, b, c, d), values, units), experiment_times(values)
-
-
-def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, units: Sequence[str]) -> Array:
+def nominal_values(space: StateSpace, values: Complex) -> Array:
     """Return the nominal value of each state (n,), positive: the size at which its errors matter, to two digits.
 
     SHARE min |y_oj| / |v_oi| over outputs o and inputs j: y are the amplitudes of outputs for steps of one unit,
@@ -43,9 +35,9 @@ def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, un
     real s. The value is at most SHARE times the largest amplitude for steps among the states of its unit, as it is for
     states that no output sees.
 
-    ``space``: A, B, C, D. ``values`` (n,): eigenvalues of A [1/s].
+    ``values`` (n,): eigenvalues of A [1/s].
     """
-    a, b, c, d = space
+    a, b, c, d = space.A, space.B, space.C, space.D
     if not len(a):
         return np.ones(0)
     if not b.any():  # no inputs: what an unknown force on everything would do
@@ -58,8 +50,8 @@ def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, un
     with np.errstate(divide="ignore", over="ignore"):
         size = (resolved[:, None] / observed).min(axis=0, initial=np.inf)
     limit = np.empty(len(a))
-    for unit in set(units):
-        alike = np.array([own_unit == unit for own_unit in units])
+    for unit in set(space.state_units):
+        alike = np.array([own_unit == unit for own_unit in space.state_units])
         limit[alike] = states[alike].max() or 1.0
     return np.array([float(f"{value:.1e}") for value in np.clip(SHARE * np.minimum(size, limit), 1e-100, 1e100)])
 

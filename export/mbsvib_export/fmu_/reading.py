@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, content_of
@@ -28,7 +29,6 @@ from mbsvib_export.fmu_.names import original_outputs
 
 if TYPE_CHECKING:
     import zipfile
-    from collections.abc import Iterable
     from xml.etree.ElementTree import Element
 
     from mbsvib.common.arrays import Array
@@ -61,17 +61,17 @@ def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str,
     if version not in _TOKENS:
         raise ExportError(f"{file}: is an FMU of FMI {version!r}; expected 2.0 or 3.0.")
     try:
-        names = {kind: _variables(top, kind) for kind in ("input", "output", "state", "parameter")}
-        starts = [real(start) for _, _, start in names["parameter"]]
+        variables = _variables(top)
+        starts = [real(start) for _, _, start in variables["parameter"]]
         token = top.get(_TOKENS[version], "")
-        a, b, c, d = _matrices(content, token, text, [len(item) for item in names.values()], starts)
+        a, b, c, d = _matrices(content, token, text, [len(item) for item in variables.values()], starts)
     except (ContentError, ValueError, struct.error, np.linalg.LinAlgError) as error:
         raise ExportError(f"{file}: {error}. The file is damaged, or was changed after it was written; export it "
                           f"again.") from error  # fmt: skip
-    inputs, outputs, states = (names[kind] for kind in ("input", "output", "state"))
-    (input_names, input_units), (output_names, output_units) = _columns(inputs), _columns(outputs)
-    space = StateSpace(top.get("modelName", ""), "unit", a, b, c, d, np.eye(len(a)), *_columns(states), input_names,
-                       input_units, original_outputs(output_names, input_names), output_units)  # fmt: skip
+    inputs, input_units, outputs, output_units, states, state_units = (
+        tuple(item[k] for item in variables[kind]) for kind in ("input", "output", "state") for k in (0, 1))
+    space = StateSpace(top.get("modelName", ""), "unit", a, b, c, d, np.eye(len(a)), states, state_units, inputs,
+                       input_units, original_outputs(outputs, inputs), output_units)  # fmt: skip
     return space, platforms
 
 
@@ -120,27 +120,22 @@ def _check_identifier(identifier: str, file: str) -> None:
                           f"digits and underscores. Nothing of it was run.")  # fmt: skip
 
 
-def _variables(top: Element, kind: str) -> list[tuple[str, str, str]]:
-    """Name, unit and start value of the variables of a kind, which stand in the order of the matrices."""
-    states, listed = set(), []
+def _variables(top: Element) -> dict[str, list[tuple[str, str, str]]]:
+    """Name, unit and start value of the variables by their kind, which stand in the order of the matrices."""
+    listed = []
     for element in top.iterfind("ModelVariables/*"):
         number = element.find("Real") if element.tag == "ScalarVariable" else element
         if number is None or number.tag not in ("Real", "Float64"):
             raise ContentError(f"the variable {element.get('name')!r} is of another type than Real or Float64")
         listed.append((element, number))
-        states.add(number.get("derivative"))
-    result = []
+    states = {number.get("derivative") for _, number in listed}
+    result: dict[str, list[tuple[str, str, str]]] = {"input": [], "output": [], "state": [], "parameter": []}
     for element, number in listed:
-        causality, reference = element.get("causality"), element.get("valueReference")
-        role = "state" if causality == "local" and reference in states else causality
-        if role == kind:
-            result.append((element.get("name", ""), number.get("unit", ""), number.get("start", "")))
+        causality = element.get("causality", "")
+        role = "state" if causality == "local" and element.get("valueReference") in states else causality
+        if role in result:
+            result[role].append((element.get("name", ""), number.get("unit", ""), number.get("start", "")))
     return result
-
-
-def _columns(variables: Iterable[tuple[str, str, str]]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    listed = list(variables)
-    return tuple(name for name, _, _ in listed), tuple(unit for _, unit, _ in listed)
 
 
 def _matrices(
@@ -185,15 +180,10 @@ def _matrices(
         raise ContentError(f"the parameters of {_NUMBERS} do not fit their entries")
     if ((indices < 0) | (indices >= len(numbers))).any() or len(slopes) != k:
         raise ContentError(f"entries of parameters lie outside of the matrices in {_NUMBERS}")
-    a, at = np.zeros((n, n)), 0
-    for start, end, square in zip(edges[:-1], edges[1:], squares, strict=True):
-        a[start:end, start:end] = numbers[at : at + square].reshape(end - start, end - start)
-        at += square
-    rest = []
-    for shape in shapes:
-        rest.append(numbers[at : at + shape[0] * shape[1]].reshape(shape))
-        at += shape[0] * shape[1]
-    b, c, d, *more = rest
+    parts = np.split(numbers, np.cumsum([*squares, *(rows * columns for rows, columns in shapes)])[:-1])
+    on_diagonal = [part.reshape(size, size) for part, size in zip(parts[:blocks], np.diff(edges), strict=True)]
+    a = block_diag(*on_diagonal) if n else np.zeros((0, 0))
+    b, c, d, *more = (part.reshape(shape) for part, shape in zip(parts[blocks:], shapes, strict=True))
     if more:  # E x' = A x + B u,  y = C x + F x' + D u
         e, f = more
         a, b = np.linalg.solve(e, a), np.linalg.solve(e, b)

@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mbsvib_export.fmu_.names import base_unit, unique_names
-from mbsvib_export.fmu_.tunable import patterns
+from mbsvib_export.fmu_.plant import patterns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -83,9 +83,10 @@ class Variables:
 
 def variables_of(plant: Plant) -> Variables:
     """Return the variables in the order of value references: inputs, outputs, states, derivatives, parameters."""
-    groups = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(item.name for item in plant.tunable),
-              "state": plant.states}  # fmt: skip
-    named = unique_names({**groups, "derivative": ()})
+    space, tuned = plant.space, plant.tunable
+    groups = {"input": space.inputs, "output": space.outputs, "parameter": tuple(item.name for item in tuned),
+              "state": space.states}  # fmt: skip
+    named = unique_names(groups)
     used = {name for names in named.values() for name in names}
     rates = []
     for name in named["state"]:
@@ -104,24 +105,19 @@ def variables_of(plant: Plant) -> Variables:
             listed.append(Variable(len(listed) + 1, kind, name, unit, describe[i],
                                    **{key: value[i] for key, value in more.items()}))  # type: ignore[arg-type]  # fmt: skip
 
-    m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
-    zeros = [0.0] * max(m, n)
-    add("input", named["input"], plant.input_units, _texts("input", plant.inputs, plant.input_units), start=zeros)
-    add("output", named["output"], plant.output_units, _texts("output", plant.outputs, plant.output_units))
-    add("state", named["state"], plant.state_units, _texts("state", plant.states, plant.state_units), start=zeros,
-        nominal=plant.nominal.tolist())  # fmt: skip
-    add("derivative", rates, [_rate(unit) for unit in plant.state_units],
-        [f"time derivative of the state {name}" for name in plant.states], state=range(1 + m + p, 1 + m + p + n))
-    tuned = plant.tunable
+    m, n = len(space.inputs), len(space.states)
+    first = 1 + m + len(space.outputs)
+    for kind, more in (("input", {"start": [0.0] * m}), ("output", {}),
+                       ("state", {"start": [0.0] * n, "nominal": plant.nominal.tolist()})):  # fmt: skip
+        units = getattr(space, f"{kind}_units")
+        add(kind, named[kind], units, [f"{kind} {name}" + (f" [{unit}]" if unit and unit != "-" else "")
+                                       for name, unit in zip(groups[kind], units, strict=True)], **more)  # fmt: skip
+    add("derivative", rates, [_rate(unit) for unit in space.state_units],
+        [f"time derivative of the state {name}" for name in space.states], state=range(first, first + n))
     add("parameter", named["parameter"], [item.unit for item in tuned],
         [f"{item.name}, tunable" for item in tuned], start=[item.value for item in tuned])  # fmt: skip
     names = {kind: dict(zip(groups[kind], named[kind], strict=True)) for kind in groups}
     return Variables(tuple(listed), dict(_dependencies(plant)), names, plant.times)
-
-
-def _texts(kind: str, names: Sequence[str], units: Sequence[str]) -> list[str]:
-    return [f"{kind} {name}" + (f" [{unit}]" if unit and unit != "-" else "")
-            for name, unit in zip(names, units, strict=True)]  # fmt: skip
 
 
 def _rate(unit: str) -> str:
@@ -131,11 +127,12 @@ def _rate(unit: str) -> str:
 
 
 def _dependencies(plant: Plant) -> Iterator[tuple[int, list[int]]]:
-    m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
-    inputs, states = np.arange(1, 1 + m), np.arange(1 + m + p, 1 + m + p + n)
     # tunable parameters have to be among them: importers take wrong Jacobians otherwise, and do not say so
+    filled = patterns(plant) if plant.tunable else {label: getattr(plant.space, label) != 0 for label in "ABCD"}
+    p, m = filled["D"].shape
+    n = len(filled["A"])
+    inputs, states = np.arange(1, 1 + m), np.arange(1 + m + p, 1 + m + p + n)
     parameters = list(range(1 + m + p + 2 * n, 1 + m + p + 2 * n + len(plant.tunable)))
-    filled = patterns(plant) if plant.tunable else {label: getattr(plant, label) != 0 for label in "ABCD"}
     for first, of_states, of_inputs in ((1 + m, "C", "D"), (1 + m + p + n, "A", "B")):
         for i, (x, u) in enumerate(zip(filled[of_states], filled[of_inputs], strict=True)):
             yield first + i, [*inputs[u].tolist(), *states[x].tolist(), *parameters]
