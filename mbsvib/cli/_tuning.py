@@ -11,7 +11,6 @@ from mbsvib.cli._budgeting import densities_of, noise_argument, pairs
 from mbsvib.cli._lookup import as_misuse, model_of
 from mbsvib.cli._robustness import limits_of
 from mbsvib.common.number_text import integer, real
-from mbsvib.common.selection import selected
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
@@ -104,6 +103,7 @@ def _order(word: str) -> int:
 def _laws(entry: tuple[str, str, str, int], system: Any, each: bool, shared: bool) -> list[Tunable]:
     """The controllers of an option: from all its sensors to all its actuators, or one for each pair."""
     import mbsvib as mv
+    from mbsvib.common.selection import selected
 
     kind, actuators, sensors, order = entry
     make = getattr(mv.tunable, kind)

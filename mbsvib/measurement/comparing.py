@@ -29,6 +29,10 @@ SAME_FREQUENCY = 1e-3
 SAME_LINE = 1e-6
 # Share of the largest response of the same units below which one is zero by symmetry, but for rounding.
 NEGLIGIBLE = 1e-10
+# A shape at the outputs that is smaller by this against that of the most visible mode is not seen: it is rounding.
+UNSEEN = 1e-6
+# What a factor e between the frequencies of a pair counts against its MAC: it decides where shapes are the same.
+TIE = 0.02
 POOR = 0.5  # pairs with a lower MAC are marked
 LIMITS = (0.01, np.pi / 18)  # of places that are the same [m, rad], as of ``Measurement.matched``
 NOTES = 12  # differences that the table shows
@@ -82,7 +86,8 @@ class Comparison(Displayed):
         dict of str to object
             The arguments of a table.
         """
-        rows = [(p.a, p.b, f"{p.mac:.3f}", *(f"{f:.6g}" for f in p.frequencies), f"{100 * p.difference:+.2f}",
+        rows = [(p.a, p.b, f"{p.mac:.3f}", *(f"{f:.6g}" for f in p.frequencies),
+                 f"{round(100 * p.difference, 2) + 0.0:+.2f}",  # no minus zero
                  *("" if np.isnan(z) else f"{100 * z:.3g}" for z in p.damping_ratios),
                  p.motion + (" (poor)" if p.mac < POOR else "")) for p in self.pairs]  # fmt: skip
         headers = ("mode", "mode", "MAC", "f [Hz]", "f [Hz]", "difference [%]", "damping [%]", "damping [%]")
@@ -280,9 +285,12 @@ def _shared_shapes(sides: list[Any], modes: list[Any]) -> tuple[tuple[str, ...],
 
 
 def _mac(a: Any, b: Any) -> Array:
+    """MAC of all pairs of columns; 0 for modes that no output shows."""
+    a, b = (values * (np.linalg.norm(values, axis=0) > UNSEEN * np.linalg.norm(values, axis=0).max(initial=0.0))
+            for values in (a, b))  # fmt: skip
     with np.errstate(invalid="ignore"):
         value = np.abs(a.conj().T @ b) ** 2 / np.multiply.outer(np.sum(np.abs(a) ** 2, 0), np.sum(np.abs(b) ** 2, 0))
-    return np.asarray(np.nan_to_num(value))  # modes that no output shows
+    return np.asarray(np.nan_to_num(value))
 
 
 def _close(frequencies: Array) -> list[Any]:
@@ -296,8 +304,13 @@ def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array,
     first, second = modes
     a, b = rows
     mac = _mac(a, b)
-    at = linear_sum_assignment(-mac)
+    logs = [np.log(np.maximum(one.frequencies, np.finfo(float).tiny)) for one in modes]
+    at = np.array(linear_sum_assignment(TIE * np.abs(np.subtract.outer(*logs)) - mac))
+    at = at[:, mac[at[0], at[1]] > 0.0]
     remarks: list[str] = []
+    if max(mac.shape) > len(a):
+        remarks.append(f"{counted(max(mac.shape), 'mode')} over {counted(len(a), 'common output')}: shapes do not tell "
+                       f"all modes apart, frequencies decide; compare more outputs.")  # fmt: skip
     for one, other, table, (mine, theirs), label in ((b, a, mac, at[::-1], "second"), (a, b, mac.T, at, "first")):
         partner = dict(zip(mine.tolist(), theirs.tolist(), strict=True))
         for group in _close(second.frequencies if label == "second" else first.frequencies):
@@ -312,13 +325,11 @@ def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array,
                                f"compared as a subspace.")  # fmt: skip
     pairs = [Pair(i + 1, k + 1, float(mac[i, k]), (float(first.frequencies[i]), float(second.frequencies[k])),
                   (float(first.ratios[i]), float(second.ratios[k])), first.words[i] or second.words[k])
-             for i, k in zip(*map(np.ndarray.tolist, at), strict=True)]  # fmt: skip
+             for i, k in at.T.tolist()]  # fmt: skip
     for label, size, used in (("first", len(mac), {p.a for p in pairs}), ("second", len(mac.T), {p.b for p in pairs})):
         alone = [str(k) for k in range(1, size + 1) if k not in used]
         if alone:
             remarks.append(f"{counted(len(alone), 'mode')} of the {label} without partner: {', '.join(alone[:NOTES])}.")
-    if len(a) == 1:
-        remarks.append("One common output: the MAC is 1 for any shapes; compare more outputs.")
     return tuple(pairs), mac, remarks
 
 

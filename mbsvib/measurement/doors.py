@@ -98,23 +98,24 @@ class Doors:
         step = step_of(t, records.shape[-1])
         samples = samples_of(records.shape[-1], step, segments, period)
         check_length(samples * step, band, lowest, windowed)
-        result = estimate(records, sizes, method, samples, noise_ratio)
-        frequencies = np.arange(1, result.responses.shape[-1] + 1) / (samples * step)
+        resolution = 1.0 / (samples * step)
         low, high = band or (0.0, np.inf)
-        kept = (frequencies >= low) & (frequencies <= high) & (frequencies < 0.5 / step)
-        if not kept.any():
+        numbers = np.arange(1, (samples + 1) // 2)  # below half the sampling rate
+        numbers = numbers[(numbers * resolution >= low) & (numbers * resolution <= high)]
+        if not len(numbers):
             raise ResponseError(f"from_records: no line from {low:g} to {high:g} Hz; there are lines each "
-                                f"{frequencies[0]:g} Hz up to {0.5 / step:g} Hz.")  # fmt: skip
-        worst = np.argmax(np.where(kept, result.condition, 0.0))
-        notes = [f"method {method}", f"resolution {frequencies[0]:g} Hz"]
+                                f"{resolution:g} Hz up to {0.5 / step:g} Hz.")  # fmt: skip
+        result = estimate(records, sizes, method, (samples, numbers), noise_ratio)
+        worst = np.argmax(result.condition)
+        notes = [f"method {method}", f"resolution {resolution:g} Hz"]
         notes += [] if result.averages is None else [f"{result.averages:.3g} independent averages"]
         notes += [] if sizes[1] == 1 else [f"condition of the inputs up to {result.condition[worst]:.3g}, at "
-                                           f"{frequencies[worst]:g} Hz"]  # fmt: skip
-        lines = {name: None if (array := getattr(result, name)) is None else array[..., kept]
-                 for name in ("responses", "variance", "coherence")}  # fmt: skip
-        noise = None if result.noise is None else result.noise[..., kept]
-        return cls(omega=2 * np.pi * frequencies[kept], outputs=tuple(outputs), inputs=tuple(inputs), **lines,
-                   averages=result.averages, noise_variance=noise, notes=tuple(notes), **channels)  # type: ignore[call-arg]  # fmt: skip
+                                           f"{numbers[worst] * resolution:g} Hz"]  # fmt: skip
+        return cls(
+            omega=2 * np.pi * resolution * numbers, responses=result.responses, outputs=tuple(outputs),  # type: ignore[call-arg]
+            inputs=tuple(inputs), variance=result.variance, coherence=result.coherence, averages=result.averages,
+            noise_variance=result.noise, notes=tuple(notes), **channels,
+        )  # fmt: skip
 
     @classmethod
     def from_sep005(

@@ -123,12 +123,13 @@ def _with_variance(
                     averages)  # fmt: skip
 
 
-def local_polynomials(records: Array, sizes: tuple[int, int, int]) -> Estimate:
-    """Return G at each line of whole records, from polynomials of degree 2 over neighbouring lines.
+def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index) -> Estimate:
+    """Return G at lines of whole records, from polynomials of degree 2 over neighbouring lines.
 
     Z(k + x) = sum_p x^p (g_p R(k + x) + t_p) + noise, for z = (y, u) and r, which is u if there is no reference; t are
     transients, for each experiment. G = Gyr Gur^-1, with first-order variance of (y - G u).
     ``records`` (experiments, channels, N), ``sizes``: numbers of outputs, inputs and references.
+    ``wanted``: which lines, 0 is the first above zero.
     """
     outputs, inputs, references = sizes
     r = slice(outputs + inputs, None) if references else slice(outputs, outputs + inputs)
@@ -141,8 +142,8 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int]) -> Estimate:
         raise ResponseError(f"from_records: {lines} lines; method='local' needs {width} or more, from longer records.")
     freedom = experiments * width - columns
     pieces = []
-    for first in range(0, lines, CHUNK):
-        k = np.arange(first, min(lines, first + CHUNK))
+    for first in range(0, len(wanted), CHUNK):
+        k = wanted[first : first + CHUNK]
         window = np.clip(k - int(half), 0, lines - width)[:, None] + np.arange(width)
         x = ((window - k[:, None]) / half)[:, None, :, None] ** np.arange(ORDER + 1)  # (n, 1, width, powers)
         local = np.moveaxis(spectra[:, :, window], (0, 1), (1, 3))  # (n, experiments, width, channels)
@@ -177,10 +178,10 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int]) -> Estimate:
     return Estimate(_last(response), _last(variance), None, _condition(power), None)
 
 
-def periodic(records: Array, sizes: tuple[int, int], period: int) -> Estimate:
+def periodic(records: Array, sizes: tuple[int, int], period: int, wanted: Index) -> Estimate:
     """Return G = Y U^-1 line by line from whole periods; groups of experiments are as many as there are inputs.
 
-    The scatter of groups is noise and nonlinear distortion, that of periods is noise alone.
+    The scatter of groups is noise and nonlinear distortion, that of periods noise alone. ``wanted``: numbers of lines.
     """
     outputs, inputs = sizes
     experiments, channels, length = records.shape
@@ -190,7 +191,7 @@ def periodic(records: Array, sizes: tuple[int, int], period: int) -> Estimate:
                             f"inputs; expected whole periods, and as many experiments as inputs, or a multiple of "
                             f"that.")  # fmt: skip
     shaped = records[..., length - count * period :].reshape(groups, inputs, channels, count, period)
-    spectra = np.fft.rfft(shaped)[..., 1:].transpose(4, 0, 3, 2, 1)  # (n, groups, periods, channels, experiments)
+    spectra = np.fft.rfft(shaped)[..., wanted].transpose(4, 0, 3, 2, 1)  # (n, groups, periods, channels, experiments)
     mean = spectra.mean(axis=2)  # (n, groups, channels, experiments)
     drive = mean[:, :, outputs:]
     strength = np.linalg.svd(drive, compute_uv=False).min(axis=(1, 2))

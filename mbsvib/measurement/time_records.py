@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.measurement.estimation import Estimate
 
 # Times that differ from even ones by less than this share of a step are even: rounded time stamps.
@@ -101,16 +101,20 @@ def check_length(
 
 
 def estimate(
-    records: Array, sizes: tuple[int, int, int], method: str, samples: int, ratio: float | None
+    records: Array, sizes: tuple[int, int, int], method: str, lines: tuple[int, Index], ratio: float | None
 ) -> Estimate:
-    """Return the estimate of a method from segments or periods of some ``samples``."""
+    """Return the estimate of a method.
+
+    ``lines``: samples of a segment or period, and the numbers of the lines that are wanted.
+    """
+    samples, numbers = lines
     outputs, inputs, references = sizes
     if method == "local":
-        return estimation.local_polynomials(records, sizes)
+        return estimation.local_polynomials(records, sizes, numbers - 1)
     if method == "periodic":
-        return estimation.periodic(records, (outputs, inputs), samples)
+        return estimation.periodic(records, (outputs, inputs), samples, numbers)
     spectra, averages = estimation.welch(records, samples)
-    spectra = spectra[1:]
+    spectra = spectra[numbers]
     if method == "Hv":
         return estimation.total_least_squares(spectra, (outputs, inputs), ratio, averages)
     if method == "H1":
