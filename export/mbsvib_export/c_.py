@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from textwrap import fill
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,21 +16,30 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
-from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
-from mbsvib_export.companion import check_companion
+from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import SystemData, state_space_of, with_ports
 from mbsvib_export.sampling import discretised
+from mbsvib_export.templates_ import check_companion, filled
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable, Iterator, Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import Source
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
 _WORD = re.compile(r"\w+", re.ASCII)
+_METHODS = {
+    "zoh": "exact for inputs that are held over each step",
+    "foh": "exact for inputs that are linear over each step",
+    "tustin": "Tustin's rule",
+}
+WIDTH, INDENT = 100, "    "
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -102,18 +113,19 @@ def to_c(
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
     method = method or ("tustin" if isinstance(system, Controller) else "zoh")
     matrices = _rounded(discretised(space, step, method, "to_c"), precision)
-    vectors, expected, tolerance = _test_vectors(space.name, matrices, precision)
-    plan = Plan(prefix, space, float(step), method, matrices, precision, vectors, expected, tolerance)
+    mark = f"Written by mbsvib for '{_ascii(space.name)}'"
+    words = {"prefix": prefix, "upper": prefix.upper(), "banner": _banner(mark, space, step, method, precision),
+             **_words(prefix.upper(), space, float(step), matrices, precision)}  # fmt: skip
     target = _folder(folder)
-    texts = {target / f"{prefix}.h": header(plan), target / f"{prefix}.c": source(plan),
-             target / f"{prefix}_test.c": test_program(plan)}  # fmt: skip
-    mark = MARK.format(name=ascii_text(space.name))
+    texts = {target / f"{prefix}{end}": filled(f"system{end}", **words) for end in (".h", ".c", "_test.c")}
     for path in texts:
         check_companion(path, lambda file: mark in file.read_text("utf-8", "replace")[:400],
                         f"one that to_c has written for '{space.name}'", "Give another folder or another name.")
-    header_path, source_path, test_path = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
-                       for path, text in texts.items())  # fmt: skip
-    return CFiles(header_path, source_path, test_path)
+    return CFiles(*[write_atomic(path, partial(_write, text)) for path, text in texts.items()])
+
+
+def _write(text: str, stream: IO[bytes]) -> None:
+    stream.write(text.encode("ascii"))
 
 
 def _folder(folder: str | os.PathLike[str]) -> Path:
@@ -159,3 +171,73 @@ def _test_vectors(name: str, matrices: Any, precision: str) -> tuple[Any, Any, A
     if not (np.isfinite(outputs).all() and np.isfinite(allowed).all()):
         raise ExportError(f"to_c: '{name}' grows beyond all numbers within {SAMPLES} steps: it is unstable.")
     return inputs, outputs, allowed
+
+
+def _banner(mark: str, space: StateSpace, step: float, method: str, precision: str) -> str:
+    """The comment at the head of a file, without its end."""
+    return (f"/* {mark}, version {__version__}.\n"
+            f" * x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k)\n"
+            f" * step {step:g} s, {_METHODS[method]}; {len(space.states)} states ({space.realization}), {precision} "
+            f"precision. SI units and radians.")  # fmt: skip
+
+
+def _words(upper: str, space: StateSpace, step: float, matrices: Any, precision: str) -> dict[str, object]:
+    """What the templates leave open: sizes, indices, and the numbers of the matrices and of the test vectors."""
+    real = "double" if precision == "double" else "float"
+
+    def number(value: float) -> str:
+        """A literal of that type, with all digits."""
+        text = repr(float(value)) if real == "double" else str(np.float32(value))
+        return text if real == "double" else f"{text if any(mark in text for mark in '.en') else text + '.0'}f"
+
+    a, b, c, d = matrices
+    inputs, expected, tolerance = _test_vectors(space.name, matrices, precision)
+    constant = f"static const {real}"
+    return {
+        "real": real, "zero": number(0.0), "step": number(step), "states": len(space.states),
+        "inputs": len(space.inputs), "outputs": len(space.outputs), "samples": SAMPLES,
+        "indices": "\n".join((*_indices(f"{upper}_IN", space.inputs, space.input_units),
+                              *_indices(f"{upper}_OUT", space.outputs, space.output_units))),
+        "arrays": "\n".join((*_sparse("next", np.hstack((a, b)), real, number),
+                             *_sparse("output", np.hstack((c, d)), real, number))),
+        "test_inputs": _table(f"{constant} inputs[SAMPLES][{upper}_INPUTS]", inputs, number),
+        "expected": _table(f"{constant} expected[SAMPLES][{upper}_OUTPUTS]", expected, number),
+        "tolerance": _values(f"{constant} tolerance[{upper}_OUTPUTS]", [number(value) for value in tolerance]),
+    }  # fmt: skip
+
+
+def _ascii(text: str) -> str:
+    """A text as a C comment can hold it."""
+    plain = text.encode("ascii", "backslashreplace").decode()
+    return plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\n", " ").replace("\\", "/")
+
+
+def _indices(prefix: str, names: Sequence[str], units: Sequence[str]) -> Iterator[str]:
+    """Named indices; names that become one word in C get their number."""
+    words = [re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_").upper() for name in names]
+    for i, (name, unit, word) in enumerate(zip(names, units, words, strict=True)):
+        unique = word if word and words.count(word) == 1 else f"{word}_{i}".lstrip("_")
+        yield f"#define {prefix}_{unique} {i} /* {_ascii(name)}{f' [{_ascii(unit)}]' if unit else ''} */"
+
+
+def _sparse(name: str, matrix: Array, real: str, number: Callable[[float], str]) -> Iterator[str]:
+    """The arrays of a matrix over states and inputs; C has no empty ones."""
+    at, column = np.nonzero(matrix)
+    start = np.searchsorted(at, np.arange(len(matrix) + 1))
+    values = [number(value) for value in matrix[at, column]] or [number(0.0)]
+    yield _values(f"static const {real} {name}_value[{len(values)}]", values)
+    yield _values(f"static const int {name}_column[{len(values)}]", [str(k) for k in column] or ["0"])
+    yield _values(f"static const int {name}_start[{len(start)}]", [str(k) for k in start])
+
+
+def _values(declaration: str, values: Sequence[str]) -> str:
+    return f"{declaration} = {{\n{_wrapped(', '.join(values))}\n}};"
+
+
+def _table(declaration: str, rows: Array, number: Callable[[float], str]) -> str:
+    lines = [_wrapped("{" + ", ".join([number(value) for value in row]) + "}", INDENT + " ") for row in rows.tolist()]
+    return f"{declaration} = {{\n" + ",\n".join(lines) + "\n};"
+
+
+def _wrapped(text: str, indent: str = INDENT) -> str:
+    return fill(text, WIDTH, initial_indent=INDENT, subsequent_indent=indent)

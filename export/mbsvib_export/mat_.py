@@ -30,8 +30,6 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
-from mbsvib_export.companion import check_companion
-from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import ERROR_BOUND, THROUGH, SystemData, data_of, with_ports
 from mbsvib_export.reading import content_read
 from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION, check_version, data_from
@@ -42,6 +40,7 @@ from mbsvib_export.responses import (
     second_order_response,
     state_space_response,
 )
+from mbsvib_export.templates_ import check_companion, filled
 from mbsvib_export.uncertain_ import is_uncertain, matlab_parameters, with_channels
 
 if TYPE_CHECKING:
@@ -56,6 +55,7 @@ if TYPE_CHECKING:
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
 LEFT_OVER = 1e-11
+TOLERANCE = 1e-6  # of the script: relative difference of responses; MATLAB scales state spaces by its own rules
 _FOREIGN = re.compile(r"[^\x00-\x7f]")
 TITLE = 116  # bytes of free text that a .mat file begins with
 
@@ -121,12 +121,15 @@ def to_mat(
     name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
     companion = goal.with_name(f"{name}.m")
     if loader:
-        check_companion(companion, lambda file: is_script_of(goal.name, file.read_bytes()),
+        plain = goal.name.replace("'", "''").encode("ascii", "replace").decode()
+        lookup = f"fileparts(mfilename('fullpath')), '{plain}');".encode()
+        check_companion(companion, lambda file: b"Written by mbsvib." in (old := file.read_bytes()) and lookup in old,
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
     result = write_atomic(path, lambda file: file.write(document))
     if loader:
-        text = script(name, result.name, data.name)
+        text = filled("load.m", function=name, upper=name.upper(), system=ascii(data.name), file=plain,
+                      tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
         try:
             write_atomic(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:

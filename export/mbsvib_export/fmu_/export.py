@@ -13,7 +13,6 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib_export.companion import check_companion
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description import VERSIONS, description
 from mbsvib_export.fmu_.matrices import matrices_file
@@ -21,6 +20,7 @@ from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.plant import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
 from mbsvib_export.neutral import with_ports
+from mbsvib_export.templates_ import check_companion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,12 +1,22 @@
-"""Further files that an export writes next to the requested one."""
+"""Texts of files that exports write: templates with ``$``, and files that stand next to the requested one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from pathlib import Path
+from importlib.resources import files
+from string import Template
+from typing import TYPE_CHECKING
 
 from mbsvib.errors import ExportError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+def filled(name: str, **words: object) -> str:
+    """Return the text of a file of the folder ``templates`` with its ``$`` words filled in."""
+    return Template((files("mbsvib_export") / "templates" / name).read_text(encoding="utf-8")).substitute(words)
 
 
 def check_companion(path: Path, is_own: Callable[[Path], bool], contents: str, instead: str) -> None:

@@ -1,34 +1,27 @@
-"""The MATLAB and Octave script that rebuilds a system from its .mat file and compares its frequency response."""
-
-from __future__ import annotations
-
-TOLERANCE = 1e-6  # relative difference of responses: state spaces of MATLAB are scaled by its own rules
-
-_TEXT = """\
-function [plant, mech, worst] = {function}(file)
-%{upper}  Rebuild the system {system} of {file} with its names, and check it.
+function [plant, mech, worst] = ${function}(file)
+%${upper}  Rebuild the system ${system} of ${file} with its names, and check it.
 %
 %   plant          ss object, SI units and radians, uss of an uncertain plant; a struct where there is no ss
 %   mech           mechss object (R2020b and later), else a struct: M q'' + C q' + K q = B u, y = F q + G q' + D u
 %   worst          largest relative error of the frequency response against the points kept in the file
 %
-%   An error beyond {tolerance} stops with a message. Written by mbsvib.
+%   An error beyond ${tolerance} stops with a message. Written by mbsvib.
 if nargin < 1
-    file = fullfile(fileparts(mfilename('fullpath')), '{file}');
+    file = fullfile(fileparts(mfilename('fullpath')), '${file}');
 end
 data = load(file);
 worst = 0;
 for k = 1:numel(data.check.omega)
     s = 1i * data.check.omega(k);
-    found = data.C * ((s * eye(size(data.A, 1)) - data.A) \\ data.B) + data.D;
+    found = data.C * ((s * eye(size(data.A, 1)) - data.A) \ data.B) + data.D;
     worst = max([worst; reshape(abs(found - data.check.response(:, :, k)) ./ data.check.scale(:, :, k), [], 1)]);
     if ~isempty(data.mech.F)
-        q = (data.mech.K + s * data.mech.C + s^2 * data.mech.M) \\ data.mech.B;
+        q = (data.mech.K + s * data.mech.C + s^2 * data.mech.M) \ data.mech.B;
         found = (data.mech.F + s * data.mech.G) * q + data.mech.D;
         worst = max([worst; reshape(abs(found - data.check.response(:, :, k)) ./ data.check.scale(:, :, k), [], 1)]);
     end
 end
-if ~(worst <= {tolerance})
+if ~(worst <= ${tolerance})
     error('mbsvib:export', 'The frequency response of %s is off by %.1e; the file is damaged.', file, worst);
 end
 data = with_names(data);
@@ -60,13 +53,13 @@ end
 function plant = uncertain_plant(plant, p)
 delta = cell(numel(p.Nominal), 1);
 for k = 1:numel(delta)
-    parameter = ureal(p.Variable{{k}}, p.Nominal(k), 'Range', p.Range(k, :));
-    delta{{k}} = (parameter - p.Nominal(k)) / p.Half(k) * eye(p.Repetitions(k));
+    parameter = ureal(p.Variable{k}, p.Nominal(k), 'Range', p.Range(k, :));
+    delta{k} = (parameter - p.Nominal(k)) / p.Half(k) * eye(p.Repetitions(k));
 end
 count = sum(p.Repetitions) + 1;
 inputs = plant.InputName(count:end);
 outputs = plant.OutputName(count:end);
-plant = lft(blkdiag(delta{{:}}), plant);
+plant = lft(blkdiag(delta{:}), plant);
 plant.InputName = inputs;
 plant.OutputName = outputs;
 end
@@ -76,12 +69,12 @@ if ~isfield(data.mbsvib, 'mapped')
     return
 end
 for k = 1:numel(data.mbsvib.mapped)
-    short = data.mbsvib.mapped{{k}};
-    name = native2unicode(reshape(data.mbsvib.original{{k}}, 1, []), 'UTF-8');
-    for key = {{'InputName', 'OutputName', 'StateName'}}
-        data.(key{{1}})(strcmp(data.(key{{1}}), short)) = {{name}};
+    short = data.mbsvib.mapped{k};
+    name = native2unicode(reshape(data.mbsvib.original{k}, 1, []), 'UTF-8');
+    for key = {'InputName', 'OutputName', 'StateName'}
+        data.(key{1})(strcmp(data.(key{1}), short)) = {name};
     end
-    data.mech.CoordinateName(strcmp(data.mech.CoordinateName, short)) = {{name}};
+    data.mech.CoordinateName(strcmp(data.mech.CoordinateName, short)) = {name};
     if strcmp(data.Name, short)
         data.Name = name;
     end
@@ -98,20 +91,3 @@ catch
     plant = data;
 end
 end
-"""
-
-
-def script(function: str, file: str, system: str) -> str:
-    """Return the text of the script; ``function`` is the name of its function, and of its file without ``.m``."""
-    return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=_plain(file),
-                        tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
-
-
-def is_script_of(file: str, content: bytes) -> bool:
-    """Return whether a text is what ``script`` has written for a .mat file of this name."""
-    lookup = f"fileparts(mfilename('fullpath')), '{_plain(file)}');"
-    return b"Written by mbsvib." in content and lookup.encode() in content
-
-
-def _plain(file: str) -> str:
-    return file.replace("'", "''").encode("ascii", "replace").decode()
