@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from mbsvib_export.scipy_ import to_scipy
     from mbsvib_export.synthesis_ import augw, h2syn, hinfsyn, mixsyn
     from mbsvib_export.transfer_ import to_transfer_function
-    from mbsvib_export.uff_ import from_uff, to_uff
+    from mbsvib_export.uff_ import densities_from_uff, from_uff, records_from_uff, to_uff
 
 __all__ = [
     "BatchData",
@@ -52,6 +52,7 @@ __all__ = [
     "augw",
     "check_cosimulation",
     "check_export",
+    "densities_from_uff",
     "from_hdf5",
     "from_json",
     "from_mat",
@@ -63,6 +64,7 @@ __all__ = [
     "json_schema",
     "mixsyn",
     "named",
+    "records_from_uff",
     "to_c",
     "to_casadi",
     "to_casadi_eigenvalues",
@@ -110,7 +112,7 @@ _NAMES = {
     "scipy_": ("to_scipy",),
     "synthesis_": ("augw", "h2syn", "hinfsyn", "mixsyn"),
     "transfer_": ("to_transfer_function",),
-    "uff_": ("from_uff", "to_uff"),
+    "uff_": ("densities_from_uff", "from_uff", "records_from_uff", "to_uff"),
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names}
 

@@ -18,14 +18,14 @@ from mbsvib.api.system import System
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.errors import ExportError, LeftOutWarning
+from mbsvib.errors import ExportError, LeftOutWarning, ResponseError
 from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib_export.neutral import SystemData, linear_of, refusal, with_ports
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
 from mbsvib_export.uff_points import geometry_of
-from mbsvib_export.uff_reading import measurement_of
+from mbsvib_export.uff_reading import measurement_of, series_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.measurement.data import Measurement
     from mbsvib.measurement.points import Point
     from mbsvib_export.neutral import Source
+    from mbsvib_export.uff_functions import Function
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -122,9 +123,10 @@ def to_uff(
 def from_uff(path: str | os.PathLike[str]) -> Measurement:
     """Return what a universal file holds: measured frequency responses with their points, nodes and modes.
 
-    Data sets 58 (function type 4, text and binary), 55 and 2414 (modes), 15 and 2411 (nodes), 2420 (coordinate
-    systems), 2467 (groups), 82 (lines) and 164 (units) are read, and converted to SI units. Files of ``to_uff`` give
-    the names of the model; in others, an output or input is called by its entity, node and direction, ``"12+Z"``.
+    Data sets 58 (responses and their coherence, text and binary), 55 and 2414 (modes), 15 and 2411 (nodes), 2420
+    (coordinate systems), 2467 (groups), 82 (lines) and 164 (units) are read, and converted to SI units. Files of
+    ``to_uff`` give the names of the model; in others, an output or input is called by its entity, node and direction,
+    ``"12+Z"``.
 
     Parameters
     ----------
@@ -146,12 +148,67 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     raw = content_of(where, ExportError, "a universal file")
     try:
         result, modes = measurement_of(raw)
-    except ContentError as error:
+    except (ContentError, ResponseError) as error:
         raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
     if modes:
         warnings.warn(f"from_uff: {where}: modes are left out: {'; '.join(modes)}; expected displacements at nodes, of "
                       f"3 or 6 real or complex values.", LeftOutWarning, stacklevel=2)  # fmt: skip
     return result
+
+
+def records_from_uff(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """Return the time records of a universal file, for ``mv.Measurement.from_sep005``.
+
+    Parameters
+    ----------
+    path : str or path
+        The file, of any program.
+
+    Returns
+    -------
+    list of dict
+        Each with "name" (``"12+Z"``: node and direction), "data" (n,), "time" (n,) [s] and "unit_str", in SI units.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read or is damaged, or holds no time records.
+    """
+    return [{"name": item.output.name, "data": item.values, "time": item.frequency, "unit_str": item.output.unit}
+            for item in _series(path, "records_from_uff", False)]  # fmt: skip
+
+
+def densities_from_uff(path: str | os.PathLike[str]) -> dict[str, Array]:
+    """Return the power spectral densities of a universal file, as ``system.psd`` takes them for noise.
+
+    Parameters
+    ----------
+    path : str or path
+        The file, of any program.
+
+    Returns
+    -------
+    dict of str to array, shape (n, 2)
+        Frequencies [Hz] and one-sided densities [unit^2/Hz], by node and direction, ``"12+Z"``.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read or is damaged, or holds no densities.
+    """
+    return {item.output.name: np.column_stack((item.frequency, item.values))
+            for item in _series(path, "densities_from_uff", True)}  # fmt: skip
+
+
+def _series(path: str | os.PathLike[str], caller: str, density: bool) -> list[Function]:
+    where = os.fspath(a_path(path, caller, ExportError))
+    try:
+        found = series_of(content_of(where, ExportError, "a universal file"), density)
+    except ContentError as error:
+        raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
+    if not found:
+        raise ExportError(f"{caller}: {where} holds no {'spectral densities' if density else 'time records'}.")
+    return found
 
 
 def _function(

@@ -1,4 +1,4 @@
-"""Data sets 58 of universal files: a frequency response between two points, as text or binary."""
+"""Data sets 58 of universal files, as text or binary: responses and coherence, time records, spectral densities."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ if TYPE_CHECKING:
 
 # Lines before the numbers.
 HEAD = 11
-FREQUENCY_RESPONSE = 4
+RESPONSE, COHERENCE, RECORD, DENSITY = 4, 6, 1, 9  # types of functions that are read
 MARK = "written by mbsvib"
 # Specific data types: of the abscissa, and of motions and forces, with their exponents of length and force.
+_ABSCISSA = {RECORD: (0, 17)}
 _FREQUENCY = (0, 18)
 _EXPONENTS = {8: (1, 0), 11: (1, 0), 12: (1, 0), 9: (0, 1), 13: (0, 1)}
 _SI = {8: ("m", "rad"), 11: ("m/s", "rad/s"), 12: ("m/s^2", "rad/s^2"), 9: ("N", "N m"), 13: ("N", "N m")}
 _AXES = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
-# Widths of columns, by complex numbers or not and double precision or not, of even abscissas and of others.
+# Types of data: their columns beside the abscissa, and whether they are of double precision.
+_DATA = {2: (1, False), 4: (1, True), 5: (2, False), 6: (2, True)}
+# Widths of columns by double precision or not, of even abscissas, and of others by the columns of the data.
 _EVEN = {False: (13,) * 6, True: (20,) * 4}
-_UNEVEN = {False: (13,) * 6, True: (13, 20, 20)}
+_UNEVEN = {False: {1: (13,) * 6, 2: (13,) * 6}, True: {1: (13, 20, 13, 20), 2: (13, 20, 20)}}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,16 +43,21 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Function:
-    """A frequency response as the file has it: ``frequency`` (n,) [Hz], ``values`` (n,), its output and its input."""
+    """A function as the file has it: its ``kind``, ``frequency`` (n,) [Hz] or times [s], ``values`` (n,), its output
+    and its input, which time records and densities do not have.
+    """
 
+    kind: int
     frequency: Array
-    values: Complex
+    values: Array | Complex
     output: Axis
     input: Axis
 
 
-def function_of(data: DataSet, length: float, force: float) -> Function | str:
-    """Return the frequency response of a data set 58 in SI units, or a text that says what it is instead.
+def function_of(
+    data: DataSet, length: float, force: float, wanted: tuple[int, ...] = (RESPONSE, COHERENCE)
+) -> Function | str:
+    """Return the function of a data set 58 in SI units, or a text that says what it is if its type is not ``wanted``.
 
     ``length``, ``force``: units of the file per metre and per newton, from data set 164.
     """
@@ -58,17 +66,25 @@ def function_of(data: DataSet, length: float, force: float) -> Function | str:
         5, -30, -11, 10, 4, -11, 10, 4)  # fmt: skip
     kind, count, spacing = data.integers(6, 10, 10, 10)
     types = [data.integers(k, 10)[0] for k in (7, 8, 9)]
-    if function != FREQUENCY_RESPONSE or kind not in (5, 6) or types[0] not in _FREQUENCY:
+    columns, double = _DATA.get(kind, (0, False))
+    if function not in wanted or columns != (2 if function == RESPONSE else 1) \
+            or types[0] not in _ABSCISSA.get(function, _FREQUENCY):  # fmt: skip
         return f"data set 58: function type {function}, data type {kind}, abscissa of type {types[0]}"
-    frequency, values = _numbers(data, kind == 6, count, spacing == 1)
+    frequency, values = _numbers(data, (columns, double), count, spacing == 1)
+    if function != RECORD and frequency[0] < 0.0:
+        raise ContentError(f"the frequencies of data set 58 at line {data.start} do not ascend from 0 on")
     points = (Point(response_node, _direction(response_direction)),
               Point(reference_node, _direction(reference_direction)))  # fmt: skip
     names, units = _names(data, points, types[1:])
-    scale = [_unit_factor(t, p, length, force, data.start) for t, p in zip(types[1:], points, strict=True)]
-    if scale != [1.0, 1.0]:
-        units = [_SI[t][abs(p.direction) > 3] for t, p in zip(types[1:], points, strict=True)]
+    ends = 0 if function == COHERENCE else 2 if function == RESPONSE else 1
+    scale = [_unit_factor(t, p, length, force, data.start) if k < ends else 1.0
+             for k, (t, p) in enumerate(zip(types[1:], points, strict=True))]  # fmt: skip
+    if length != 1.0 or force != 1.0:
+        units = [_SI[t][abs(p.direction) > 3] if k < ends else unit
+                 for k, (t, p, unit) in enumerate(zip(types[1:], points, units, strict=True))]  # fmt: skip
     output, source = (Axis(names[k], units[k], points[k], types[1 + k]) for k in (0, 1))
-    return Function(frequency, values * (scale[1] / scale[0]), output, source)
+    factor = scale[1] / scale[0] ** (2 if function == DENSITY else 1)
+    return Function(function, frequency, values * factor, output, source)
 
 
 def _direction(number: int) -> int:
@@ -77,23 +93,27 @@ def _direction(number: int) -> int:
     return number
 
 
-def _numbers(data: DataSet, double: bool, count: int, even: bool) -> tuple[Array, Complex]:
-    """Frequencies and complex values of the lines or bytes behind the head."""
+def _numbers(data: DataSet, layout: tuple[int, bool], count: int, even: bool) -> tuple[Array, Array | Complex]:
+    """Abscissas and real or complex values of the lines or bytes behind the head.
+
+    ``layout``: columns of the values, and whether they are of double precision.
+    """
     first, step = data.reals(6, -30, 13, 13)
     if count < 1:
         raise ContentError(f"data set 58 at line {data.start} has {count} points")
-    columns = 2 if even else 3
+    values, double = layout
+    columns = values if even else 1 + values
     if data.binary is None:
-        width = (_EVEN if even else _UNEVEN)[double]
+        width = _EVEN[double] if even else _UNEVEN[double][values]
         table = data.table(HEAD, columns * count, width).reshape(count, columns)
     else:
         table = _binary(data, double, count, columns)
     if not np.isfinite(table).all():
         raise ContentError(f"data set 58 at line {data.start} holds NaN or infinity")
     frequency = first + step * np.arange(count) if even else table[:, 0]
-    if (np.diff(frequency) <= 0.0).any() or (frequency < 0.0).any():
-        raise ContentError(f"the frequencies of data set 58 at line {data.start} do not ascend from 0 on")
-    return np.array(frequency), table[:, -2] + 1j * table[:, -1]
+    if (np.diff(frequency) <= 0.0).any():
+        raise ContentError(f"the frequencies or times of data set 58 at line {data.start} do not ascend from 0 on")
+    return np.array(frequency), table[:, -1] if values == 1 else table[:, -2] + 1j * table[:, -1]
 
 
 def _binary(data: DataSet, double: bool, count: int, columns: int) -> Array:
@@ -102,8 +122,8 @@ def _binary(data: DataSet, double: bool, count: int, columns: int) -> Array:
     check_shape((count, columns), 4, len(raw), subject)
     if len(raw) == count * columns * width:
         return np.frombuffer(raw, f"{data.order}f{width}").reshape(count, columns).astype(float)
-    if double and columns == 3 and len(raw) == 20 * count:  # some write the frequency in single precision
-        table = np.frombuffer(raw, np.dtype([("x", f"{data.order}f4"), ("y", f"{data.order}f8", 2)]))
+    if double and len(raw) == (8 * columns - 4) * count:  # some write the abscissa in single precision
+        table = np.frombuffer(raw, np.dtype([("x", f"{data.order}f4"), ("y", f"{data.order}f8", (columns - 1,))]))
         return np.column_stack((table["x"].astype(float), table["y"]))
     raise ContentError(f"{subject} has {len(raw)} bytes for {count} points")
 

@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common.file_content import ContentError, check_dense, check_shape
 from mbsvib.measurement.data import MeasuredMode, Measurement
 from mbsvib.measurement.points import Node, matrix3
-from mbsvib_export.uff_functions import Function, function_of
+from mbsvib_export.uff_functions import COHERENCE, DENSITY, RECORD, Function, function_of
 from mbsvib_export.uff_records import DataSet, data_sets
 
 if TYPE_CHECKING:
@@ -115,7 +115,8 @@ def measurement_of(raw: bytes) -> tuple[Measurement, tuple[str, ...]]:
 
 
 def _measurement(content: _Content, nodes: tuple[Node, ...], left_out: tuple[str, ...], size: int) -> Measurement:
-    functions = content.functions
+    coherences = [function for function in content.functions if function.kind == COHERENCE]
+    functions = [function for function in content.functions if function.kind != COHERENCE]
     omega = 2 * pi * functions[0].frequency if functions else np.zeros(0)
     outputs: dict[str, Axis] = {}
     inputs: dict[str, Axis] = {}
@@ -136,13 +137,39 @@ def _measurement(content: _Content, nodes: tuple[Node, ...], left_out: tuple[str
         if not np.isnan(responses[at]).all():
             raise ContentError(f"the response of '{function.output.name}' to '{function.input.name}' is there twice")
         responses[at] = function.values
+    coherence, unread = _coherence(coherences, responses, rows, columns, omega)
     return Measurement(
-        omega, responses, tuple(outputs), tuple(inputs), output_units=tuple(axis.unit for axis in outputs.values()),
+        omega, responses, tuple(outputs), tuple(inputs), coherence=coherence,
+        output_units=tuple(axis.unit for axis in outputs.values()),
         input_units=tuple(axis.unit for axis in inputs.values()),
         output_points=tuple(axis.point for axis in outputs.values()),
         input_points=tuple(axis.point for axis in inputs.values()), nodes=nodes, modes=tuple(content.modes),
-        lines=tuple(content.lines), left_out=left_out,
+        lines=tuple(content.lines), left_out=(*left_out, *unread),
     )  # fmt: skip
+
+
+def _coherence(
+    coherences: list[Function], responses: Complex, rows: dict[str, int], columns: dict[str, int], omega: Array
+) -> tuple[Array | None, tuple[str, ...]]:
+    """Coherence of all responses, if the file has it, else None with what is left out."""
+    values = np.full(responses.shape, np.nan)
+    for function in coherences:
+        at = rows.get(function.output.name), columns.get(function.input.name)
+        if None not in at and len(function.frequency) == len(omega) and \
+                np.allclose(2 * pi * function.frequency, omega, _SAME, 0.0):  # fmt: skip
+            values[at] = function.values
+    if coherences and not np.isnan(values[~np.isnan(responses)]).any():
+        return values, ()
+    return None, (f"{len(coherences)} of data set 58: coherence, not of all responses or of other frequencies",
+                  ) if coherences else ()  # fmt: skip
+
+
+def series_of(raw: bytes, density: bool) -> list[Function]:
+    """Return the time records of a universal file, or its spectral densities, in SI units."""
+    sets = list(data_sets(raw))
+    units = next((_units(item) for item in sets if item.kind == 164), (1.0, 1.0))
+    found = [function_of(item, *units, (DENSITY if density else RECORD,)) for item in sets if item.kind == 58]
+    return [item for item in found if not isinstance(item, str)]
 
 
 def _units(data: DataSet) -> tuple[float, float]:

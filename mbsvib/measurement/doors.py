@@ -154,6 +154,10 @@ class Doors:
         if missing or not channels:
             raise ResponseError(f"from_sep005: {'no channels' if not channels else f'{missing[0]!r} is missing'}; "
                                 f"expected dicts with 'name', 'data', and 'fs' or 'time'.")  # fmt: skip
+        twice = sorted({str(c["name"]) for c in channels if [d["name"] for d in channels].count(c["name"]) > 1})
+        if twice:
+            raise ResponseError(f"from_sep005: {', '.join(twice)} is there more than once; expected one record of each "
+                                f"channel.")  # fmt: skip
         steps = {}
         for channel in channels:
             name, data = str(channel["name"]), reals(channel["data"], "from_sep005", "data", "numbers")

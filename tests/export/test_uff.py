@@ -1,5 +1,7 @@
 """Universal files: written here and read by pyuff, written by pyuff and read here."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -316,7 +318,8 @@ def in_binary(raw, values, frequency, spacing, precision):
     parts, kind = raw.decode().split("    58" + " " * 74 + "\n"), {"single": ">f4", "double": ">f8"}[precision]
     result = parts[0].encode()
     for part, value in zip(parts[1:], values, strict=True):
-        table = np.column_stack((*(() if spacing else (frequency,)), value.real, value.imag)).astype(kind).tobytes()
+        ends = (value.real, value.imag) if np.iscomplexobj(value) else (value,)
+        table = np.column_stack((*(() if spacing else (frequency,)), *ends)).astype(kind).tobytes()
         head = f"    58b{2:6}{2:6}{11:12}{len(table):12}{0:6}{0:6}{0:12}{0:12}\n"
         lines = part.splitlines(keepends=True)
         end = next(k for k, line in enumerate(lines) if line.strip() == "-1")
@@ -345,14 +348,72 @@ def test_other_units_are_converted(tmp_path):
         mx.from_uff(path)
 
 
+def in_millimetres(file):
+    file._write_set({"type": 164, "units_code": 10, "units_description": "mm", "temp_mode": 2, "length": 1e3,
+                     "force": 1e-3, "temp": 1.0, "temp_offset": 273.15}, "overwrite")  # fmt: skip
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("spacing", [0, 1])
+def test_coherence_gives_the_variance_with_the_number_of_averages(tmp_path, binary, spacing):
+    path, f = tmp_path / "x.uff", np.arange(1.0, 4.0)
+    file = pyuff.UFF(str(path))
+    in_millimetres(file)
+    values = np.array([1.0, 2.0j, 3.0]), np.array([0.5, 0.8, 1.0])
+    for value, kind in zip(values, (4, 6), strict=True):
+        file._write_set(function((1, 3), (1, 3), value, f, func_type=kind, abscissa_spacing=spacing,
+                                 ord_data_type=6 if kind == 4 else 4), "add", force_double=True)  # fmt: skip
+    if binary:
+        path.write_bytes(in_binary(path.read_bytes(), values, f, spacing, "double"))
+    measured = mx.from_uff(path)
+    assert measured.left_out == ()
+    assert measured.coherence[0, 0].tolist() == [0.5, 0.8, 1.0]
+    variance = replace(measured, averages=8).variance[0, 0]
+    np.testing.assert_allclose(variance, np.array([1.0, 4.0 * 0.25, 0.0]) / 8 * 1e-12, rtol=1e-12)
+    file._write_set(function((1, 3), (1, 3), np.full(3, 2.0), f, func_type=6), "add")
+    with pytest.raises(mv.ExportError, match=r"x\.uff: .*coherence of '1\+Z' to '1\+Z' is 2 at 1 Hz"):
+        mx.from_uff(path)
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("spacing", [0, 1])
+def test_time_records_and_densities(tmp_path, binary, spacing):
+    """From records that pyuff writes to responses; one sample of delay and half the size."""
+    path, t = tmp_path / "x.uff", np.arange(512) / 100.0 - 1.0
+    u = np.random.default_rng(0).standard_normal(512)
+    file = pyuff.UFF(str(path))
+    in_millimetres(file)
+    more = {"func_type": 1, "abscissa_spec_data_type": 17, "orddenom_spec_data_type": 0, "ord_data_type": 4,
+            "abscissa_spacing": spacing}  # fmt: skip
+    values = u, 500.0 * np.roll(u, 1)
+    for end, value, kind in zip(((1, 1), (2, -3)), values, (13, 8), strict=True):
+        file._write_set(function(end, (0, 0), value, t, ordinate_spec_data_type=kind, **more), "add",
+                        force_double=True)  # fmt: skip
+    if binary:
+        path.write_bytes(in_binary(path.read_bytes(), values, t, spacing, "double"))
+    records = mx.records_from_uff(path)
+    assert [(item["name"], item["unit_str"]) for item in records] == [("1+X", "N"), ("2-Z", "m")]
+    np.testing.assert_allclose(records[0]["time"], t, atol=1e-5)
+    np.testing.assert_allclose(records[1]["data"], 0.5 * np.roll(u, 1), rtol=1e-6)
+    data = mv.Measurement.from_sep005(records, "1+X", segments=4)
+    np.testing.assert_allclose(data.responses[0, 0], 5e-4 * np.exp(-0.01j * data.omega), rtol=0.15)
+    with pytest.raises(mv.ExportError, match=r"densities_from_uff: .*x.uff holds no spectral densities"):
+        mx.densities_from_uff(path)
+    file._write_set(function((2, 3), (0, 0), np.array([4.0, 9.0]), np.array([1.0, 2.0]), func_type=9,
+                             ordinate_spec_data_type=12, orddenom_spec_data_type=0), "add")  # fmt: skip
+    assert mx.densities_from_uff(path)["2+Z"].tolist() == [[1.0, 4e-6], [2.0, 9e-6]]
+
+
 def test_what_is_no_response_is_told(tmp_path):
     path = tmp_path / "x.uff"
     file = pyuff.UFF(str(path))
     value = np.ones(3, dtype=complex)
     file._write_set(function((1, 3), (1, 3), value, np.arange(1.0, 4.0)), "overwrite")
-    file._write_set(function((1, 3), (1, 3), value.real, np.arange(1.0, 4.0), func_type=6), "add")
+    file._write_set(function((1, 3), (1, 3), value.real, np.arange(1.0, 4.0), func_type=9), "add")
+    file._write_set(function((2, 3), (1, 3), value.real, np.arange(1.0, 4.0), func_type=6), "add")
     measured = mx.from_uff(path)
-    assert [text.split(",")[0] for text in measured.left_out] == ["1 of data set 58: function type 6"]
+    assert [text.split(",")[0] for text in measured.left_out] == [
+        "1 of data set 58: function type 9", "1 of data set 58: coherence"]  # fmt: skip
     file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 7.0, 2.0)), "add")
     with pytest.raises(mv.ExportError, match="different frequencies; expected one list"):
         mx.from_uff(path)
