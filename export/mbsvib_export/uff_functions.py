@@ -28,7 +28,8 @@ _AXES = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
 _DATA = {2: (1, False), 4: (1, True), 5: (2, False), 6: (2, True)}
 # Widths of columns by double precision or not, of even abscissas, and of others by the columns of the data.
 _EVEN = {False: (13,) * 6, True: (20,) * 4}
-_UNEVEN = {False: {1: (13,) * 6, 2: (13,) * 6}, True: {1: (13, 20, 13, 20), 2: (13, 20, 20)}}
+_UNEVEN: dict[bool, dict[int, tuple[int, ...]]] = {
+    False: {1: (13,) * 6, 2: (13,) * 6}, True: {1: (13, 20, 13, 20), 2: (13, 20, 20)}}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

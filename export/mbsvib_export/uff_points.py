@@ -17,7 +17,7 @@ from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import kind_of
 from mbsvib.elements.ports import BaseMotion, Input, Output
-from mbsvib.measurement.points import GROUND, Point, body_positions
+from mbsvib.measurement.points import GROUND, UNIT, Point, body_positions
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
 
-# Directions whose length differs from 1 by more are products of a direction and a factor.
-_UNIT = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +78,7 @@ class _Numbering:
             return Point(self.number(_scalar_key(port)), 0)
         first_entry = 3 if wrench[3:].any() else 0
         along = wrench[first_entry : first_entry + 3]
-        if wrench[3 - first_entry : 6 - first_entry].any() or abs(np.linalg.norm(along) - 1.0) > _UNIT:
+        if wrench[3 - first_entry : 6 - first_entry].any() or abs(np.linalg.norm(along) - 1.0) > UNIT:
             return Point(self.number(_scalar_key(port)), 0)
         sign = 1 if along[np.flatnonzero(along)[0]] > 0.0 else -1
         if np.count_nonzero(along) == 1:

@@ -197,3 +197,6 @@ NOT_AFFINE = 1e-8
 # Measured inputs are independent, and a line is excited, if the least singular value of their spectra is above this
 # share of the largest: below, noise of 0.1 % decides.
 INPUTS_APART = 1e-3
+# Columns of powers over neighbouring lines are independent above this share of the largest pivot: where every second
+# line is not excited it is rounding, of random signals it is 0.01 and more.
+NO_PIVOT = 1e-8

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import INPUTS_APART
+from mbsvib.linalg.rank import INPUTS_APART, NO_PIVOT
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
@@ -149,10 +149,17 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index
         local = np.moveaxis(spectra[:, :, window], (0, 1), (1, 3))  # (n, experiments, width, channels)
         drive = local[..., r]
         size = np.sqrt(np.mean(np.abs(drive) ** 2, axis=(1, 2)))  # (n, references)
+        quiet = np.flatnonzero(size.min(axis=1) <= INPUTS_APART * np.median(size))
+        if len(quiet):
+            raise _unexcited(k[quiet[0]])
         driven = (drive / size[:, None, None])[..., None, :] * x[..., :, None]
         free = np.einsum("nawp,ef->newpf", x, np.eye(experiments)) + 0j
         matrix = np.concatenate((driven, free), axis=-1).reshape(len(k), experiments * width, columns)
         q, upper = np.linalg.qr(matrix)
+        pivots = np.abs(np.einsum("nii->ni", upper))
+        empty = np.flatnonzero(pivots.min(axis=1) <= NO_PIVOT * pivots.max(axis=1))
+        if len(empty):
+            raise _unexcited(k[empty[0]])
         target = local[..., : outputs + inputs].reshape(len(k), experiments * width, outputs + inputs)
         projected = q.conj().swapaxes(1, 2) @ target
         inverse = np.linalg.inv(upper)
@@ -208,6 +215,11 @@ def periodic(records: Array, sizes: tuple[int, int], period: int, wanted: Index)
         total = _last((np.abs(g - best[:, None]) ** 2).sum(axis=1) / (groups * (groups - 1)))
     condition = np.where(excited, np.linalg.cond(drive).max(axis=1), 1.0)
     return Estimate(_last(best), noise if total is None else total, None, condition, None, noise)
+
+
+def _unexcited(line: int) -> ResponseError:
+    return ResponseError(f"from_records: around line {line + 1} (times the resolution) too few lines are excited for "
+                         f"method='local'. Leave them out by band=, or take method='periodic' for periodic excitation.")
 
 
 def _last(values: Array | Complex) -> Any:

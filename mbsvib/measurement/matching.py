@@ -22,6 +22,10 @@ ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad
           "rad/s": ("angle", 1), "rad/s^2": ("angle", 2)}  # fmt: skip
 _QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _KINDS = {**{unit: kind for unit, (kind, _) in ORDERS.items()}, "N": "force", "N m": "moment"}
+# Another channel must be farther by this share of the limits than the nearest, or it may be meant as well.
+CLEAR = 0.25
+# Points [m] and directions [rad] of one place differ by no more, but for rounding.
+SAME_POINT = 1e-9
 # Candidates that a refusal lists.
 _NEAREST = 3
 
@@ -160,14 +164,17 @@ def _partner(
     if wanted in candidates:
         found, how = wanted, "name"
     else:
-        near = [] if place is None or renamed is not None else sorted(
-            [(other, there) for other, (_, there) in candidates.items() if there is not None],
-            key=lambda item: (_angle(place, item[1]), place.distance(item[1])))  # fmt: skip
-        fits = [other for other, there in near if _fits(place, there, limits)]
-        same = [other for other in fits if _derivatives(unit, quantity, candidates[other][0]) == 0]
+        near = {} if place is None or renamed is not None else {
+            other: there for other, (_, there) in candidates.items() if there is not None}  # fmt: skip
+        fits = [other for other, there in near.items() if _fits(place, there, limits)]
+        fits = [other for other in fits if place and near[other].body == place.body] or fits
         if not fits:
             return f"The measured {kind} '{wanted}' has no partner.{_nearest(wanted, place, near, candidates)}"
-        found, how = (same or fits)[0], "place"
+        found, rivals = _clearest(measured, {other: near[other] for other in fits}, candidates, limits)
+        how = "place"
+        if rivals:
+            return (f"The measured {kind} '{wanted}' may be each of several."
+                    f"{_nearest(wanted, place, rivals, candidates)} Give a smaller distance=.")  # fmt: skip
     other_unit, there = candidates[found]
     distance = angle = None
     sign = 1
@@ -185,9 +192,27 @@ def _partner(
     return Partner(name, found, how, sign, order, unit, other_unit, distance, angle)
 
 
+def _clearest(
+    measured: tuple[str, str, str, Place | None], fits: dict[str, Place],
+    candidates: Mapping[str, tuple[str, Place | None]], limits: tuple[float, float],
+) -> tuple[str, dict[str, Place]]:  # fmt: skip
+    """Return the nearest of the channels that fit, and all if others elsewhere are almost as near."""
+    _, unit, quantity, place = measured
+    assert place is not None
+    off = {other: place.distance(there) / limits[0] + _angle(place, there) / limits[1] for other, there in fits.items()}
+    best = min(off, key=lambda other: off[other])
+    twins = [other for other, there in fits.items() if there.body == fits[best].body
+             and there.distance(fits[best]) <= SAME_POINT and _angle(there, fits[best]) <= SAME_POINT]  # fmt: skip
+    if any(off[other] < off[best] + CLEAR for other in off if other not in twins):
+        return best, fits
+    same = [other for other in twins if _derivatives(unit, quantity, candidates[other][0]) == 0]
+    return (same or twins)[0], {}
+
+
 def _angle(a: Place, b: Place) -> float:
     """Angle of two lines [rad], 0 to pi/2: pi/2 between a translation and a rotation."""
-    return float(np.arccos(min(1.0, abs(a.cosine(b)))))
+    cosine = abs(a.cosine(b))
+    return float(np.arctan2(np.linalg.norm(a.direction - np.copysign(cosine, a.cosine(b)) * b.direction), cosine))
 
 
 def _fits(a: Place | None, b: Place, limits: tuple[float, float]) -> bool:
@@ -205,10 +230,11 @@ def _derivatives(unit: str, quantity: str, other: str) -> int | None:
 
 
 def _nearest(
-    name: str, place: Place | None, near: Sequence[tuple[str, Place]], candidates: Mapping[str, Any]
+    name: str, place: Place | None, near: Mapping[str, Place], candidates: Mapping[str, Any]
 ) -> str:
     if place is None or not near:
         return f"{nearest(name, candidates)} The model has {', '.join(candidates) or 'none'}."
-    listed = [f"'{other}' ({1e3 * place.distance(there):.3g} mm, {np.degrees(_angle(place, there)):.3g} deg)"
-              for other, there in sorted(near, key=lambda item: place.distance(item[1]))[:_NEAREST]]  # fmt: skip
+    order = sorted(near, key=lambda other: place.distance(near[other]))[:_NEAREST]
+    listed = [f"'{other}' ({1e3 * place.distance(near[other]):.3g} mm, "
+              f"{np.degrees(_angle(place, near[other])):.3g} deg)" for other in order]  # fmt: skip
     return f" Nearest are {', '.join(listed)}."

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 GROUND = "ground"
+# The length of a direction differs from 1 by no more, but for rounding.
+UNIT = 1e-12
 _AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
 _LABEL = re.compile(r"(?:.*[:\s])?(\d+)(?:([+-]?)(R?[XYZ])|(R?[XYZ])([+-]))", re.IGNORECASE)
 
@@ -53,10 +55,11 @@ class Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Where a channel acts: ``position`` (3,) [m], and ``direction`` (6,), a unit translation or rotation."""
+    """Where a channel acts: ``position`` (3,) [m], ``direction`` (6,), a unit translation or rotation, and ``body``."""
 
     position: Array
     direction: Array
+    body: str = ""
 
     def distance(self, other: Place) -> float:
         """Return the distance of two places [m]."""
@@ -146,7 +149,7 @@ def place_of(point: Point, nodes: dict[int, Node]) -> Place | None:
     axis, direction = abs(point.direction) - 1, np.zeros(6)
     axes = np.eye(3) if node.axes is None else np.array(node.axes)
     direction[3 * (axis // 3) : 3 * (axis // 3) + 3] = np.sign(point.direction) * axes[:, axis % 3]
-    return Place(np.array(node.position), direction)
+    return Place(np.array(node.position), direction, node.name)
 
 
 def body_positions(parts: Iterable[Any]) -> dict[str, Vector]:
@@ -185,7 +188,8 @@ def model_places(linear: Any) -> dict[tuple[str, str], Place]:
             continue
         position = positions.get(port.body) if port.position is None else port.position
         wrench = np.array(port.wrench)
-        if position is not None and not (wrench[:3].any() and wrench[3:].any()):
+        is_unit = abs(np.linalg.norm(wrench) - 1.0) <= UNIT  # others are products with a factor
+        if position is not None and is_unit and not (wrench[:3].any() and wrench[3:].any()):
             kind = "input" if isinstance(port, Input) else "output"
-            places[kind, port.name] = Place(np.array(position), wrench / np.linalg.norm(wrench))
+            places[kind, port.name] = Place(np.array(position), wrench, port.body)
     return places

@@ -79,6 +79,18 @@ def test_parts_of_the_data():
         data.within(1.0, 2.0)
 
 
+def test_smoothed_variance_is_a_mean_over_lines():
+    variance = np.array([1.0, np.nan, 4.0, 7.0, 0.0]).reshape(1, 1, 5)
+    responses = np.where(np.isnan(variance), np.nan, 1.0 + 0j)
+    data = mv.Measurement(np.arange(5.0), responses, ["y"], ["u"], variance=variance)
+    np.testing.assert_allclose(data.smoothed(3).variance[0, 0], [1.0, np.nan, 5.5, 11 / 3, 3.5])
+    np.testing.assert_array_equal(data.smoothed(1).variance, variance)
+    with pytest.raises(mv.ResponseError, match="lines = 0 of variances; expected a positive"):
+        data.smoothed(0)
+    with pytest.raises(mv.ResponseError, match="lines = 15 of no variances"):
+        roved().smoothed()
+
+
 def test_measured_modes():
     modes = mv.MeasuredModes([5.0, 2.0], [0.01, 0.02], [[1.0, 2.0], [3.0, 4.0]], ["1X+", "2Z-"], sd=0.01)
     assert modes.sd.tolist() == [0.01, 0.01]

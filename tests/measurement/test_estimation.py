@@ -107,6 +107,17 @@ def test_closed_loop_needs_the_reference():
         mv.Measurement.from_records(STEP, {"u": u}, {"y": y}, method="local", reference={"r": r})
 
 
+def test_local_polynomials_need_excited_lines():
+    """A multisine over whole periods: its lines are 8 apart in the record, and there are none outside of its band."""
+    spectrum = np.zeros(257, dtype=complex)
+    spectrum[5:200] = np.exp(2j * np.pi * np.random.default_rng(9).random(195))
+    for periods, band in ((8, (10.0, 30.0)), (1, None)):
+        u = np.tile(np.fft.irfft(spectrum), periods)
+        y = signal.lfilter(NUM, DEN, u)
+        with pytest.raises(mv.ResponseError, match=r"too few lines are excited for method='local'. Leave them out"):
+            mv.Measurement.from_records(STEP, {"u": u}, {"y": y}, method="local", band=band)
+
+
 def two_by_two(u):
     gains = np.array([[1.0, -0.4], [0.3, 2.0]])
     return np.einsum("oi,ein->eon", gains, signal.lfilter(NUM, DEN, u)), gains

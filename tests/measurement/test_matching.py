@@ -93,6 +93,22 @@ def test_channels_without_partner_are_refused(outputs, more, message):
         measured(["z"]).matched(rig(), names={"other": "z"})
 
 
+def test_the_nearest_counts_and_two_as_near_are_refused():
+    model = rig()
+    model.add_body("cube", 1.0, (0.1, 0.1, 0.1), position=(0.2, 0.1, 0.02))
+    model.add_bushing("glue", "plate", "cube", (0.2, 0.1, 0.0), (1e5,) * 6)
+    model.add_output("cube", "cube", "z", position=(0.2, 0.1, 0.009))
+    model.add_output("double", "plate", (0, 0, 2.0), position=(0.2, 0.1, 0.0))  # a factor of 2 is no place
+    at = lambda z, name="": measured(["5Z+"], nodes=[Node(5, name, (0.2, 0.1, z))])  # noqa: E731
+    assert at(0.001).matched(model).output_names == ("z",)
+    assert at(0.0085).matched(model).output_names == ("cube",)
+    with pytest.raises(mv.ResponseError, match=r"'5Z\+' may be each of several. Nearest are 'z' \(4 mm, 0 deg\), 'z.a' "
+                                               r"\(4 mm, 0 deg\), 'cube' \(5 mm, 0 deg\). Give a smaller distance="):
+        at(0.004).matched(model)
+    assert at(0.004, "cube").matched(model).output_names == ("cube",)  # the node has the name of the body
+    assert at(0.004).matched(model, distance=4.5e-3).output_names == ("z",)
+
+
 def test_axes_of_a_node_turn_its_directions():
     axes = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))  # its x axis is z of the world
     data = measured(["5X-"], nodes=[Node(5, "", (0.2, 0.1, 0.0), axes)], output_units=["m"])
