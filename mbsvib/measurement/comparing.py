@@ -177,14 +177,17 @@ def compare(a: Any, b: Any) -> Comparison:
     """
     sides = [_linear(value, name) for value, name in ((a, "a"), (b, "b"))]
     names = tuple(getattr(value, "name", "measurement") for value in sides)
-    frac, ratio, omega, outputs, inputs, responses = _responses(*sides)
+    remarks: list[str] = []
+    frac, ratio, omega, outputs, inputs, responses, refused = _responses(*sides)
     modes = [_modes(side) for side in sides]
+    remarks += [text for text in refused if "has no partner" not in text]  # the others are of one side alone
     pairs: tuple[Pair, ...] = ()
-    mac, remarks, shared = np.zeros((0, 0)), list[str](), tuple[str, ...]()
+    mac, shared = np.zeros((0, 0)), tuple[str, ...]()
     if modes[0] is not None and modes[1] is not None:
         shared, rows, radius = _shared_shapes(sides, modes)
         if shared:
-            pairs, mac, remarks = _paired(modes, rows)
+            pairs, mac, told = _paired(modes, rows)
+            remarks += told
             remarks += [f"Rotations are multiplied by {radius:.3g} m for the MAC."] if radius else []
     if not shared and not outputs:
         listed = "; ".join(f"{name}: {', '.join(getattr(side, 'outputs', ())) or 'none'}"
@@ -334,13 +337,13 @@ def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array,
 
 
 def _responses(a: Any, b: Any) -> tuple[Any, ...]:
-    """FRAC, ratio, lines, outputs and inputs that both have, and their responses."""
-    nothing = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), (), (), (np.zeros((0, 0, 0)),) * 2
+    """FRAC, ratio, lines, outputs and inputs that both have, their responses, and why others were left out."""
+    nothing: tuple[Any, ...] = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), (), (), (np.zeros((0, 0, 0)),) * 2, ()
     if isinstance(a, MeasuredModes) or isinstance(b, MeasuredModes):
         return nothing
     matching, back = _matched(a, b, inputs=True)
     if not (matching.outputs and matching.inputs):
-        return nothing
+        return *nothing[:-1], matching.refused
     named = [([getattr(p, end) for p in matching.outputs], [getattr(p, end) for p in matching.inputs])
              for end in (("name", "measured") if back else ("measured", "name"))]  # fmt: skip
     measured = [side.omega for side in (a, b) if isinstance(side, Measurement)]
@@ -350,7 +353,7 @@ def _responses(a: Any, b: Any) -> tuple[Any, ...]:
     else:
         omega = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
     if not len(omega):
-        return nothing
+        return *nothing[:-1], (*matching.refused, "No common lines: responses were not compared.")
     values = [_values(side, names, omega) for side, names in zip((a, b), named, strict=True)]
     factor = matching.factor(omega)
     values[0 if back else 1] = values[0 if back else 1] * factor
@@ -361,7 +364,7 @@ def _responses(a: Any, b: Any) -> tuple[Any, ...]:
         frac = np.abs(np.sum(first * second.conj(), axis=2)) ** 2 / (powers[0] * powers[1])
         ratio = np.sqrt(powers[1] / powers[0])
     frac[(powers[0] == 0.0) != (powers[1] == 0.0)] = 0.0
-    return frac, ratio, omega, tuple(named[0][0]), tuple(named[0][1]), (values[0], values[1])
+    return frac, ratio, omega, tuple(named[0][0]), tuple(named[0][1]), (values[0], values[1]), matching.refused
 
 
 def _without_rounding(values: Complex, matching: Matching) -> Complex:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, an, nearest
-from mbsvib.measurement.points import model_places, place_of
+from mbsvib.measurement.points import model_places, place_of, point_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,6 +55,7 @@ class Matching(Displayed):
 
     outputs: tuple[Partner, ...]
     inputs: tuple[Partner, ...]
+    refused: tuple[str, ...] = ()  # why channels were left out, where that was allowed
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -140,7 +141,7 @@ def matching_of(
     if missing and not partial:
         raise ResponseError(f"matched: {' '.join(missing)} Give names={{measured: name in the model}}, add the channel "
                             f"to the model, or leave it out: data[outputs, inputs].")  # fmt: skip
-    return Matching(results["outputs"], results.get("inputs", ()))
+    return Matching(results["outputs"], results.get("inputs", ()), tuple(missing))
 
 
 def _candidates(linear: Any, kind: str, places: Mapping[tuple[str, str], Place]) -> dict[str, tuple[str, Place | None]]:
@@ -232,6 +233,9 @@ def _derivatives(unit: str, quantity: str, other: str) -> int | None:
 def _nearest(
     name: str, place: Place | None, near: Mapping[str, Place], candidates: Mapping[str, Any]
 ) -> str:
+    point = point_of(name)
+    if place is None and point is not None:
+        return f" Where node {point.node} is, is not known: give nodes={{{point.node}: (x, y, z)}}."
     if place is None or not near:
         return f"{nearest(name, candidates)} The model has {', '.join(candidates) or 'none'}."
     order = sorted(near, key=lambda other: place.distance(near[other]))[:_NEAREST]

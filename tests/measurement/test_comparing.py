@@ -133,6 +133,27 @@ def test_frac_is_that_of_the_known_lines_and_one_quantity():
     np.testing.assert_allclose(result.ratio, 1.0, rtol=1e-12)
 
 
+def test_measured_modes_against_measured_modes():
+    first = mv.MeasuredModes([1.0, 2.0], [0.01, 0.02], [[1.0, 1.0], [1.0, -1.0]], ["a", "b"])
+    second = mv.MeasuredModes([2.1, 1.1], shapes=[[2.0, 1.0], [-1.0, 1.0], [9.0, 9.0]], outputs=["a", "b", "c"])
+    result = mv.compare(first, second)
+    assert [(pair.a, pair.b) for pair in result.pairs] == [(1, 2), (2, 1)]
+    assert [pair.mac for pair in result.pairs] == pytest.approx([1.0, 9 / 10])
+    assert result.outputs == ()
+
+
+def test_a_common_name_of_another_kind_is_told():
+    renamed = mv.Model("other")
+    renamed.add_body("m", 1.0, (1, 1, 1))
+    renamed.add_bushing("k", "ground", "m", (0, 0, 0), (1e3,) * 6)
+    renamed.add_output("z0", "m", "z")
+    renamed.add_output("z1", "m", "rx")
+    renamed.add_input("F", "m", "z")
+    result = mv.compare(chain(), renamed)
+    assert result.outputs == ("z0",)
+    assert "The measured output 'z1' has the unit m/s, and 'z1' of the model rad." in str(result)
+
+
 def test_differences_are_told_part_by_part():
     changed = chain(masses=(1.0, 2.5, 1.5))
     changed.add_spring("extra", "ground", "m2", (0, 0, 3), (0, 0, 2), stiffness=1.0)

@@ -62,6 +62,28 @@ def test_bias_and_variance_of_each_estimator(method, noise, options):
     assert bias.max() < 5.0
 
 
+def test_local_polynomials_do_not_leak():
+    """A damping ratio of 0.5 % at 14.3 Hz in a record of 16 / (ratio f); Hann windows of an eighth of it do leak.
+
+    At 4 / (ratio f), the least that is taken, the variance has the error.
+    """
+    num, den = signal.zpk2tf([0.3], [0.9955 * np.exp(0.9j), 0.9955 * np.exp(-0.9j)], 0.05)
+    u = np.random.default_rng(11).standard_normal(25_300)
+    y = signal.lfilter(num, den, u)[3000:]
+    errors = []
+    for length, options in ((22_300, {"method": "local"}), (5575, {"method": "local"}), (22_300, {"segments": 8})):
+        lowest = (14.324, 0.00501)
+        data = mv.Measurement.from_records(STEP, {"u": u[3000:][:length]}, {"y": y[:length]}, band=(13.5, 15.1),
+                                           lowest=lowest, **options)  # fmt: skip
+        g = signal.freqz(num, den, worN=data.omega * STEP)[1]
+        errors.append(data.responses[0, 0] / g - 1.0)
+    assert np.abs(errors[0]).max() < 0.015
+    assert np.abs(errors[1]).max() < 0.25
+    assert np.abs(errors[2]).max() > 0.07
+    with pytest.raises(mv.ResponseError, match=r"10 s for a mode .* expected 4 / \(ratio f\) = 55.74 s or more"):
+        mv.Measurement.from_records(STEP, {"u": u[:1000]}, {"y": y[:1000]}, method="local", lowest=lowest)
+
+
 def test_estimators_are_biased_as_they_should():
     """H1 low by 1 / (1 + noise to signal) at the input's noise, H2 high by that at the output's."""
     u, y = records(200_000, 3, input_noise=0.5)

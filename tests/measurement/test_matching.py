@@ -78,6 +78,7 @@ def test_names_come_first_and_need_no_place():
     ("outputs", "more", "message"),
     [
         (["zz"], {}, "output 'zz' has no partner. Did you mean 'z'\\? The model has z, z.a, slant, turn, load"),
+        (["8Z+"], {}, r"'8Z\+' has no partner. Where node 8 is, is not known: give nodes=\{8: \(x, y, z\)\}."),
         (["8Z+"], {"nodes": {8: (0.2, 0.1, 0.05)}}, r"'8Z\+' has no partner. Nearest are 'z' \(50 mm, 0 deg\), 'z.a' "),
         (["8X+"], {"nodes": {8: (0.2, 0.1, 0.0)}}, r"'8X\+' has no partner. Nearest are 'z' \(0 mm, 90 deg\)"),
         (["z"], {"output_points": [((0.2, 0.1, 0.0), "x")]}, "one name, but are 0 mm and 90 deg apart"),
