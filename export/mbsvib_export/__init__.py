@@ -12,10 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
     from mbsvib_export.c_ import CFiles, to_c
-    from mbsvib_export.casadi_ import CasadiModel, to_casadi
-    from mbsvib_export.casadi_objectives import to_casadi_eigenvalues, to_casadi_response
+    from mbsvib_export.casadi_ import CasadiModel, to_casadi, to_casadi_eigenvalues, to_casadi_response
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
     from mbsvib_export.control_space import NamedStateSpace
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib_export.names_ import SignalNames
     from mbsvib_export.naming import named, with_names
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.npz_ import from_npz, to_npz
+    from mbsvib_export.npz_ import BatchData, from_npz, from_npz_batch, to_npz, to_npz_batch
     from mbsvib_export.op4_ import to_op4
     from mbsvib_export.scipy_ import to_scipy
     from mbsvib_export.synthesis_ import augw, h2syn, hinfsyn, mixsyn
@@ -38,83 +36,27 @@ if TYPE_CHECKING:
     from mbsvib_export.uff_ import densities_from_uff, from_uff, records_from_uff, to_uff
 
 __all__ = [
-    "BatchData",
-    "CFiles",
-    "CasadiModel",
-    "Comparison",
-    "CosimulationCheck",
-    "ExportCheck",
-    "FmuFile",
-    "MasterCheck",
-    "NamedStateSpace",
-    "SignalNames",
-    "SystemData",
-    "augw",
-    "check_cosimulation",
-    "check_export",
-    "densities_from_uff",
-    "from_hdf5",
-    "from_json",
-    "from_mat",
-    "from_npz",
-    "from_npz_batch",
-    "from_uff",
-    "h2syn",
-    "hinfsyn",
-    "json_schema",
-    "mixsyn",
-    "named",
-    "records_from_uff",
-    "to_c",
-    "to_casadi",
-    "to_casadi_eigenvalues",
-    "to_casadi_response",
-    "to_control",
-    "to_dmig",
-    "to_exudyn",
-    "to_fmu",
-    "to_frd",
-    "to_hdf5",
-    "to_json",
-    "to_mat",
-    "to_modelica",
-    "to_npz",
-    "to_npz_batch",
-    "to_op4",
-    "to_scipy",
-    "to_ssp",
-    "to_transfer_function",
-    "to_uff",
-    "with_names",
-]
+    "BatchData", "CFiles", "CasadiModel", "Comparison", "CosimulationCheck", "ExportCheck", "FmuFile", "MasterCheck",
+    "NamedStateSpace", "SignalNames", "SystemData", "augw", "check_cosimulation", "check_export", "densities_from_uff",
+    "from_hdf5", "from_json", "from_mat", "from_npz", "from_npz_batch", "from_uff", "h2syn", "hinfsyn", "json_schema",
+    "mixsyn", "named", "records_from_uff", "to_c", "to_casadi", "to_casadi_eigenvalues", "to_casadi_response",
+    "to_control", "to_dmig", "to_exudyn", "to_fmu", "to_frd", "to_hdf5", "to_json", "to_mat", "to_modelica", "to_npz",
+    "to_npz_batch", "to_op4", "to_scipy", "to_ssp", "to_transfer_function", "to_uff", "with_names",
+]  # fmt: skip
 
+# The names of each file, which is imported when one of them is asked for.
 _NAMES = {
-    "batch_": ("BatchData", "from_npz_batch", "to_npz_batch"),
-    "c_": ("CFiles", "to_c"),
-    "casadi_": ("CasadiModel", "to_casadi"),
-    "casadi_objectives": ("to_casadi_eigenvalues", "to_casadi_response"),
-    "checking": ("check_export", "Comparison", "ExportCheck"),
-    "control_": ("to_control", "to_frd"),
-    "control_space": ("NamedStateSpace",),
-    "cosimulation": ("check_cosimulation", "CosimulationCheck", "MasterCheck", "to_ssp"),
-    "dmig_": ("to_dmig",),
-    "exudyn_": ("to_exudyn",),
-    "fmu_": ("FmuFile", "to_fmu"),
-    "hdf5_": ("from_hdf5", "to_hdf5"),
-    "json_": ("from_json", "json_schema", "to_json"),
-    "mat_": ("from_mat", "to_mat"),
-    "modelica_": ("to_modelica",),
-    "names_": ("SignalNames",),
-    "naming": ("named", "with_names"),
-    "neutral": ("SystemData",),
-    "npz_": ("from_npz", "to_npz"),
-    "op4_": ("to_op4",),
-    "scipy_": ("to_scipy",),
-    "synthesis_": ("augw", "h2syn", "hinfsyn", "mixsyn"),
-    "transfer_": ("to_transfer_function",),
-    "uff_": ("densities_from_uff", "from_uff", "records_from_uff", "to_uff"),
-}
-_HOMES = {name: home for home, names in _NAMES.items() for name in names}
+    "c_": "CFiles to_c", "casadi_": "CasadiModel to_casadi to_casadi_eigenvalues to_casadi_response",
+    "checking": "check_export Comparison ExportCheck", "control_": "to_control to_frd",
+    "control_space": "NamedStateSpace", "cosimulation": "check_cosimulation CosimulationCheck MasterCheck to_ssp",
+    "dmig_": "to_dmig", "exudyn_": "to_exudyn", "fmu_": "FmuFile to_fmu", "hdf5_": "from_hdf5 to_hdf5",
+    "json_": "from_json json_schema to_json", "mat_": "from_mat to_mat", "modelica_": "to_modelica",
+    "names_": "SignalNames", "naming": "named with_names", "neutral": "SystemData",
+    "npz_": "BatchData from_npz to_npz from_npz_batch to_npz_batch", "op4_": "to_op4", "scipy_": "to_scipy",
+    "synthesis_": "augw h2syn hinfsyn mixsyn", "transfer_": "to_transfer_function",
+    "uff_": "densities_from_uff from_uff records_from_uff to_uff",
+}  # fmt: skip
+_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:

@@ -56,8 +56,17 @@ def origin_of(system: System, caller: str) -> Any:
     return origin
 
 
-def physical_affine(source: object, parameters: Sequence[str], realization: str, caller: str, argument: str) -> Affine:
+def names_of(known: Parameters, patterns: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters of one or several names or patterns (``"leg*.k.stiffness"``), each once."""
+    listed = (patterns,) if isinstance(patterns, str) else patterns
+    return tuple(dict.fromkeys(name for pattern in listed for name in known.matching(pattern)))
+
+
+def physical_affine(
+    source: object, parameters: str | Sequence[str], realization: str, caller: str, argument: str
+) -> Affine:
     """Return ``affine`` of an exporter's source in physical states; ``argument``: name of the parameters' argument."""
+    parameters = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     request = f"{argument} = {', '.join(parameters)}"
     if not isinstance(source, System):
         raise refusal(source, caller, "a System (model.linearize())",
@@ -79,8 +88,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """
     origin = origin_of(system, caller)
     known = origin.parameters
-    names = tuple(dict.fromkeys(name for pattern in parameters for name in known.matching(pattern)))
-
+    names = names_of(known, parameters)
     failures: dict[str, MbsvibError] = {}
 
     def build(values: Mapping[str, float]) -> Matrices | None:

@@ -19,11 +19,20 @@ from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.neutral import SystemData, data_of
-from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
+from mbsvib_export.responses import (
+    check_points,
+    motions,
+    poles,
+    poles_of,
+    response_error,
+    response_of,
+    second_order_response,
+    state_space_response,
+)
 from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Complex
     from mbsvib.measurement.data import Measurement
     from mbsvib_export.neutral import Source
 
@@ -149,47 +158,34 @@ def _of_equations(data: SystemData | StateSpace, model: Model | None, limit: flo
 
 
 def _of_system(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
-    if model is not None:
-        _same_names(data, model)
-    values = poles(data.state_space.A) if model is None else _poles(model)
+    reference, against = (data, "its second-order equations") if model is None else (model, "the model")
+    _same_names(data, reference)
+    values = poles_of(reference)
     omega = check_points(values)
-    truth = second_order_response(data, omega) if model is None else _response(model, omega)
-    against = "its second-order equations" if model is None else "the model"
-    reference = (data if model is None else model), omega
-    result = [Comparison("response of A B C D", against,
-                         response_error(state_space_response(data.state_space, omega), truth, *reference), limit)]
+    truth = response_of(reference, omega)
+
+    def compared(source: str, response: Complex) -> Comparison:
+        return Comparison(f"response of {source}", against, response_error(response, truth, reference, omega), limit)
+
+    result = [compared("A B C D", state_space_response(data.state_space, omega))]
     if model is not None:
-        result += [
-            Comparison("response of M C K", against,
-                       response_error(second_order_response(data, omega), truth, *reference), limit),
-            Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit),
-        ]
-    motions, exact = _body_responses(data.state_space, data.body_motion, omega), _bodies(model or data, omega)
+        result += [compared("M C K", second_order_response(data, omega)),
+                   Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit)]  # fmt: skip
+    # displacements of the bodies (6 bodies, inputs, n), recovered from the states
+    space, m = data.state_space, len(data.coordinates)
+    direct = np.zeros((m, len(data.inputs))) if space.through is None else space.through[:m]
+    rows = data.body_motion.reshape(6 * len(data.bodies), m)
+    actual = state_space_response(replace(space, C=rows @ space.transform[:m], D=rows @ direct), omega)
+    rows = reference.body_motion.reshape(6 * len(reference.bodies), len(reference.coordinates))
+    exact = np.stack([rows @ motions(reference, w) for w in omega], axis=-1)
     scale = np.abs(exact).max(axis=(0, 2), keepdims=True, initial=0.0)
-    error = float(np.max(np.abs(motions - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
-    result.append(Comparison("displacements of the bodies", against, error, limit))
-    return tuple(result)
-
-
-def _body_responses(space: StateSpace, body_motion: Array, omega: Array) -> Complex:
-    """Displacements of the bodies (6 bodies, inputs, n), recovered from the states."""
-    m = len(space.transform) // 2
-    direct = np.zeros((m, len(space.inputs))) if space.through is None else space.through[:m]
-    rows = body_motion.reshape(6 * len(body_motion), m)
-    return state_space_response(replace(space, C=rows @ space.transform[:m], D=rows @ direct), omega)
-
-
-def _bodies(model: System | SystemData, omega: Array) -> Complex:
-    rows = model.body_motion.reshape(6 * len(model.bodies), len(model.coordinates))
-    result = np.empty((len(rows), len(model.inputs), len(omega)), dtype=complex)
-    for k, w in enumerate(omega):
-        result[:, :, k] = rows @ np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B)
-    return result
+    error = float(np.max(np.abs(actual - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
+    return (*result, Comparison("displacements of the bodies", against, error, limit))
 
 
 def _of_responses(data: Measurement, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(data, model)
-    error = response_error(data.responses, _response(model, data.omega), model, data.omega)
+    error = response_error(data.responses, response_of(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
@@ -227,22 +223,14 @@ def _of_unit(path: Path, model: Model, limit: float, run: bool) -> ExportCheck:
 
 def _of_space(space: StateSpace, source: str, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(space, model)
-    values = _poles(model)
+    values = poles_of(model)
     omega = check_points(values)
-    truth = _response(model, omega)
+    truth = response_of(model, omega)
     error = response_error(state_space_response(space, omega), truth, model, omega)
     return (
         Comparison(f"response of {source}", "the model", error, limit),
         Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
     )
-
-
-def _response(model: Model, omega: Array) -> Complex:
-    return second_order_response(model, omega) if isinstance(model, SystemData) else model.frequency_response(omega)
-
-
-def _poles(model: Model) -> Complex:
-    return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
 def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> None:

@@ -36,8 +36,9 @@ from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION, check_version, d
 from mbsvib_export.responses import (
     check_points,
     poles,
+    poles_of,
+    response_of,
     response_scale,
-    second_order_response,
     state_space_response,
 )
 from mbsvib_export.templates_ import check_companion, filled
@@ -56,6 +57,9 @@ if TYPE_CHECKING:
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
 LEFT_OVER = 1e-11
 TOLERANCE = 1e-6  # of the script: relative difference of responses; MATLAB scales state spaces by its own rules
+# Variables of names and units, and what they are in a state space.
+SIGNALS = [(signal, kind, end) for signal in ("Input", "Output", "State")
+           for kind, end in (("Name", "s"), ("Unit", "_units"))]  # fmt: skip
 _FOREIGN = re.compile(r"[^\x00-\x7f]")
 TITLE = 116  # bytes of free text that a .mat file begins with
 
@@ -174,8 +178,9 @@ def title(content: bytes) -> bytes:
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     space, words = data.state_space, _Words()
-    omega = check_points(poles(space.A) if system is None else system.poles())
-    response = second_order_response(data, omega) if system is None else system.frequency_response(omega)
+    reference = data if system is None else system
+    omega = check_points(poles_of(reference))
+    response = response_of(reference, omega)
     first, rate, through = _mechss(data)
     mech = {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
             "CoordinateName": words.cells(data.coordinates),
@@ -208,9 +213,7 @@ def _variables(
     result: dict[str, Any] = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
         "Name": words.plain(data.name),
-        "InputName": words.cells(data.inputs), "InputUnit": words.cells(data.input_units),
-        "OutputName": words.cells(data.outputs), "OutputUnit": words.cells(data.output_units),
-        "StateName": words.cells(space.states), "StateUnit": words.cells(space.state_units),
+        **{f"{signal}{kind}": words.cells(getattr(space, f"{signal.lower()}{end}")) for signal, kind, end in SIGNALS},
         "mech": mech, "check": {"omega": omega[:, None], "response": response, "scale": scale},
         "mbsvib": {"format": FORMAT if isinstance(data, SystemData) else SPACE_FORMAT, "version": float(VERSION),
                    "realization": space.realization, **extra},
@@ -280,9 +283,7 @@ class _Texts:
 
     def signals(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Names and units of inputs, outputs and states."""
-        return {f"{signal.lower()}{end}": self.all(arrays[f"{signal}{kind}"])
-                for signal in ("Input", "Output", "State")
-                for kind, end in (("Name", "s"), ("Unit", "_units"))}  # fmt: skip
+        return {f"{signal.lower()}{end}": self.all(arrays[f"{signal}{kind}"]) for signal, kind, end in SIGNALS}
 
 
 def _real(array: NDArray[Any], *shape: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -38,12 +38,6 @@ THROUGH = "through"
 ERROR_BOUND = "error_bound"
 # State spaces that have no other realization: exporters take them as they are.
 READY = ("given", "controller", "reduced")
-
-
-def first_order(space: StateSpace) -> dict[str, Array]:
-    """Return the matrices of a state space by name, those that it has."""
-    arrays = {label: getattr(space, label) for label in FIRST_ORDER}
-    return arrays if space.through is None else arrays | {THROUGH: space.through}
 
 
 def _check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
@@ -121,13 +115,8 @@ class SystemData(Displayed):
         ResponseError
             If the realization is unknown.
         """
-        return cls(
-            name=system.name, coordinates=system.coordinates, coordinate_units=system.coordinate_units,
-            inputs=system.inputs, input_units=system.input_units,
-            outputs=system.outputs, output_units=system.output_units, bodies=system.bodies,
-            M=system.M, C=system.C, K=system.K, B=system.B, Cq=system.Cq, Cv=system.Cv, Ca=system.Ca, D=system.D,
-            body_motion=system.body_motion, state_space=system.state_space(realization),
-        )  # fmt: skip
+        same = {item.name: getattr(system, item.name) for item in fields(cls) if item.name != "state_space"}
+        return cls(**same, state_space=system.state_space(realization))
 
     def displacements(self, q: ArrayLike) -> dict[str, Array]:
         """Return the displacements of the bodies.

@@ -13,37 +13,50 @@
 
 First-order equations alone, as of loops whose controllers have states, have the format "mbsvib-state-space", and of
 these keys name, realization, inputs, outputs, states, their units, A, B, C and D; state_space.error_bound if they are
-reduced.
+reduced. Many variants at once have the axis of n variants in front of every matrix, and
+
+    format, version                                    "mbsvib-batch", 1
+    parameters (texts), values (parameters, n)         what varies, and its value in each variant
 """
 
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import data_of, with_ports
+from mbsvib_export.neutral import SystemData, data_of, with_ports
 from mbsvib_export.reading import arrays_in, content_read
 from mbsvib_export.record import (
+    FORMAT,
     KEYS,
+    NEEDED,
+    OPTIONAL,
     STATE_TEXTS,
     TEXTS,
+    VERSION,
     check_version,
     data_from,
-    needed_keys,
-    optional_key,
     record_of,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from mbsvib.api.batch import Batch
+    from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import Source, SystemData
+    from mbsvib_export.neutral import Source
+
+BATCH_FORMAT, BATCH_VERSION = "mbsvib-batch", 1
+
 
 def to_npz(
     system: Source, path: str | os.PathLike[str],
@@ -115,10 +128,9 @@ def record_in(arrays: dict[str, Any]) -> dict[str, Any]:
     form = str(arrays.get("format"))
     check_version(form, int(arrays.get("version", 0)))
     record: dict[str, Any] = {"format": form}
-    needed = needed_keys(form)
-    if missing := [key for key in needed if key not in arrays]:
+    if missing := [key for key in NEEDED[form] if key not in arrays]:
         raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
-    for key in (*needed, *arrays.keys() & {optional_key(form)}):
+    for key in (*NEEDED[form], *arrays.keys() & {OPTIONAL[form]}):
         array = arrays[key]
         if key in ("name", "realization"):
             record[key] = str(array)
@@ -129,3 +141,113 @@ def record_in(arrays: dict[str, Any]) -> dict[str, Any]:
         else:
             record[key] = array if array.ndim else float(array)
     return record
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class BatchData(Displayed):
+    """What a file keeps of a batch: one ``SystemData`` for each variant, and the ``values`` (n,) of what varies."""
+
+    name: str
+    systems: tuple[SystemData, ...]
+    values: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.systems)
+
+    def __getitem__(self, i: int) -> SystemData:
+        return self.systems[i]
+
+    def __repr__(self) -> str:
+        return f"BatchData({self.name!r}: {len(self)} variants of {', '.join(self.values)})"
+
+
+def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+    """Write all variants of a batch to one .npz file of numpy, completely or not at all.
+
+    Parameters
+    ----------
+    batch : Batch
+        Variants of one model, ``model.linearize(values=...)``.
+    path : str or path
+        File to write; no suffix is added.
+    realization : str
+        States of the state spaces: "physical" or "modal".
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, no batch is given, or states are to be balanced: each variant by its own scale.
+    ResponseError
+        If the realization is unknown.
+    """
+    from mbsvib.api.batch import Batch
+
+    if not isinstance(batch, Batch):
+        raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "
+                          f"(model.linearize(values=...)). For a single system: to_npz.")  # fmt: skip
+    if realization == "balanced":
+        raise ExportError("to_npz_batch: realization = 'balanced'; expected 'physical' or 'modal': balanced "
+                          "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")
+    variants = [arrays_of(SystemData.of(system, realization)) for system in batch]
+    first = variants[0]
+    for i, variant in enumerate(variants):
+        if (states := variant["states"].tolist()) != first["states"].tolist():
+            raise ExportError(f"to_npz_batch: variant {i} has the states {', '.join(states)}, variant 0 "
+                              f"{', '.join(first['states'])}; expected one list for all. Write them one by one, "
+                              f"to_npz(batch[i], ...).")  # fmt: skip
+    arrays: dict[str, Any] = {
+        "format": np.array(BATCH_FORMAT), "version": np.array(BATCH_VERSION), "name": first["name"],
+        "realization": first["realization"], "parameters": np.array(list(batch.parameters), dtype=str),
+        "values": np.array(list(batch.parameters.values())).reshape(len(batch.parameters), len(batch)),
+    }  # fmt: skip
+    arrays |= {key: np.stack([variant[key] for variant in variants]) if array.dtype == float else array
+               for key, array in first.items() if key not in arrays}  # fmt: skip
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
+
+
+def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
+    """Return the variants that ``to_npz_batch`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    BatchData
+        Matrices, names and units of each variant, and the values of what varies.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
+    """
+    with content_read(path, ".npz file", "npz_batch") as content:
+        arrays = arrays_in(content, (*KEYS, "parameters", "values"))
+        kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
+        if (kind, version) != (BATCH_FORMAT, BATCH_VERSION):
+            raise ExportError(f"format = {kind!r}, version {version}; expected {BATCH_FORMAT!r}, version "
+                              f"{BATCH_VERSION}. A single system is read by from_npz.")  # fmt: skip
+        names, values = arrays.pop("parameters").tolist(), arrays.pop("values")
+        shared = {key: arrays.pop(key) for key in ("name", "realization", *TEXTS, *STATE_TEXTS)}
+        if values.ndim != 2 or values.dtype != float:
+            raise ExportError(f"the array 'values' has shape {values.shape}; expected floats (parameters, variants).")
+        for key, array in arrays.items():
+            if array.shape[:1] != values.shape[1:]:
+                raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
+        shared |= {"format": FORMAT, "version": VERSION}
+        systems = tuple([_variant(shared | {key: array[i].copy() for key, array in arrays.items()})
+                         for i in range(values.shape[1])])  # fmt: skip
+        return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
+
+
+def _variant(arrays: dict[str, Any]) -> SystemData:
+    data = data_from(record_in(arrays))
+    assert isinstance(data, SystemData)
+    return data

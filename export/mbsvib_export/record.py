@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, first_order
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
 
 if TYPE_CHECKING:
@@ -27,9 +27,16 @@ RIGID = 1e-6
 PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
 TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
 STATE_TEXTS = ("states", "state_units")
+OF_SPACE = "state_space."  # before the keys of the first-order equations
+# The keys without which a record is incomplete, by its format, and the key that only some records have.
+NEEDED = {
+    FORMAT: ("name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
+             *(OF_SPACE + key for key in FIRST_ORDER)),
+    SPACE_FORMAT: ("name", "realization", *PORT_TEXTS, *STATE_TEXTS, *(OF_SPACE + key for key in "ABCD")),
+}  # fmt: skip
+OPTIONAL = {FORMAT: OF_SPACE + THROUGH, SPACE_FORMAT: OF_SPACE + ERROR_BOUND}
 # All that is read of a file.
-KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
-        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)))  # fmt: skip
+KEYS = ("format", "version", *NEEDED[FORMAT], *OPTIONAL.values())
 
 
 def check_version(name: Any, version: Any) -> None:
@@ -42,42 +49,23 @@ def check_version(name: Any, version: Any) -> None:
                           f"wrote it: upgrade mbsvib (pip install -U mbsvib), or export it again.")  # fmt: skip
 
 
-def needed_keys(form: str) -> tuple[str, ...]:
-    """Return the keys without which a record of a format is incomplete."""
-    if form == SPACE_FORMAT:
-        return ("name", "realization", *PORT_TEXTS, *STATE_TEXTS, *(f"state_space.{key}" for key in "ABCD"))
-    return ("name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
-            *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
-
-
-def optional_key(form: str) -> str:
-    """Return the key that only some records of a format have."""
-    return f"state_space.{ERROR_BOUND if form == SPACE_FORMAT else THROUGH}"
-
-
 def record_of(data: SystemData | FirstOrder) -> dict[str, Any]:
     """Return all that a file keeps of a system: texts, tuples of texts and arrays; the inverse of ``data_from``."""
-    texts: tuple[str, ...]
-    if isinstance(data, SystemData):
-        space, form, texts = data.state_space, FORMAT, TEXTS
-        matrices = {key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")}
-        states: dict[str, Any] = first_order(space)
-    else:
-        space, form, texts, matrices = data, SPACE_FORMAT, PORT_TEXTS, {}
-        bound = {} if data.error_bound is None else {ERROR_BOUND: data.error_bound}
-        states = {key: getattr(data, key) for key in "ABCD"} | bound
-    return {
-        "format": form, "version": VERSION, "name": data.name, "realization": space.realization,
-        **{key: getattr(data, key) for key in texts}, **{key: getattr(space, key) for key in STATE_TEXTS},
-        **matrices, **{f"state_space.{key}": array for key, array in states.items()},
-    }  # fmt: skip
+    form = FORMAT if isinstance(data, SystemData) else SPACE_FORMAT
+    space = data.state_space if isinstance(data, SystemData) else data
+    record: dict[str, Any] = {"format": form, "version": VERSION}
+    for key in (*NEEDED[form], OPTIONAL[form]):
+        of_space = key.startswith(OF_SPACE) or key in ("realization", *STATE_TEXTS)
+        value = getattr(space if of_space else data, key.removeprefix(OF_SPACE))
+        if value is not None:
+            record[key] = value
+    return record
 
 
 def data_from(record: Mapping[str, Any]) -> SystemData | StateSpace:
     """Return the system, or the state space, that a record describes; refused if it contradicts itself."""
     of_space: dict[str, Any] = {key: record[key] for key in ("name", "realization", *PORT_TEXTS, *STATE_TEXTS)}
-    of_space |= {key: record[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)
-                 if f"state_space.{key}" in record}  # fmt: skip
+    of_space |= {key.removeprefix(OF_SPACE): value for key, value in record.items() if key.startswith(OF_SPACE)}
     if record["format"] == SPACE_FORMAT:
         return checked(StateSpace(transform=np.zeros((0, len(record["states"]))), **of_space))
     second: dict[str, Any] = {key: record[key] for key in ("name", *TEXTS, *SECOND_ORDER, "body_motion")}

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.neutral import SystemData
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib_export.neutral import SystemData
 
 
 MOST_POINTS = 12
@@ -40,25 +40,33 @@ def poles(a: Array) -> Complex:
     return np.asarray(np.linalg.eigvals(np.ldexp(a, power[None, :] - power[:, None])), dtype=complex)
 
 
+def poles_of(model: System | SystemData | StateSpace) -> Complex:
+    """Return the poles (n,) [1/s] of a system, or of what was read from a file."""
+    return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
+
+
+def response_of(model: System | SystemData | StateSpace, omega: Array) -> Complex:
+    """Return the frequency response (outputs, inputs, n) of a system, or of what was read from a file."""
+    return second_order_response(model, omega) if isinstance(model, SystemData) else model.frequency_response(omega)
+
+
 def state_space_response(space: StateSpace, omega: Array) -> Complex:
     """Return C (i w - A)^-1 B + D (outputs, inputs, n) of a state space at ``omega`` (n,) [rad/s]."""
     power = exponents(space.A, space.B, space.C)
-    a = np.ldexp(space.A, power[None, :] - power[:, None])
-    b, c = np.ldexp(space.B, -power[:, None]), np.ldexp(space.C, power)
+    a, b, c = scaled_by(power, space.A, space.B, space.C)
     identity = np.eye(len(a))
-    result = np.empty((*space.D.shape, len(omega)), dtype=complex)
-    for k, w in enumerate(omega):
-        result[:, :, k] = c @ np.linalg.solve(1j * w * identity - a, b) + space.D
-    return result
+    return np.stack([c @ np.linalg.solve(1j * w * identity - a, b) + space.D for w in omega], axis=-1)
+
+
+def motions(model: System | SystemData, w: float) -> Complex:
+    """Return (K + i w C - w^2 M)^-1 B (coordinates, inputs) at an angular frequency [rad/s]."""
+    return np.asarray(np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B), dtype=complex)
 
 
 def second_order_response(data: SystemData, omega: Array) -> Complex:
     """Return (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,) [rad/s]."""
-    result = np.empty((*data.D.shape, len(omega)), dtype=complex)
-    for k, w in enumerate(omega):
-        q = np.linalg.solve(data.K + 1j * w * data.C - w * w * data.M, data.B)
-        result[:, :, k] = (data.Cq + 1j * w * data.Cv - w * w * data.Ca) @ q + data.D
-    return result
+    return np.stack([(data.Cq + 1j * w * data.Cv - w * w * data.Ca) @ motions(data, w) + data.D for w in omega],
+                    axis=-1)  # fmt: skip
 
 
 def response_scale(response: Complex, model: System | SystemData | StateSpace, omega: Array) -> Array:
@@ -69,7 +77,8 @@ def response_scale(response: Complex, model: System | SystemData | StateSpace, o
 
     ``response`` (outputs, inputs, n). ``omega`` (n,): angular frequencies [rad/s].
     """
-    result = CANCELLED * _terms(model, omega)
+    terms: Any = _terms_of_states if isinstance(model, StateSpace) else _terms_of_coordinates
+    result = CANCELLED * np.stack([terms(model, w) for w in omega], axis=-1)
     size = np.abs(response)
     for output in set(model.output_units):
         rows = [i for i, unit in enumerate(model.output_units) if unit == output]
@@ -79,31 +88,19 @@ def response_scale(response: Complex, model: System | SystemData | StateSpace, o
     return np.where(result > 0.0, result, 1.0)
 
 
-def _terms(model: System | SystemData | StateSpace, omega: Array) -> Array:
-    """Sizes of the terms that an output is the sum of."""
-    return _terms_of_states(model, omega) if isinstance(model, StateSpace) else _terms_of_coordinates(model, omega)
+def _terms_of_states(space: StateSpace, w: float) -> Array:
+    """Sizes (outputs, inputs) of the terms that outputs are sums of."""
+    states = np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B)
+    return np.asarray(np.abs(space.C) @ np.abs(states) + np.abs(space.D))
 
 
-def _terms_of_states(space: StateSpace, omega: Array) -> Array:
-    result = np.empty((*space.D.shape, len(omega)))
-    for k, w in enumerate(omega):
-        states = np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B)
-        result[:, :, k] = np.abs(space.C) @ np.abs(states) + np.abs(space.D)
-    return result
-
-
-def _terms_of_coordinates(model: System | SystemData, omega: Array) -> Array:
-    """Sizes of terms, each coordinate having the energy of the one with most."""
-    result = np.empty((*model.D.shape, len(omega)))
-    stiff, heavy = np.abs(np.diag(model.K)), np.abs(np.diag(model.M))
-    for k, w in enumerate(omega):
-        q = np.abs(np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B))
-        size = np.sqrt(stiff + w * w * heavy)[:, None]
-        size[size == 0.0] = 1.0
-        largest = (q * size).max(axis=0, initial=0.0) / size
-        weights = np.abs(model.Cq) + w * np.abs(model.Cv) + w * w * np.abs(model.Ca)
-        result[:, :, k] = weights @ largest + np.abs(model.D)
-    return result
+def _terms_of_coordinates(model: System | SystemData, w: float) -> Array:
+    """Sizes (outputs, inputs) of terms, each coordinate having the energy of the one with most."""
+    size = np.sqrt(np.abs(np.diag(model.K)) + w * w * np.abs(np.diag(model.M)))[:, None]
+    size[size == 0.0] = 1.0
+    largest = (np.abs(motions(model, w)) * size).max(axis=0, initial=0.0) / size
+    weights = np.abs(model.Cq) + w * np.abs(model.Cv) + w * w * np.abs(model.Ca)
+    return np.asarray(weights @ largest + np.abs(model.D))
 
 
 def response_error(actual: Complex, truth: Complex, model: System | SystemData | StateSpace, omega: Array) -> float:

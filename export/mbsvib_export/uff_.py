@@ -21,11 +21,10 @@ from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError, LeftOutWarning, ResponseError
 from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib_export.neutral import SystemData, linear_of, refusal, with_ports
-from mbsvib_export.responses import second_order_response
-from mbsvib_export.uff_functions import MARK
-from mbsvib_export.uff_geometry import geometry_sets, mode_sets
-from mbsvib_export.uff_points import geometry_of
+from mbsvib_export.responses import response_of
+from mbsvib_export.uff_geometry import geometry_of, geometry_sets, mode_sets
 from mbsvib_export.uff_reading import measurement_of, series_of
+from mbsvib_export.uff_records import MARK
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.measurement.data import Measurement
     from mbsvib.measurement.points import Point
     from mbsvib_export.neutral import Source
-    from mbsvib_export.uff_functions import Function
+    from mbsvib_export.uff_records import Function
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -109,8 +108,7 @@ def to_uff(
     if not binary:
         frequency = np.unique([float(f"{value:.5e}") for value in frequency])
     points = 2 * np.pi * frequency
-    response = (second_order_response(linear, points) if isinstance(linear, SystemData)
-                else linear.frequency_response(points))  # fmt: skip
+    response = response_of(linear, points)
     geometry = geometry_of(linear)
     sets = [item.encode("ascii", "replace") for item in geometry_sets(geometry)]
     sets += [_function(linear, i, j, (output, source), frequency, response[i, j], binary)

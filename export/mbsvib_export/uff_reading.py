@@ -12,13 +12,12 @@ import numpy as np
 from mbsvib.common.file_content import ContentError, check_dense, check_shape
 from mbsvib.measurement.data import MeasuredMode, Measurement
 from mbsvib.measurement.points import Node, matrix3
-from mbsvib_export.uff_functions import COHERENCE, DENSITY, RECORD, Function, function_of
-from mbsvib_export.uff_records import DataSet, data_sets
+from mbsvib_export.uff_records import COHERENCE, DENSITY, RECORD, DataSet, Function, data_sets, function_of
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib_export.uff_functions import Axis
+    from mbsvib_export.uff_records import Axis
 
 _NODES = 7  # type of entities in groups
 _AT_NODES = 1

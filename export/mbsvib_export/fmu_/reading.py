@@ -23,9 +23,9 @@ from mbsvib.common.number_text import real
 from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
-from mbsvib_export.archives import archive_of, unpacked
 from mbsvib_export.fmu_.matrices import MAGIC
 from mbsvib_export.fmu_.names import original_outputs
+from mbsvib_export.reading import archive_of, unpacked
 
 if TYPE_CHECKING:
     import zipfile
