@@ -183,7 +183,7 @@ def test_record_table_and_figure():
     assert record["pairs"][0]["b"] == 1
     assert record["differences"][0]["values"] == [3e4, 2e4]
     figure = result.plot()
-    assert figure.axes[0].get_xlabel() == "mode of chain"
+    assert figure.axes[0].get_title(loc="left") == "chain (up), chain (right)"
     with pytest.raises(mv.ResponseError, match="no modes were compared"):
         replace(result, pairs=()).plot()
 
