@@ -33,6 +33,7 @@ NEGLIGIBLE = 1e-10
 UNSEEN = 1e-6
 # What a factor e between the frequencies of a pair counts against its MAC: it decides where shapes are the same.
 TIE = 0.02
+MOST_LINES = 1000  # of those that resolve the resonances of two models; more do not change the FRAC by much
 POOR = 0.5  # pairs with a lower MAC are marked
 LIMITS = (0.01, np.pi / 18)  # of places that are the same [m, rad], as of ``Measurement.matched``
 NOTES = 12  # differences that the table shows
@@ -351,7 +352,8 @@ def _responses(a: Any, b: Any) -> tuple[Any, ...]:
         near = np.abs(measured[1][:, None] - measured[0]).argmin(axis=0)
         omega = measured[0][np.abs(measured[1][near] - measured[0]) <= SAME_LINE * measured[0]]
     else:
-        omega = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
+        grid = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
+        omega = grid if measured else grid[:: -(-len(grid) // MOST_LINES)]
     if not len(omega):
         return *nothing[:-1], (*matching.refused, "No common lines: responses were not compared.")
     values = [_values(side, names, omega) for side, names in zip((a, b), named, strict=True)]
