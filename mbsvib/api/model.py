@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from mbsvib.api.batch import Batch
     from mbsvib.api.plant import Plant
     from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.common.progress import Progress
+    from mbsvib.fitting.result import Fit
 
 
 class Model(
@@ -152,6 +154,59 @@ class Model(
         from mbsvib.api.plant import compiled
 
         return compiled(self, parameters, cut, independent, pose, relaxed)
+
+    def fit(
+        self, data: Any, free: str | Sequence[str], tied: str | Sequence[str] = (),
+        prior: Mapping[str, tuple[float, float]] | None = None,
+        bounds: Mapping[str, tuple[float | None, float | None]] | None = None, channels: str | Sequence[str] = (),
+        starts: int = 1, seed: int = 0, progress: Progress = None,
+    ) -> Fit:  # fmt: skip
+        """Return the model that measured data tell, with the confidence of each value.
+
+        min over p of sum |W (G(p) - Y)|^2 + sum ((p - p_0) / s)^2
+
+        Parameters
+        ----------
+        data : Measurement, MeasuredModes, or list of these
+            What was measured. Data of another payload or pose are pairs of values and measured object,
+            ``({"payload.mass": 12.0, "leg1.slide.z": 0.02}, measurement)``; springs of a moved pose are relaxed there.
+        free : str or sequence of str
+            Parameters to be fitted, by name or pattern: a value for each name.
+        tied : str or sequence of str
+            Names or patterns with one value for all parameters that each matches.
+        prior : dict of str to (value, standard deviation), optional
+            What is known of values before, in their own units.
+        bounds : dict of str to (lowest, highest), optional
+            Limits of values; None: no limit. Positive values, such as masses and stiffnesses, stay positive.
+        channels : str or sequence of str
+            What each measured channel may have: "gain" (the first input's is held), "delay" [s] and "lag" [s], a
+            first-order low-pass 1 / (1 + s T), of the outputs. They are values "NAME.gain", "NAME.delay", "NAME.lag".
+        starts : int
+            How many searches begin, the first at the model, the others around it.
+        seed : int
+            Of the random numbers of these.
+        progress : bool or callable, optional
+            A bar, or a function of steps done and the most there may be; default: a bar on a terminal.
+
+        Returns
+        -------
+        Fit
+            ``model``, ``values``, ``intervals``, ``covariance``, ``residual_test``, ``unidentified``, ``next_sensor``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter or value is unknown or refused, or there are fewer numbers than values.
+        ResponseError
+            If a channel has no partner in the model, or a line is at a pole.
+        EquilibriumError, SingularPoseError
+            If a value at the start is no mechanism.
+
+        Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012), section 9.
+        """
+        from mbsvib.api.fitting import fitted
+
+        return fitted(self, data, free, tied, prior, bounds, channels, starts, seed, progress)
 
     def replace(self, element: str, /, **changes: Any) -> Self:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.

@@ -50,9 +50,7 @@ class Tangent(Displayed):
     D: Array
 
     def __repr__(self) -> str:
-        *variants, dof, _ = self.M.shape
-        many = f"{counted(variants[0], 'variant')}, " if variants else ""
-        return f"Tangent({many}{dof} DOF)"
+        return f"Tangent({' x '.join(map(str, self.M.shape[:-2]))}{', ' if self.M.ndim > 2 else ''}{len(self.M.T)} DOF)"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -221,15 +219,15 @@ class Plant(Displayed):
         ----------
         values : array-like, shape (p,) or (n, p)
             Values in the order of ``names``.
-        direction : array-like, shape (p,)
-            Rates v of the parameters.
+        direction : array-like, shape (p,) or (k, p)
+            Rates v of the parameters, or k of these.
 
         Returns
         -------
         Tangent
-            ``M``, ``C``, ``K``, ``B``, ``Cq``, ``Cv``, ``Ca``, ``D``, with a leading axis for values (n, p), as exact
-            as the matrices; loads need not balance along the direction. Not a number where the direction takes degrees
-            of freedom away, or values along it are refused.
+            ``M``, ``C``, ``K``, ``B``, ``Cq``, ``Cv``, ``Ca``, ``D``, with leading axes for values (n, p) and for k
+            directions, as exact as the matrices; loads need not balance along the direction. Not a number where the
+            direction takes degrees of freedom away, or values along it are refused.
 
         Raises
         ------
@@ -241,13 +239,14 @@ class Plant(Displayed):
         self._refuse_pose("tangent")
         array, single = self._checked(values)
         rates = self._array(direction, "direction", "tangent")
-        if rates.shape != (len(self.names),):
+        if rates.ndim not in (1, 2) or rates.shape[-1] != len(self.names):
             raise ModelError(f"tangent: direction has the shape {rates.shape}; expected ({len(self.names)},), a rate "
-                             f"of each parameter.", field="direction")  # fmt: skip
+                             f"of each parameter, or several of these.", field="direction")  # fmt: skip
         from mbsvib.sensitivities.plant_slopes import tangents
 
-        slopes = tangents(self._plan, self._batch(array), rates)
-        return Tangent(**{key: slope[0] if single else slope for key, slope in slopes.items()})
+        slopes = tangents(self._plan, self._batch(array), np.atleast_2d(rates).T)
+        one = 0 if rates.ndim == 1 else slice(None)
+        return Tangent(**{key: slope[0, one] if single else slope[:, one] for key, slope in slopes.items()})
 
     def frequency_response(
         self, values: ArrayLike, omega: ArrayLike, outputs: Names = None, inputs: Names = None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.elsewhere import tell_where
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.explain.energy_shares import StiffnessShares
+    from mbsvib.fitting.result import Fit
     from mbsvib.modes import result
 
 
@@ -87,7 +90,9 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
 
         return from_matrices((M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates), name, cls)
 
-    def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
+    def modes(
+        self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None, confidence: Fit | None = None
+    ) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
 
         Parameters
@@ -99,6 +104,8 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
         rtol : float, optional
             Required relative accuracy of every eigenvalue, default 1e-12; more accurate and slower methods are taken
             as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
+        confidence : Fit, optional
+            The fit that the system is of: natural frequencies then have ``frequency_intervals`` (n, 2) [Hz] of 95 %.
 
         Returns
         -------
@@ -111,6 +118,10 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
             If ``count`` is no positive whole number, or ``near`` or ``rtol`` no number.
         """
         result = self.basis.modes if rtol is None else self.basis.modes_within(rtol)
+        if confidence is not None:
+            half = confidence.half_width(self.mode_sensitivities(confidence.rates).frequencies)
+            ends = np.stack((result.frequencies - half, result.frequencies + half), axis=1)
+            result = replace(result, frequency_intervals=ends)
         if count is not None:
             result = result.nearest(count, near)
         if rtol is not None:

@@ -111,13 +111,13 @@ def _by_steps(plan: BatchPlan, batch: BatchEquations, modes: BatchModes) -> Comp
     return np.array(result)
 
 
-def tangents(plan: BatchPlan, batch: BatchEquations, direction: Array) -> dict[str, Array]:
-    """Return the derivatives (n, ...) of the matrices of all variants along a direction (p,)."""
+def tangents(plan: BatchPlan, batch: BatchEquations, directions: Array) -> dict[str, Array]:
+    """Return the derivatives (n, k, ...) of the matrices of all variants along directions (p, k)."""
     if plan.at_once(batch.values):
-        return {key: array[:, 0] for key, array in steps(plan, batch, direction[:, None]).items()}
-    rates = dict(zip(plan.slots.names, direction.tolist(), strict=True))
+        return steps(plan, batch, directions)
     result = []
     for i in range(len(batch)):
         basis = PoseBasis(plan, batch, i)
-        result.append(basis.matrix_derivatives({"direction": basis.rates([rates])[0]}))
-    return {key: np.array([getattr(one, key)[0] for one in result]) for key in MATRICES}
+        rates = basis.rates([dict(zip(plan.slots.names, column, strict=True)) for column in directions.T.tolist()])
+        result.append(basis.matrix_derivatives({f"direction {k}": one for k, one in enumerate(rates)}))
+    return {key: np.array([getattr(one, key) for one in result]) for key in MATRICES}

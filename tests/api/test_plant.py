@@ -159,6 +159,19 @@ def test_a_free_body_has_infinite_slopes_to_the_ground_spring():
     assert_array_equal(slopes[~oscillates], 0.0)
 
 
+def test_tangents_along_several_directions():
+    """The same as one after the other."""
+    plant = mv.library.stewart().compile(["leg*.k.stiffness", "platform.position.z"])
+    directions = np.random.default_rng(0).standard_normal((3, len(plant.names)))
+    values = np.array([plant.nominal, 1.1 * plant.nominal])
+    together = plant.tangent(values, directions)
+    assert together.K.shape == (2, 3, 6, 6)
+    for k, direction in enumerate(directions):
+        one = plant.tangent(plant.nominal, direction)
+        np.testing.assert_allclose(together.K[0, k], one.K, rtol=1e-12, atol=1e-12 * np.abs(one.K).max())
+        np.testing.assert_allclose(plant.tangent(plant.nominal, directions).B[k], one.B, atol=1e-12)
+
+
 def test_tangents_add_up():
     plant = stewart()
     values, direction = values_near(plant), np.arange(1.0, 11.0)

@@ -1,0 +1,12 @@
+"""Models fitted to measurements: values of parameters with their confidence.
+
+variables     the values that a fit may change: parameters, gains, delays and lags; their bounds and prior knowledge
+responses     frequency responses of some matrices and their derivatives
+response_data measured frequency responses: residuals and derivatives, channels among them
+mode_data     measured modes: residuals and derivatives
+problem       all data of a fit; sums over blocks of residuals
+minimizing    the search: logarithms of responses first, then weighted residuals
+knowledge     covariance, what the data do not tell, whether the structure explains them
+candidates    which further sensor or exciter tells most
+result        what a fit returns
+"""

@@ -1,0 +1,159 @@
+"""What a fit knows: covariance of its values, what the data do not tell, and whether the structure explains them.
+
+J^T J = sum over all rows of J, whitened, has the inverse of the covariance. Directions of which the standard deviation
+exceeds the size of their values are not told by the data: they have no interval. Where residuals are larger than the
+noise, or smooth along the lines, the structure is not that of the measured machine: the covariance is then
+(J^T J)^-1 J^T R J (J^T J)^-1 with R of blocks of neighbouring lines, never that of the noise.
+
+Source: Ljung, System Identification (1999), sections 9 and 16; White, Econometrica 48 (1980) 817, for the covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.fitting.problem import real_rows
+from mbsvib.fitting.response_data import ResponseData
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Bools, Complex
+    from mbsvib.fitting.problem import Problem
+
+# Directions with singular values below this share of the largest are not told; the deviation beyond which these are
+# none in parts of the size of values; shares of a value in one that are not named; of its square, that make it untold.
+SMALLEST_SHARE, LARGEST_DEVIATION, NAMED, TOLD = 1e-6, 1.0, 0.1, 0.01
+# Intervals leave as much to both sides as makes 95 %.
+QUANTILE = 0.975
+# Probability of residuals of noise alone that counts as none.
+REFUSED = 1e-3
+# Bands are where the power of residuals, averaged over so many lines to both sides, is this many times its mean.
+BESIDE, STANDS_OUT = 3, 2.0
+# Lines in a block of the covariance from residuals, at least so many blocks a value.
+BLOCKS = 3
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ResidualTest(Displayed):
+    """Whether the residuals are noise: ``passed``; ``ratio``: chi^2 over its degrees of freedom, not a number without
+    known noise; ``correlation`` of residuals with those of the next line, 0 for noise; ``bands`` [Hz] that the
+    structure does not reach.
+    """
+
+    passed: bool
+    ratio: float
+    correlation: float
+    bands: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """Covariance of x (v, v), infinite on the diagonal where ``told`` (v,) is false; combinations that are not told,
+    each {name: share}; the test of the residuals; degrees of freedom of the noise, infinite where it is known.
+    """
+
+    covariance: Array
+    told: Bools
+    combinations: tuple[dict[str, float], ...]
+    test: ResidualTest
+    freedom: float
+
+    @property
+    def quantile(self) -> float:
+        """Standard deviations to both sides that 95 % lie within."""
+        from scipy.special import ndtri, stdtrit
+
+        return float(ndtri(QUANTILE) if np.isinf(self.freedom) else stdtrit(self.freedom, QUANTILE))
+
+
+def knowledge(problem: Problem, x: Array) -> Knowledge:
+    """Return what is known at the solution x of a problem."""
+    residuals = problem.residuals(x)
+    squares, vectors = np.linalg.eigh(problem.sums(x, far=False).normal)
+    sizes, rows = np.sqrt(np.maximum(squares[::-1], 0.0)), vectors.T[::-1]
+    told = (sizes > SMALLEST_SHARE * sizes[0]) & (sizes * LARGEST_DEVIATION > 1.0)
+    untold = rows[~told]
+    is_told = (untold**2).sum(axis=0) <= TOLD
+    inverse = rows[told] / sizes[told, None]
+    covariance = inverse.T @ inverse
+    freedom = max(1, problem.numbers - int(told.sum()))
+    test = _test(problem, residuals, freedom, int(told.sum()))
+    if not test.passed:
+        covariance = _from_residuals(covariance, _scores(problem, x), max(1.0, test.ratio) if test.ratio > 0.0 else 1.0)
+    covariance[~is_told] = covariance[:, ~is_told] = 0.0
+    covariance[~is_told, ~is_told] = np.inf
+    return Knowledge(covariance, is_told, _sparse(untold, problem.variables.names), test,
+                     np.inf if problem.known else float(freedom))
+
+
+def _scores(problem: Problem, x: Array) -> Array:
+    """J^T r of blocks of neighbouring lines, and of each of the other numbers (blocks, v)."""
+    scores, lines = [], sum(len(data.omega) for data in problem.data if isinstance(data, ResponseData))
+    for k, block in problem.blocks(x):
+        slopes, residual = real_rows(block)
+        pieces = len(residual)
+        if k >= 0 and isinstance(problem.data[k], ResponseData):
+            pieces = max(1, min(len(block.residual), round(BLOCKS * len(x) * len(block.residual) / lines)))
+        width = len(residual) // len(block.residual)
+        ends = np.linspace(0, len(residual) // width, pieces + 1).round().astype(int) * width
+        scores += [slopes[:, a:b] @ residual[a:b] for a, b in pairwise(ends)]
+    return np.array(scores)
+
+
+def _from_residuals(covariance: Array, scores: Array, ratio: float) -> Array:
+    """The covariance that residuals tell, not below the ratio times that of the noise."""
+    sandwich = covariance @ (scores.T @ scores) @ covariance * (len(scores) / max(1, len(scores) - len(covariance)))
+    deviation, least = (np.sqrt(np.maximum(c.diagonal(), 0.0)) for c in (sandwich, ratio * covariance))
+    scale = np.maximum(deviation, least) / np.where(deviation > 0.0, deviation, 1.0)
+    return np.where(deviation > 0.0, sandwich * scale[:, None] * scale, ratio * covariance)
+
+
+def _test(problem: Problem, residuals: Sequence[Complex], freedom: int, told: int) -> ResidualTest:
+    from scipy.special import gammaincc, ndtr
+
+    ratio, passed = np.nan, True
+    if problem.known:
+        total = sum(float((np.abs(r) ** 2).sum()) for r in residuals)
+        ratio = total / freedom
+        passed = bool(gammaincc(0.5 * freedom, 0.5 * total) >= REFUSED)
+    along, power, count, bands = 0.0, 0.0, 0, []
+    for data, r in zip(problem.data, residuals, strict=True):
+        if isinstance(data, ResponseData) and len(r) > 2 and np.linalg.norm(r) > data.rounding:
+            along += float((r[1:] * r[:-1].conj()).real.sum())
+            power += float((np.abs(r) ** 2).sum())
+            count += 2 * int((data.weight[1:] > 0.0).sum())
+            bands += _bands(data.omega / (2.0 * np.pi), (np.abs(r) ** 2).mean(axis=(1, 2)))
+    correlation = along / power if power else 0.0
+    if count > told:
+        passed &= bool(ndtr(-correlation * np.sqrt(count)) >= REFUSED)
+    return ResidualTest(passed, ratio, correlation, () if passed else tuple(bands))
+
+
+def _bands(frequencies: Array, power: Array) -> list[tuple[float, float]]:
+    """Bands [Hz] whose residuals stand out."""
+    width = min(2 * BESIDE + 1, len(power))
+    mean = np.convolve(np.pad(power, width // 2, mode="edge"), np.full(width, 1.0 / width), "valid")[: len(power)]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mean > STANDS_OUT * power.mean(), [False]))))
+    return [(float(frequencies[a]), float(frequencies[b - 1])) for a, b in edges.reshape(-1, 2)]
+
+
+def _sparse(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
+    """Directions (k, v) as combinations of few names: reduced to echelon form, small shares left out."""
+    rows, result = directions.copy(), []
+    for k in range(len(rows)):
+        which, column = divmod(int(np.abs(rows[k:]).argmax()), rows.shape[1])
+        rows[[k, k + which]] = rows[[k + which, k]]
+        rows[k] /= rows[k, column]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, column] * rows[k]
+    for row in rows:
+        row = row / np.abs(row).max()
+        result.append({names[i]: float(row[i]) for i in np.flatnonzero(np.abs(row) >= NAMED).tolist()})
+    return tuple(result)

@@ -1,0 +1,222 @@
+"""Measured frequency responses in a fit: residuals, derivatives, and the channels through which they were measured.
+
+A pair of output o and input i has the response H = g_o g_i e^(-i w (tau_o + tau_i)) / (1 + i w T_o) G of the model's G.
+Residuals r = sqrt(2) (H - Y) / sigma have real and imaginary parts of variance 1 where sigma^2 = E|noise|^2; from afar
+log(H / Y) leads where peaks do not meet.
+
+Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012), section 9.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mbsvib.fitting.responses import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
+
+# Deviation of logarithms of responses from afar, beyond which they count by their size only.
+LOG_DEVIATION = 0.2
+# With fewer averages than MANY a line counts no more than so many times as much as so many lines to both sides.
+MANY, MOST_WEIGHT, AROUND = 10, 10.0, 7
+# Delays are looked for up to so many periods of the highest line, in steps of this share of one.
+PERIODS, STEP = 5, 0.05
+
+# Residuals below this share of what was measured are rounding of exact data.
+EXACT = 1e-10
+
+
+class Block(NamedTuple):
+    """Residuals (n, ...) of some lines, real and imaginary parts of variance 1, and derivatives (v, n, ...)."""
+
+    residual: Complex
+    slopes: Complex | None
+
+
+class Channels(NamedTuple):
+    """Numbers among all values of the gains, delays and lags of outputs, and of the gains of inputs; -1: held."""
+
+    gain: Index
+    delay: Index
+    lag: Index
+    input_gain: Index
+
+    def factor(self, values: Array, omega: Array, without_gains: bool = False) -> Complex:
+        """Return H / G (n, outputs, inputs)."""
+        s = 1j * omega[:, None]
+        rows = np.exp(-s * _of(values, self.delay, 0.0)) / (1.0 + s * _of(values, self.lag, 0.0))
+        if without_gains:
+            return np.repeat(rows[:, :, None], len(self.input_gain), axis=2)
+        rows = rows * _of(values, self.gain, 1.0)
+        return np.asarray(rows[:, :, None] * _of(values, self.input_gain, 1.0))
+
+
+def _of(values: Array, number: Index, held: float) -> Array:
+    return np.where(number >= 0, values[number], held)
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseData:
+    """Responses ``measured`` (n, outputs, inputs) at ``omega``, 0 where ``weight`` (n, outputs, inputs) is: sqrt(2)
+    over the standard deviation of the noise, up to one factor for each output where it is not ``known``.
+
+    ``whitening`` (n, outputs, outputs) takes correlated noise of the outputs to noise of variance 1. ``rows`` and
+    ``columns`` are ports of the model; ``sign`` (outputs, inputs) has directions against its own. ``scene`` is the
+    number of the condition in which it was measured.
+    """
+
+    name: str
+    scene: int
+    omega: Array
+    measured: Complex
+    weight: Array
+    whitening: Complex | None
+    rows: Index
+    columns: Index
+    sign: Complex
+    channels: Channels
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    known: bool
+
+    def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
+        """Yield residuals with derivatives of some lines at a time; ``far``: those of logarithms, of some lines."""
+        if far and (step := max(1, min(8, len(self.omega) // 25))) > 1:
+            yield from self.every(step).blocks(equations, slopes, values, far)
+            return
+        for which, response, change in blocks(equations, slopes, self.omega, self.rows, self.columns):
+            factor = self.channels.factor(values, self.omega[which]) * self.sign[which]
+            total = factor * response
+            residual, weight = self._weighted(which, total, far)
+            every = None
+            if change is not None:
+                change *= weight * factor
+                every = change
+                if len(change) < len(values):
+                    more = self._of_channels(values, which, self.sign[which] * response, total, len(change))
+                    every = np.concatenate((change, weight * more))
+                if self.whitening is not None and not far:
+                    every = self.whitening[which] @ every
+            yield Block(residual, every)
+
+    def _of_channels(self, values: Array, which: slice, model: Complex, total: Complex, first: int) -> Complex:
+        """Derivatives (channels, n, outputs, inputs) to gains, delays and lags, which come behind the ``first`` values.
+        """
+        s, channels = 1j * self.omega[which, None], self.channels
+        slopes = np.zeros((len(values) - first, *total.shape), dtype=complex)
+        bare = channels.factor(values, self.omega[which], without_gains=True) * model
+        outer, inner = _of(values, channels.gain, 1.0), _of(values, channels.input_gain, 1.0)
+        for o in range(len(self.outputs)):
+            gain, delay, lag = (int(number[o]) for number in channels[:3])
+            if gain >= 0:
+                slopes[gain - first, :, o] = bare[:, o] * inner
+            if delay >= 0:
+                slopes[delay - first, :, o] = -s * total[:, o]
+            if lag >= 0:
+                slopes[lag - first, :, o] = -s / (1.0 + s * values[lag]) * total[:, o]
+        for i in np.flatnonzero(channels.input_gain >= 0).tolist():
+            slopes[channels.input_gain[i] - first, :, :, i] = bare[:, :, i] * outer
+        return slopes
+
+    def _weighted(self, which: slice, total: Complex, far: bool) -> tuple[Complex, Complex | Array]:
+        """Residuals of responses H, and what dH is multiplied with to be theirs before outputs are whitened."""
+        measured, weight = self.measured[which], self.weight[which]
+        counts = weight > 0.0
+        if not far:
+            residual = weight * (total - measured) * counts
+            return residual if self.whitening is None else self.whitening[which] @ residual, weight
+        with np.errstate(divide="ignore", invalid="ignore"):
+            counts &= total != 0.0
+            spread = np.where(counts, np.sqrt(2.0) / (weight * np.abs(measured)), 1.0) if self.known else 0.0
+            size = np.where(counts, 1.0 / np.hypot(LOG_DEVIATION, spread), 0.0)
+            return np.where(counts, size * np.log(total / measured), 0.0), np.where(counts, size / total, 0.0)
+
+    def every(self, step: int) -> ResponseData:
+        """Return the same with one line of ``step``."""
+        whitening = None if self.whitening is None else self.whitening[::step]
+        return replace(self, omega=self.omega[::step], measured=self.measured[::step], weight=self.weight[::step],
+                       whitening=whitening, sign=self.sign[::step])  # fmt: skip
+
+    @property
+    def rounding(self) -> float:
+        """The size of residuals that are rounding of what was measured."""
+        return EXACT * float(np.linalg.norm(self.weight * self.measured))
+
+    @property
+    def numbers(self) -> int:
+        """How many real numbers were measured."""
+        return 2 * int((self.weight > 0.0).sum())
+
+    def reweighted(self, residual: Complex, share: float) -> ResponseData:
+        """Return the same with the noise of each output as large as its residuals (n, outputs, inputs) tell.
+
+        ``share``: numbers over numbers less fitted values.
+        """
+        counts = (self.weight > 0.0).sum(axis=(0, 2))
+        power = (np.abs(residual) ** 2).sum(axis=(0, 2)) * share / np.maximum(1, 2 * counts)
+        scale = np.where(power > 0.0, 1.0 / np.sqrt(np.where(power > 0.0, power, 1.0)), 1.0)
+        return replace(self, weight=self.weight * scale[:, None])
+
+    def fitted(self, equations: Any, values: Array) -> Complex:
+        """Return what the model says (n, outputs, inputs), NaN where nothing was measured."""
+        model = np.concatenate([x for _, x, _ in blocks(equations, None, self.omega, self.rows, self.columns)])
+        return np.where(self.weight > 0.0, self.channels.factor(values, self.omega) * self.sign * model, np.nan)
+
+    def started(self, equations: Any, values: Array) -> Array:
+        """Return values with starts of delays and gains, from the phases and sizes of all responses."""
+        values, channels = values.copy(), self.channels
+        model = np.concatenate([x for _, x, _ in blocks(equations, None, self.omega, self.rows, self.columns)])
+        model = model * self.sign
+        counts = (self.weight > 0.0) & (model != 0.0)
+        ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
+        turn = np.where(counts, ratio / np.abs(ratio), 0.0)
+        for o in np.flatnonzero(channels.delay >= 0).tolist():
+            delays = np.arange(-1.0, PERIODS, STEP) * (2.0 * np.pi / self.omega.max())
+            fits = np.abs((np.exp(1j * np.outer(delays, self.omega)) @ turn[:, o]).real).sum(axis=1)
+            values[channels.delay[o]] = delays[int(fits.argmax())]
+        turn = turn * np.exp(1j * self.omega[:, None] * _of(values, channels.delay, 0.0))[:, :, None]
+        size = np.where(counts, np.log(np.abs(ratio)), 0.0)
+        for o in np.flatnonzero(channels.gain >= 0).tolist():
+            first = counts[:, o, 0].any()
+            where = np.s_[:, o, 0] if first else np.s_[:, o]
+            values[channels.gain[o]] = _gain(size[where], turn[where], counts[where])
+        if (channels.gain >= 0).any():
+            gain = _of(values, channels.gain, 1.0)
+            size = size - np.log(np.abs(gain))[:, None] * counts
+            turn = turn * np.sign(gain)[:, None]
+        for i in np.flatnonzero(channels.input_gain >= 0).tolist():
+            values[channels.input_gain[i]] = _gain(size[:, :, i], turn[:, :, i], counts[:, :, i])
+        return values
+
+
+def _gain(size: Array, turn: Complex, counts: Bools) -> float:
+    """The gain of some ratios of measured to modelled responses: their mean size and prevailing sign."""
+    mean = float(np.exp(size.sum() / max(1, counts.sum())))
+    return mean if turn.real.sum() >= 0.0 else -mean
+
+
+def weights(responses: Complex, variance: Array | None, averages: float | None) -> tuple[Array, bool]:
+    """Return the weights of responses (n, outputs, inputs), 0 where they are not measured, and whether they are known.
+
+    A variance of few averages is noise itself: none counts much more than those of neighbouring lines. Without a
+    variance each output has the noise of its median response, up to a factor that the residuals tell.
+    """
+    counts = np.isfinite(responses) & (responses != 0.0)
+    if variance is None:
+        size = np.where(counts, np.abs(responses), np.nan)
+        with np.errstate(all="ignore"):
+            median = np.array([np.nanmedian(row) if np.isfinite(row).any() else 1.0 for row in size.swapaxes(0, 1)])
+        return np.where(counts, np.sqrt(2.0) / median[:, None], 0.0), False
+    counts &= np.isfinite(variance) & (variance > 0.0)
+    result = np.where(counts, np.sqrt(2.0 / np.where(counts, variance, 1.0)), 0.0)
+    if averages is None or averages >= MANY:
+        return result, True
+    padded = np.pad(result, ((AROUND, AROUND), (0, 0), (0, 0)), mode="edge")
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0), axis=-1)
+    return np.where(around > 0.0, np.minimum(result, MOST_WEIGHT * around), result), True

@@ -1,0 +1,207 @@
+"""What a fit returns: the model that the data tell, with the confidence of its values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.errors import ResponseError, counted
+from mbsvib.fitting.candidates import Candidate, ranked
+from mbsvib.fitting.knowledge import ResidualTest
+from mbsvib.measurement.data import Measurement
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.fitting.problem import Problem
+    from mbsvib.measurement.modes import MeasuredModes
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Fit(Displayed):
+    """The ``model`` that measured data tell, and what is known of its ``values``, {name: value}.
+
+    ``intervals`` {name: (low, high)} hold each value with a probability of 95 %, ``quantile`` standard deviations to
+    both sides; they are infinite where the data do not tell it. ``covariance`` (v, v) of the values, in the order of
+    ``names``. ``residual_test`` tells whether the residuals are noise; where they are not, intervals come from the
+    residuals. ``unidentified`` names combinations of values that the data do not tell, which stay where they started.
+    ``converged`` tells whether the search ended at a minimum. ``rates`` has for each value of the model the parameters
+    that move with it, as ``parameters`` of all sensitivities; ``data`` is what was measured.
+    """
+
+    model: Any
+    values: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]]
+    covariance: Array
+    units: Mapping[str, str]
+    residual_test: ResidualTest
+    unidentified: tuple[str, ...]
+    converged: bool
+    quantile: float = field(repr=False)
+    rates: Mapping[str, Mapping[str, float]] = field(repr=False)
+    data: tuple[Measurement | MeasuredModes, ...] = field(repr=False)
+    _problem: Problem = field(repr=False)
+    _x: Array = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the values (v,)."""
+        return tuple(self.values)
+
+    def deviation(self, slopes: ArrayLike) -> Array:
+        """Return the standard deviation of a result that depends on the values.
+
+        sd = sqrt(s^T C s) with the derivatives s of the result and the covariance C
+
+        Parameters
+        ----------
+        slopes : array-like, shape (k, ...)
+            Derivatives of the result to the values of the model, in the order of ``rates``: those of
+            ``model.linearize().mode_sensitivities(fit.rates)``, of frequency responses, norms and budgets.
+
+        Returns
+        -------
+        array, shape (...)
+            Standard deviations in the unit of the result, infinite where it depends on what the data do not tell.
+
+        Raises
+        ------
+        ResponseError
+            If there is not one derivative for each value of the model.
+        """
+        array = np.asarray(slopes)
+        k = len(self.rates)
+        if array.ndim < 1 or len(array) != k:
+            raise ResponseError(f"deviation: slopes have the shape {array.shape}; expected ({k}, ...), one for each "
+                                f"value of the model in the order of fit.rates.")  # fmt: skip
+        flat = array.reshape(k, -1)
+        told = np.isfinite(self.covariance.diagonal()[:k])
+        part = self.covariance[:k, :k][np.ix_(told, told)]
+        square = np.einsum("ki,kl,li->i", flat[told].conj(), part, flat[told]).real
+        matters = (np.abs(flat[~told]) > 0.0).any(axis=0)
+        return np.where(matters, np.inf, np.sqrt(np.maximum(square, 0.0))).reshape(array.shape[1:])
+
+    def half_width(self, slopes: ArrayLike) -> Array:
+        """Return half the width of the interval of 95 % of a result that depends on the values.
+
+        Parameters
+        ----------
+        slopes : array-like, shape (k, ...)
+            As of ``deviation``.
+
+        Returns
+        -------
+        array, shape (...)
+            In the unit of the result: its deviation times the quantile of the normal distribution, or of Student's
+            where residuals tell the noise.
+        """
+        return self.quantile * self.deviation(slopes)
+
+    def next_sensor(self, candidates: Any = None) -> tuple[Candidate, ...]:
+        """Return which further sensor or exciter tells most about the values, the best first.
+
+        Parameters
+        ----------
+        candidates : str or sequence of str, optional
+            Names or patterns of outputs and inputs of the model; default: all without data.
+
+        Returns
+        -------
+        tuple of Candidate
+            Each with ``name``, ``gain`` and ``narrower``, the factor by which the widest interval shrinks.
+
+        Raises
+        ------
+        ResponseError
+            If no frequency responses were fitted, a name is unknown, or all candidates have data.
+
+        Source: Atkinson, Donev & Tobias (2007), section 10.
+        """
+        return ranked(self._problem, self._x, candidates)
+
+    def responses(self, number: int = 1) -> Complex:
+        """Return what the fit says of measured responses.
+
+        Parameters
+        ----------
+        number : int
+            Which of the measurements with responses, from 1.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Responses of the model through the channels, NaN where nothing was measured.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such measurement.
+        """
+        return self._responses(number)[1]
+
+    def plot(self, number: int = 1) -> Figure:
+        """Draw measured and fitted responses.
+
+        Parameters
+        ----------
+        number : int
+            Which of the measurements with responses, from 1.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            One panel for each pair of input and output.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such measurement.
+        """
+        from mbsvib.plots.measured import measured
+
+        return measured(*self._responses(number), f"fit of {self.model.name}")
+
+    def _responses(self, number: int) -> tuple[Measurement, Complex]:
+        known = [(k, one) for k, one in enumerate(self.data) if isinstance(one, Measurement)]
+        if number not in range(1, len(known) + 1):
+            raise ResponseError(f"number = {number}; expected 1 to {len(known)}, the number of one of the measurements "
+                                f"with responses.")  # fmt: skip
+        k, measurement = known[number - 1]
+        return measurement, np.moveaxis(self._problem.fitted(self._x, k), 0, 2)
+
+    def table(self) -> dict[str, Any]:
+        """Return the values with their intervals, as arguments of ``mbsvib.common.tables.text``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = []
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            width = "not told by the data" if not np.isfinite(high - low) else f"{low:.5g} ... {high:.5g}"
+            rows.append((name, f"{value:.6g}", width, self.units[name]))
+        test = self.residual_test
+        notes = [] if self.converged else ["The search did not converge."]
+        notes += [f"Not told by the data: {words}." for words in self.unidentified]
+        if test.passed:
+            notes.append("The residuals are noise.")
+        else:
+            size = "" if np.isnan(test.ratio) else f" {np.sqrt(test.ratio):.3g} times as large as the stated noise,"
+            notes.append(f"The model does not explain the data: residuals{size} with a correlation of "
+                         f"{test.correlation:.2f} from line to line are no noise.")  # fmt: skip
+            notes.append("Intervals come from the residuals.")
+            if test.bands:
+                shown = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in test.bands[:6])
+                notes.append(f"Not reached: {shown}{' ...' if len(test.bands) > 6 else ''} Hz.")
+        return {"title": f"Fit of {self.model.name}", "columns": [("value", "left"), ("", "right"), ("95 %", "right"),
+                ("unit", "left")], "rows": rows, "notes": notes}  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Fit({self.model.name!r}: {counted(len(self.values), 'value')})"

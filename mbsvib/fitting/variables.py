@@ -1,0 +1,170 @@
+"""The values that a fit may change, as unknowns x of the search.
+
+A positive value is p = e^x, any other p = s x with a natural size s: a change of x by 1 is one of 100 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Bools
+    from mbsvib.mechanism.parameters import Parameters
+
+# Fields whose numbers are positive, if the model has them so.
+POSITIVE = frozenset({
+    "mass", "inertia", "stiffness", "damping", "static_stiffness", "inertance", "free_length", "E", "G", "rho",
+    "radius", "wall", "width", "height", "A", "Iy", "Iz", "J", "alpha", "beta", "damping_ratio", "length",
+})  # fmt: skip
+
+# Logarithm of a value that no mechanism has.
+LARGEST = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Variables:
+    """The ``names`` (v,) of values, their ``start``, ``size`` and ``unit``, lowest and highest values, which are
+    ``positive``, and the ``prior`` (v, 2), value and standard deviation, NaN where there is none.
+
+    ``parameters`` (p,) of the model follow from the first values by ``map`` (p, v).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    start: Array
+    size: Array
+    low: Array
+    high: Array
+    positive: Bools
+    prior: Array
+    parameters: tuple[str, ...]
+    map: Array
+
+    def unknowns(self, values: Array) -> Array:
+        """Return x of values p."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.positive, np.log(np.where(self.positive, values, 1.0)), values / self.size)
+
+    def values(self, x: Array) -> Array:
+        """Return p of x, within the limits."""
+        p = np.where(self.positive, np.exp(np.where(self.positive, np.minimum(x, LARGEST), 0.0)), x * self.size)
+        return np.asarray(np.clip(p, self.low, self.high))
+
+    def rates(self, values: Array) -> Array:
+        """Return dp/dx (v,)."""
+        return np.where(self.positive, values, self.size)
+
+    def limits(self) -> tuple[Array, Array]:
+        """Return the lowest and highest x."""
+        least = np.where(self.positive, np.maximum(self.low, np.finfo(float).tiny), self.low)
+        return self.unknowns(least), self.unknowns(self.high)
+
+    def with_channels(self, channels: Sequence[tuple[str, str, float, float, float, float]]) -> Variables:
+        """Return these with values of channels: name, unit, start, size, lowest and highest value of each."""
+        if not channels:
+            return self
+        names, units, *columns = zip(*channels, strict=True)
+        start, size, low, high = (np.array(column, dtype=float) for column in columns)
+        n = len(names)
+        return Variables(
+            self.names + names, self.units + units, np.append(self.start, start), np.append(self.size, size),
+            np.append(self.low, low), np.append(self.high, high), np.append(self.positive, np.zeros(n, dtype=bool)),
+            np.concatenate((self.prior, np.full((n, 2), np.nan))), self.parameters,
+            np.pad(self.map, ((0, 0), (0, n))),
+        )  # fmt: skip
+
+    def starting(self, values: Array) -> Variables:
+        """Return these with another start."""
+        return Variables(self.names, self.units, values, self.size, self.low, self.high, self.positive, self.prior,
+                         self.parameters, self.map)  # fmt: skip
+
+
+def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: Any) -> Variables:
+    """Return the values of parameters that a fit may change.
+
+    ``free``: names or patterns, a value for each name; ``tied``: names or patterns, one value for all that each
+    matches; ``prior``: {name: (value, standard deviation)}; ``bounds``: {name: (lowest, highest)}, None: no limit.
+    """
+    groups: dict[str, tuple[str, ...]] = {
+        name: (name,) for pattern in _patterns(free, "free") for name in parameters.matching(pattern)}  # fmt: skip
+    groups |= {pattern: tuple(parameters.matching(pattern)) for pattern in _patterns(tied, "tied")}
+    if not groups:
+        raise ModelError("fit: free and tied are empty; expected the parameters to be fitted, such as "
+                         "free=['leg*.k.stiffness'].", field="free")  # fmt: skip
+    owner: dict[str, str] = {}
+    for name, group in groups.items():
+        for member in group:
+            if member in owner:
+                raise ModelError(f"fit: '{owner[member]}' and '{name}' both set '{member}'; leave one of both out.",
+                                 element=member, field="tied")  # fmt: skip
+            owner[member] = name
+    names, rows = tuple(groups), [_row(parameters, name, group) for name, group in groups.items()]
+    units, start, size, positive = zip(*rows, strict=True)
+    known = _by_name(names, prior, "prior", "(value, standard deviation)")
+    for name, (_, deviation) in known.items():
+        if not deviation or not deviation > 0.0:
+            raise ModelError(f"fit: prior of '{name}' has the standard deviation {deviation}; expected a positive "
+                             f"number.", element=name, field="prior")  # fmt: skip
+    limits = _by_name(names, bounds, "bounds", "(lowest, highest), None for no limit")
+    least = np.array([-np.inf if limits.get(name, (None,))[0] is None else limits[name][0] for name in names])
+    most = np.array([np.inf if limits.get(name, (None, None))[1] is None else limits[name][1] for name in names])
+    mask, begin = np.array(positive), np.array(start)
+    low = np.where(mask, np.maximum(least, 0.0), least)
+    for name, a, b, c in zip(names, low, begin, most, strict=True):
+        if not a <= b <= c or not a < c:
+            raise ModelError(f"fit: bounds of '{name}' are {a:g} to {c:g}, and its start is {b:g}; expected a start "
+                             f"within ascending bounds.", element=name, field="bounds")  # fmt: skip
+    width = np.where(np.isfinite(most - low) & ~mask & (begin == 0.0), most - low, np.array(size))
+    every = tuple(owner)
+    to_parameters = np.array([[float(owner[member] == name) for name in names] for member in every])
+    return Variables(names, units, begin, width, low, most, mask,
+                     np.array([known.get(name, (np.nan, np.nan)) for name in names]), every, to_parameters)  # fmt: skip
+
+
+def _patterns(given: Any, field: str) -> list[str]:
+    patterns = check.names_in([given] if isinstance(given, str) else given)
+    if patterns is None:
+        raise check.refuse("fit", field, given, "names or patterns of parameters")
+    return list(dict.fromkeys(patterns))
+
+
+def _row(parameters: Parameters, name: str, group: tuple[str, ...]) -> tuple[str, float, float, bool]:
+    """Unit, start, size and sign of a value that moves some parameters."""
+    entries = [parameters.entry(member) for member in group]
+    if len({entry.unit for entry in entries}) > 1:
+        units = " and ".join(sorted({entry.unit for entry in entries}))
+        raise ModelError(f"fit: '{name}' ties parameters in {units}; expected one unit.", element=name, field="tied")
+    values = np.array([entry.value for entry in entries])
+    positive = bool((values > 0.0).all()) and all(
+        entry.field in POSITIVE and len(set(entry.index)) < 2 for entry in entries)
+    start = float(np.exp(np.log(values).mean()) if positive else values.mean())
+    size = max(map(abs, values.tolist()))
+    if not size:  # the largest of its unit in the model
+        size = max((abs(entry.value) for entry in parameters.entries if entry.unit == entries[0].unit), default=0.0)
+    return entries[0].unit, start, size or 1.0, positive
+
+
+def _by_name(names: tuple[str, ...], given: Any, field: str, expected: str) -> dict[str, tuple[Any, Any]]:
+    """Pairs of numbers by the names of values."""
+    if given is not None and not isinstance(given, Mapping):
+        raise check.refuse("fit", field, given, f"a mapping of names to {expected}")
+    result = {}
+    for name, pair in (given or {}).items():
+        if name not in names:
+            raise ModelError(f"fit: {field} has '{name}', which is not fitted.{nearest(str(name), names)}",
+                             element=str(name), field=field)  # fmt: skip
+        try:
+            first, second = (None if number is None else float(number) for number in pair)
+        except (TypeError, ValueError):
+            raise check.refuse(f"fit: '{name}'", field, pair, expected) from None
+        result[name] = first, second
+    return result

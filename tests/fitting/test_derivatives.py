@@ -1,0 +1,78 @@
+"""Derivatives of all residuals against differences: channels, noise that outputs share, modes, geometry, a rotor."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.api.fitting import _problem
+from mbsvib.fitting.data import conditioned
+from mbsvib.fitting.problem import real_rows
+from mbsvib.fitting.variables import variables
+from tests.fitting.scenes import chain, measured
+from tests.fitting.test_modes import modes_of
+
+OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 17)
+
+
+def spinning():
+    """A rotor on soft bearings: matrices without symmetry, a frame that is free to turn, outputs of acceleration."""
+    model = mv.Model("rotor")
+    model.add_body("shaft", 3.0, (0.2, 0.25, 0.15), position=(0.1, 0, 0.5))
+    model.add_bushing("near", "ground", "shaft", (0, 0, 0.2), (1e5, 2e5, 3e5, 10, 10, 10), (20, 30, 40, 0.1, 0.1, 0.1))
+    model.add_bushing("far", "ground", "shaft", (0, 0.1, 0.9), (2e5, 1e5, 2e5, 10, 10, 10), (30, 20, 40, 0.1, 0.1, 0.1))
+    model.add_rotor("wheel", "shaft", axis=(0, 0, 1), speed=300.0, inertia=0.08)
+    model.add_input("F", "shaft", "x", position=(0.1, 0.1, 0.9))
+    model.add_input("G", "shaft", "y", position=(0.1, 0.1, 0.2))
+    model.add_output("x", "shaft", "x", position=(0, 0.2, 0.9))
+    model.add_output("a", "shaft", "y", position=(0, 0.2, 0.1), quantity="acceleration")
+    model.add_force_output("f", "near", "x")
+    return model
+
+
+def scene(kind):
+    if kind == "rotor":
+        model = spinning()
+        data = measured(model, OMEGA, 0.02, 1)
+        free = ["near.stiffness.*", "far.damping.y", "shaft.mass", "shaft.inertia.xx", "shaft.position.x",
+                "near.position.z", "near.orientation.ry", "wheel.inertia"]  # fmt: skip
+        return model, data, free, ()
+    model = chain()
+    if kind == "modes":
+        return model, modes_of(model, (1, 0, 2)), ["k*.stiffness", "k*.damping", "b*.mass"], ()
+    data = measured(model, OMEGA, 0.02, 1)
+    if kind == "shared":
+        power = np.einsum("in,jn,ij->ijn", *[1e-6 * np.ones((3, 17))] * 2, np.eye(3) + 0.5)
+        data = mv.Measurement(OMEGA, data.responses, data.outputs, data.inputs, covariance=power)
+    return model, data, ["k*.stiffness", "k*.damping", "b*.mass"], ("gain", "delay", "lag")
+
+
+@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize("kind", ["chain", "shared", "modes", "rotor"])
+def test_derivatives_of_residuals(kind, far):
+    model, data, free, channels = scene(kind)
+    chosen = variables(model.parameters, free, (), {free[-1]: (1.0, 0.1)} if kind == "rotor" else None, None)
+    problem = _problem(model, conditioned(data), chosen, channels)
+    rng = np.random.default_rng(0)
+    x = problem.variables.unknowns(problem.variables.start) + 0.05 * rng.standard_normal(len(problem.variables.start))
+    x[len(chosen.names) :] = np.abs(x[len(chosen.names) :]) + 0.1  # lags are positive
+    slopes = np.concatenate([real_rows(block)[0] for _, block in problem.blocks(x, far)], axis=1)
+    step = 5e-5
+
+    def residuals(at):
+        return np.concatenate([np.ascontiguousarray(block.residual).reshape(-1).view(float)
+                               for _, block in problem.blocks(at, far, slopes=False)])  # fmt: skip
+
+    for k, row in enumerate(slopes):
+        unit = step * np.eye(len(x))[k]
+        near, wide = ((residuals(x + s * unit) - residuals(x - s * unit)) / (2.0 * s * step) for s in (1.0, 2.0))
+        np.testing.assert_allclose(row, (4.0 * near - wide) / 3.0, atol=3e-7 * np.abs(row).max() + 1e-9,
+                                   err_msg=problem.variables.names[k])  # fmt: skip
+
+
+def test_limits_stay_within_physics():
+    """A trial that no body can have, such as an inertia beyond the sum of the others, is a step that is not taken."""
+    model = spinning()
+    data = measured(model, OMEGA, 0.01, 2)
+    start = model.with_values({"shaft.inertia.xx": 0.38})
+    fit = start.fit(data, ["shaft.inertia.xx", "near.stiffness.x"])
+    assert fit.values["shaft.inertia.xx"] == pytest.approx(0.2, rel=0.05)

@@ -1,0 +1,274 @@
+"""Fits of models to simulated measurements: values, intervals, channels, and what the data do not tell."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from tests.fitting.scenes import away, chain, measured
+
+OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 80)
+FREE = ["k*.stiffness", "k*.damping", "b1.mass"]
+
+
+def relative(fit, model):
+    return np.array([fit.values[name] / value - 1.0 for name, value in model.parameters.items() if name in fit.values])
+
+
+def test_exact_responses_give_exact_values_from_afar():
+    model = chain()
+    fit = away(model, FREE, 0.6, 1).fit(measured(model, OMEGA, 0.0, 0), FREE)
+    assert fit.converged
+    assert fit.residual_test.passed
+    np.testing.assert_allclose(relative(fit, model), 0.0, atol=1e-11)
+    assert fit.model.parameters["k1.stiffness"] == fit.values["k1.stiffness"]
+    again = pickle.loads(pickle.dumps(fit))
+    assert again.values == fit.values
+    assert str(again) == str(fit)
+
+
+def test_covariance_is_the_inverse_of_the_information():
+    """Of the derivatives of whole responses, computed by the model itself."""
+    model = chain()
+    data = measured(model, OMEGA, 0.02, 3)
+    fit = model.fit(data, FREE)
+    slopes = fit.model.linearize().frequency_response_sensitivities(OMEGA, list(fit.values))
+    rows = (slopes * np.sqrt(2.0 / data.variance)).reshape(len(slopes), -1).view(float)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(rows @ rows.T), rtol=1e-6,
+                               atol=1e-9 * np.abs(fit.covariance).max())  # fmt: skip
+    sd = np.sqrt(fit.covariance.diagonal())
+    np.testing.assert_allclose(fit.deviation(np.eye(len(sd))), sd, rtol=1e-12)
+    name = "k1.stiffness"
+    low, high = fit.intervals[name]
+    k = list(fit.values).index(name)
+    assert np.log(high / low) == pytest.approx(2 * 1.959964 * sd[k] / fit.values[name], rel=1e-6)
+    shift = fit.deviation(fit.model.linearize().mode_sensitivities(fit.rates).frequencies)
+    assert shift.shape == (3,)
+    assert (shift < 0.01).all()
+    modes = fit.model.linearize().modes(2, confidence=fit)
+    np.testing.assert_allclose(np.diff(modes.frequency_intervals)[:, 0], 2 * 1.959964 * shift[:2], rtol=1e-6)
+    np.testing.assert_allclose(modes.frequency_intervals.mean(axis=1), modes.frequencies, rtol=1e-12)
+
+
+def covered(runs, known):
+    model, hits, failed = chain(), [], 0
+    for seed in range(runs):
+        data = measured(model, OMEGA, 0.03, seed, ["z0", "z1", "z2"], ["F"], known=known)
+        fit = away(model, FREE, 0.3, 1000 + seed).fit(data, FREE)
+        failed += not fit.residual_test.passed
+        hits += [low <= model.parameters[name] <= high for name, (low, high) in fit.intervals.items()]
+    return np.mean(hits), failed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("known", [True, False])
+def test_intervals_hold_the_values_in_95_percent(known):
+    share, failed = covered(150, known)
+    assert 0.92 <= share <= 0.98
+    assert failed <= 2
+
+
+def test_intervals_hold_most_values():
+    share, failed = covered(12, True)
+    assert 0.85 <= share < 1.0
+    assert failed == 0
+
+
+def test_channels_are_found_with_signs():
+    """An amplifier with the other sign, a delay and a low-pass in all outputs."""
+    model = chain()
+    gain = np.array([-3.0, 1.0, 0.5])[:, None, None]
+    data = measured(model, OMEGA, 0.01, 1, change=lambda w: gain * np.exp(-2e-3j * w) / (1.0 + 1e-3j * w))
+    fit = away(model, ["k*.stiffness"], 0.3, 1).fit(data, ["k*.stiffness"], channels=["gain", "delay", "lag"])
+    assert fit.residual_test.passed
+    expected = {"z0.gain": -3.0, "z1.gain": 1.0, "z2.gain": 0.5, "F0.gain": 1.0, "z0.delay": 2e-3, "z1.lag": 1e-3}
+    for name, value in expected.items():
+        k = list(fit.values).index(name)
+        assert abs(fit.values[name] - value) < 4.0 * np.sqrt(fit.covariance[k, k]), name
+    assert set(fit.values) - set(expected) == {"k0.stiffness", "k1.stiffness", "k2.stiffness", "z1.delay", "z2.delay",
+                                               "z0.lag", "z2.lag"}  # fmt: skip
+    assert fit.units["z0.delay"] == "s"
+    np.testing.assert_allclose(fit.responses(), data.responses, rtol=0.06)
+
+
+def test_springs_in_series_are_told_by_their_sum_only():
+    """A node without mass between two springs: only 1/k + 1/k is known."""
+
+    def series(lower=1e4, upper=2e4):
+        model = mv.Model("series")
+        model.add_body("node", 0.0, (0, 0, 0), position=(0, 0, 1.0))
+        model.add_body("top", 2.0, (1, 1, 1), position=(0, 0, 2.0))
+        for i, (body, below, k) in enumerate((("node", "ground", lower), ("top", "node", upper))):
+            model.add_joint(f"rail_{body}", "prismatic", "ground", body, axis=(0, 0, 1))
+            model.add_spring(("lower", "upper")[i], below, body, (0, 0, float(i)), (0, 0, i + 1.0), k, damping=0.0)
+        model.add_spring("damper", "ground", "top", (0, 1, 0), (0, 1, 2.0), damping=5.0)
+        model.add_input("F", "top", "z")
+        model.add_output("z", "top", "z")
+        model.add_output("middle", "node", "z")
+        return model
+
+    model = series()
+    data = measured(model, OMEGA, 0.01, 1)
+    start = series(1.2e4, 1.7e4)
+    fit = start.fit(data["z", :], ["lower.stiffness", "upper.stiffness"])
+    assert len(fit.unidentified) == 1
+    assert "lower.stiffness" in fit.unidentified[0]
+    assert "upper.stiffness" in fit.unidentified[0]
+    assert fit.intervals["lower.stiffness"] == (0.0, np.inf)
+    assert np.isinf(fit.covariance[0, 0])
+    assert "not told by the data" in str(fit)
+    series_stiffness = 1.0 / (1.0 / fit.values["lower.stiffness"] + 1.0 / fit.values["upper.stiffness"])
+    assert series_stiffness == pytest.approx(1.0 / (1e-4 + 0.5e-4), rel=2e-3)
+    both = start.fit(data, ["lower.stiffness", "upper.stiffness"])
+    assert both.unidentified == ()
+    np.testing.assert_allclose(relative(both, model), 0.0, atol=5e-3)
+    best = fit.next_sensor()
+    assert [one.name for one in best] == ["middle"]
+    assert best[0].narrower > 10.0
+
+
+def test_next_sensor_tells_most_by_its_own_derivatives():
+    model = chain()
+    data = measured(model, OMEGA, 0.01, 1, ["z2"], ["F"])
+    fit = model.fit(data, FREE)
+    ranked = fit.next_sensor()
+    size = np.array(list(fit.values.values()))[:, None]
+    weight = np.sqrt(2.0 / data.variance[0, 0])
+    slopes = fit.model.linearize().frequency_response_sensitivities(OMEGA, list(fit.values), ["z2", "z0", "z1"], ["F"])
+    rows = [((size * part[:, 0]) * weight).view(float) for part in slopes.swapaxes(0, 1)]
+    information = [part @ part.T for part in rows]
+    before = np.eye(len(size)) + information[0]
+    gains = {name: np.linalg.slogdet(before + one)[1] - np.linalg.slogdet(before)[1]
+             for name, one in zip(("z0", "z1"), information[1:], strict=True)}  # fmt: skip
+    for one in ranked:
+        if one.name in gains:
+            assert one.gain == pytest.approx(gains[one.name], rel=1e-6)
+    assert [one.gain for one in ranked] == sorted((one.gain for one in ranked), reverse=True)
+    assert {one.name for one in ranked} == {"z0", "z1", "F0"}
+    with pytest.raises(ResponseError, match="no candidate"):
+        fit.next_sensor("z2")
+
+
+def test_noise_of_a_candidate_of_another_quantity_is_as_large_against_its_responses():
+    """An accelerometer tells as much as a displacement sensor of the same relative noise at each line."""
+    model = chain()
+    model.add_output("a0", "b0", "z", quantity="acceleration")
+    exact = model.linearize().frequency_response(OMEGA, ["z2", "z0"], ["F"])
+    data = mv.Measurement(OMEGA, exact, ["z2", "z0"], ["F"], variance=(0.01 * np.abs(exact)) ** 2)
+    fit = model.fit(data["z2", :], FREE)
+    (one,) = fit.next_sensor("a0")
+    both = model.fit(data, FREE)
+    size = np.array(list(fit.values.values()))
+    before, after = (np.eye(len(size)) + np.linalg.inv(f.covariance / np.outer(size, size)) for f in (fit, both))
+    expected = np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]
+    assert one.gain == pytest.approx(expected, rel=1e-4)
+
+
+def test_wrong_structure_is_said():
+    """A mass that is 30 % off, and not fitted."""
+    model = chain()
+    data = measured(model, OMEGA, 0.01, 1)
+    fit = model.with_values({"b0.mass": 1.3}).fit(data, ["k*.stiffness", "k*.damping"])
+    assert not fit.residual_test.passed
+    assert fit.residual_test.ratio > 100.0
+    assert fit.residual_test.bands
+    assert "does not explain" in str(fit)
+    plain = model.fit(data, ["k*.stiffness", "k*.damping"])
+    widths = [np.sqrt(one.covariance.diagonal() / np.array(list(one.values.values())) ** 2) for one in (fit, plain)]
+    assert (widths[0] > 0.5 * np.sqrt(fit.residual_test.ratio) * widths[1]).all()
+
+
+def test_outputs_with_common_noise_are_whitened():
+    """Intervals of a common noise are those of generalised least squares."""
+    model = chain()
+    system = model.linearize()
+    exact = system.frequency_response(OMEGA, ["z0", "z1", "z2"], ["F"])
+    size = 0.02 * np.abs(exact).mean()
+    power = size**2 * (0.1 * np.eye(3) + np.ones((3, 3)))
+    rng = np.random.default_rng(0)
+    noise = np.linalg.cholesky(power / 2.0) @ (rng.standard_normal((3, 80)) + 1j * rng.standard_normal((3, 80)))
+    data = mv.Measurement(OMEGA, exact + noise[:, None], ["z0", "z1", "z2"], ["F"],
+                          covariance=np.repeat(power[:, :, None], 80, axis=2))  # fmt: skip
+    fit = model.fit(data, FREE)
+    assert fit.residual_test.passed
+    slopes = fit.model.linearize().frequency_response_sensitivities(OMEGA, list(fit.values), ["z0", "z1", "z2"], ["F"])
+    white = np.sqrt(2.0) * np.einsum("ij,pjn->pin", np.linalg.inv(np.linalg.cholesky(power)), slopes[:, :, 0])
+    rows = white.reshape(len(slopes), -1).view(float)
+    np.testing.assert_allclose(np.sqrt(fit.covariance.diagonal()), np.sqrt(np.linalg.inv(rows @ rows.T).diagonal()),
+                               rtol=1e-6)  # fmt: skip
+
+
+def test_payloads_and_priors_and_ties():
+    """The same springs with two payloads; a value tied to all of them, another known before."""
+    model = chain(stiffness=(2e4, 2e4, 2e4))
+    heavy = model.with_values({"b2.mass": 6.0})
+    data = [measured(model, OMEGA, 0.01, 1), ({"b2.mass": 6.0}, measured(heavy, OMEGA, 0.01, 2))]
+    start = model.with_values({"k*.stiffness": 1.5e4, "b0.mass": 1.2})
+    prior = {"b0.mass": (1.0, 1e-4)}
+    fit = start.fit(data, ["b0.mass"], ["k*.stiffness"], prior, {"k*.stiffness": (1e4, 3e4)})
+    assert fit.values["k*.stiffness"] == pytest.approx(2e4, rel=2e-3)
+    assert fit.values["b0.mass"] == pytest.approx(1.0, abs=5e-4)
+    assert fit.covariance[0, 0] < 1e-8
+    assert fit.model.parameters["k2.stiffness"] == fit.values["k*.stiffness"]
+    single = start.fit(data[:1], ["b0.mass"], ["k*.stiffness"], prior)
+    assert fit.covariance[1, 1] < 0.8 * single.covariance[1, 1]
+    softer = model.with_values({"k*.stiffness": 1.5e4})
+    held = softer.fit(data, [], ["k*.stiffness"], bounds={"k*.stiffness": (1e4, 1.8e4)})
+    assert held.values["k*.stiffness"] == 1.8e4
+
+
+def test_loads_take_the_model_to_its_equilibrium():
+    """A mass on a soft inclined spring under gravity: where it hangs, and how it vibrates, depend on the stiffness."""
+
+    def hanging(k):
+        model = mv.Model("hanging", gravity=(0, 0, -9.81))
+        model.add_body("m", 1.0, (0.1, 0.1, 0.1), position=(0, 0, 0))
+        model.add_joint("rail", "prismatic", "ground", "m", (0, 0, 0), axis=(0, 0, 1))
+        model.add_spring("k", "ground", "m", (0.5, 0, 0.8), (0, 0, 0), stiffness=k, damping=2.0, free_length=0.8)
+        model.add_input("F", "m", "z")
+        model.add_output("z", "m", "z")
+        return model
+
+    data = measured(hanging(200.0).equilibrium(), 2 * np.pi * np.linspace(0.5, 6.0, 40), 0.01, 4)
+    fit = hanging(260.0).equilibrium().fit(data, "k.stiffness")
+    assert fit.residual_test.passed
+    low, high = fit.intervals["k.stiffness"]
+    assert low < 200.0 < high
+    assert high / low < 1.02
+
+
+def test_what_cannot_be_fitted_is_named():
+    model, data = chain(), measured(chain(), OMEGA, 0.01, 1)
+    with pytest.raises(ModelError, match=r"k9\.stiffness"):
+        model.fit(data, "k9.stiffness")
+    with pytest.raises(ModelError, match=r"both set \'k0\.stiffness\'"):
+        model.fit(data, "k0.stiffness", "k*.stiffness")
+    with pytest.raises(ModelError, match=r"prior has 'k1\.stiffness', which is not fitted"):
+        model.fit(data, "k0.stiffness", prior={"k1.stiffness": (1.0, 1.0)})
+    with pytest.raises(ModelError, match="a start within ascending bounds"):
+        model.fit(data, "k0.stiffness", bounds={"k0.stiffness": (1e5, 1e6)})
+    with pytest.raises(ModelError, match="standard deviation"):
+        model.fit(data, "k0.stiffness", prior={"k0.stiffness": (1e4, 0.0)})
+    with pytest.raises(ModelError, match="'phase'"):
+        model.fit(data, "k0.stiffness", channels="phase")
+    with pytest.raises(ModelError, match="fitted, and given"):
+        model.fit([({"k0.stiffness": 1e4}, data)], "k0.stiffness")
+    with pytest.raises(ModelError, match="2 numbers were measured"):
+        model.fit(data.within(2.0, 2.5)["z0", "F"], ["k*.stiffness"])
+    with pytest.raises(ResponseError, match="expected a Measurement"):
+        model.fit({"z0": 1.0}, "k0.stiffness")
+    with pytest.raises(ResponseError, match="data is empty"):
+        model.fit([], "k0.stiffness")
+    with pytest.raises(ResponseError, match=r"shape \(2,\); expected \(1, \.\.\.\)"):
+        model.fit(data, "k0.stiffness").deviation([1.0, 2.0])
+
+
+def test_several_starts_and_progress():
+    model, told = chain(), []
+    data = measured(model, OMEGA, 0.01, 1)
+    fit = away(model, FREE, 0.5, 4).fit(data, FREE, starts=3, seed=1, progress=lambda *count: told.append(count))
+    assert fit.residual_test.passed
+    assert told[-1][0] > 5
+    assert all(done <= most for done, most in told)

@@ -1,0 +1,59 @@
+"""Fits to measured modes: pairs by shapes, derivatives of shapes, and what modes alone do not tell."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ResponseError
+from tests.fitting.scenes import away, chain, measured
+
+
+def modes_of(model, order=(0, 1, 2), damping=True, factors=(1.0, -2.0, 3.0j)):
+    system = model.linearize()
+    modes = system.modes()
+    shapes = (system.Cq @ modes.shapes) * np.array(factors)
+    ratios = modes.damping_ratios[list(order)] if damping else None
+    return mv.MeasuredModes(modes.frequencies[list(order)], ratios, shapes[:, list(order)], system.outputs)
+
+
+def test_modes_in_any_order_give_exact_values():
+    model = chain()
+    free = ["k*.stiffness", "k*.damping"]
+    fit = away(model, free, 0.1, 1).fit(modes_of(model, (2, 0, 1)), free)
+    for name, value in fit.values.items():
+        assert value == pytest.approx(model.parameters[name], rel=1e-5), name
+    assert fit.residual_test.passed
+
+
+def test_modes_alone_do_not_tell_the_scale():
+    """Masses and stiffnesses times one factor have the same frequencies and shapes."""
+    model = chain(damping=(0.0, 0.0, 0.0))
+    free = ["k*.stiffness", "b*.mass"]
+    fit = away(model, free, 0.05, 2).fit(modes_of(model, damping=False), free)
+    assert len(fit.unidentified) == 1
+    assert all(name in fit.unidentified[0] for name in fit.values)
+    ratio = fit.values["k1.stiffness"] / fit.values["b2.mass"]
+    assert ratio == pytest.approx(2e4 / 3.0, rel=1e-4)
+    known = away(model, ["k*.stiffness"], 0.05, 2).fit(modes_of(model, damping=False), ["k*.stiffness", "b1.mass"])
+    assert known.unidentified == ()
+    assert known.values["b1.mass"] == pytest.approx(2.0, rel=1e-5)
+
+
+def test_modes_and_responses_together():
+    model = chain()
+    omega = 2 * np.pi * np.linspace(2.0, 60.0, 40)
+    data = [measured(model, omega, 0.01, 1, ["z0"], ["F"]), modes_of(model)]
+    start = away(model, ["k*.stiffness"], 0.2, 1)
+    both, one = start.fit(data, ["k*.stiffness"]), start.fit(data[:1], ["k*.stiffness"])
+    assert (both.covariance.diagonal() < one.covariance.diagonal()).all()
+    assert both.residual_test.passed
+    np.testing.assert_allclose(both.responses(), data[0].responses, rtol=0.06)
+    with pytest.raises(ResponseError, match="expected 1 to 1"):
+        both.responses(2)
+
+
+def test_more_modes_than_the_model_has_are_refused():
+    model = chain()
+    many = mv.MeasuredModes([1.0, 2.0, 3.0, 4.0])
+    with pytest.raises(ResponseError, match="has 4 modes, and the model 3"):
+        model.fit(many, "k0.stiffness")
