@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import zipfile
+import zlib
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -10,6 +13,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, reals
+from mbsvib.common.file_content import LARGEST_UNPACKED, content_of, shortened
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.measurement.time_records import check_length, estimate, samples_of, si, stacked, step_of
@@ -273,24 +277,19 @@ class Doors:
         if unknown:
             raise ResponseError(f"from_npz: {', '.join(unknown)} is nothing that a measurement has; expected "
                                 f"{', '.join(ARRAYS)}.")  # fmt: skip
-        try:
-            with np.load(where, allow_pickle=False) as file:
-                keys = {name: entries.get(name, name) for name in (*ARRAYS, "frequencies")}
-                missing = [keys[name] for name in entries if keys[name] not in file.files]
-                missing += [name for name in ("responses", "outputs", "inputs") if keys[name] not in file.files]
-                if missing or not {keys["omega"], keys["frequencies"]} & set(file.files):
-                    raise ResponseError(f"from_npz: {where}: {', '.join(missing) or 'omega'} is missing; the file has "
-                                        f"{', '.join(file.files)}.")  # fmt: skip
-                values = {name: file[key] for name, key in keys.items() if key in file.files}
-        except (OSError, ValueError, KeyError) as error:
-            if isinstance(error, ResponseError):
-                raise
-            raise ResponseError(f"from_npz: {where}: no file of arrays that can be read: {error}.") from error
-        values = {name: tuple(map(str, value)) if value.dtype.kind in "US" else value for name, value in values.items()}
+        keys = {name: entries.get(name, name) for name in (*ARRAYS, "frequencies")}
+        file = _arrays(where, set(keys.values()))
+        missing = [keys[name] for name in (*entries, "responses", "outputs", "inputs") if keys[name] not in file]
+        if missing or not (keys["omega"] in file or keys["frequencies"] in file):
+            raise ResponseError(f"from_npz: {where}: {', '.join(missing) or 'omega'} is missing; the file has "
+                                f"{', '.join(file)}.")  # fmt: skip
+        values: dict[str, Any] = {
+            name: file[key] if file[key].dtype.kind not in "US" else tuple(map(str, np.atleast_1d(file[key])))
+            for name, key in keys.items() if key in file}  # fmt: skip
         hertz = values.pop("frequencies", None)
         values.setdefault("omega", None if hertz is None else 2 * np.pi * hertz)
         if "averages" in values:
-            values["averages"] = float(values["averages"])
+            values["averages"] = values["averages"].item(0)
         return cls(**values)
 
     def to_npz(self, path: str | os.PathLike[str]) -> Path:
@@ -308,3 +307,18 @@ class Doors:
         """
         arrays = {name: np.asarray(value) for name in ARRAYS if (value := getattr(self, name)) is not None}
         return write_atomic(path, lambda stream: np.savez_compressed(stream, **arrays), ResponseError)  # type: ignore[arg-type]
+
+
+def _arrays(path: Path, wanted: set[str]) -> dict[str, Any]:
+    """The arrays of a file by name; None for those that are not ``wanted``."""
+    raw = BytesIO(content_of(path, ResponseError, "a file of arrays"))
+    try:
+        with zipfile.ZipFile(raw) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+            if size > LARGEST_UNPACKED:
+                raise ValueError(f"{size:.3g} bytes of arrays")
+        with np.load(raw, allow_pickle=False) as file:
+            return {name: np.asarray(file[name]) if name in wanted else None for name in file.files}
+    except (OSError, ValueError, LookupError, EOFError, RuntimeError, TypeError, MemoryError, SyntaxError,
+            zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+        raise ResponseError(f"from_npz: {path}: no file of arrays that can be read: {shortened(error)}.") from error

@@ -54,6 +54,13 @@ def test_numpy_file_there_and_back(tmp_path):
     (tmp_path / "none.npz").write_bytes(b"no archive")
     with pytest.raises(mv.ResponseError, match=r"none.npz: no file of arrays that can be read"):
         mv.Measurement.from_npz(tmp_path / "none.npz")
+    raw, broken = (tmp_path / "data.npz").read_bytes(), tmp_path / "broken.npz"
+    for k in range(0, len(raw), 40):
+        broken.write_bytes(raw[:k] + bytes(20) + raw[k + 20 :] if k % 80 else raw[:k])
+        try:
+            mv.Measurement.from_npz(broken)
+        except mv.ResponseError as error:
+            assert "from_npz: " in str(error) or "Measurement: " in str(error)  # noqa: PT017
     with pytest.raises(mv.ResponseError, match="response is nothing that a measurement has"):
         mv.Measurement.from_npz(MIRROR, response="responses_100")
 
