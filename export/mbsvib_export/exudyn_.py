@@ -17,7 +17,7 @@ from mbsvib.linalg.rotations import logarithm
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
@@ -162,16 +162,11 @@ class _Scene:
     def add_input(self, port: Input, signal: Signal) -> None:
         """Add a force or torque over time, and its reaction."""
         point = self.frames[port.body][0] if port.position is None else port.position
-        for body, sign in ((port.body, 1.0), (port.relative_to, -1.0)):
-            if body == "ground":
-                continue
-            for kind, part in (("force", port.wrench[:3]), ("torque", port.wrench[3:])):
-                if any(part):
-                    name = f"{port.name}.{kind}{'' if sign > 0.0 else '.reaction'}"
-                    along = sign * np.array(part)
-                    kwargs: dict[str, Any] = {"loadVector": along * signal} if not callable(signal) else {
-                        "loadVector": along, "loadVectorUserFunction": _varying(signal)}  # fmt: skip
-                    self.mbs.AddLoad(self.loads[kind](name=name, markerNumber=self.marker(body, point), **kwargs))
+        for body, kind, along in _ends(port):
+            name = f"{port.name}.{kind}{'' if body == port.body else '.reaction'}"
+            kwargs: dict[str, Any] = {"loadVector": along * signal} if not callable(signal) else {
+                "loadVector": along, "loadVectorUserFunction": _varying(signal)}  # fmt: skip
+            self.mbs.AddLoad(self.loads[kind](name=name, markerNumber=self.marker(body, point), **kwargs))
 
     def add_output(self, port: Output) -> None:
         """Add a sensor of a component of the motion of a body against another."""
@@ -183,20 +178,24 @@ class _Scene:
         }[port.quantity]
         point = self.frames[port.body][0] if port.position is None else port.position
         sensors, parts = [], []
-        for body, sign in ((port.body, 1.0), (port.relative_to, -1.0)):
-            if body == "ground":
-                continue
+        for body, kind, along in _ends(port):
             origin, axes = self.frames[body]
-            local = axes.T @ (np.array(point) - origin)
-            for kind, along in ((linear, port.wrench[:3]), (angular, port.wrench[3:])):
-                if any(along):
-                    sensors.append(self.mbs.AddSensor(self.items.SensorBody(
-                        bodyNumber=self.numbers[body], localPosition=local, outputVariableType=kind,
-                        storeInternal=True)))  # fmt: skip
-                    parts.append((sign * np.array(along), axes if kind == variable.RotationMatrix else None))
+            measured = linear if kind == "force" else angular
+            sensors.append(self.mbs.AddSensor(self.items.SensorBody(
+                bodyNumber=self.numbers[body], localPosition=axes.T @ (np.array(point) - origin),
+                outputVariableType=measured, storeInternal=True)))  # fmt: skip
+            parts.append((along, axes if measured == variable.RotationMatrix else None))
         self.mbs.AddSensor(self.items.SensorUserFunction(
             name=port.name, sensorNumbers=sensors, storeInternal=True,
             sensorUserFunction=_component(parts)))  # fmt: skip
+
+
+def _ends(port: Input | Output) -> Iterator[tuple[str, str, Array]]:
+    """Bodies between which a port acts or measures, and the forces and torques on each that are not zero."""
+    for body, sign in ((port.body, 1.0), (port.relative_to, -1.0)):
+        for kind, part in (("force", port.wrench[:3]), ("torque", port.wrench[3:])):
+            if body != "ground" and any(part):
+                yield body, kind, sign * np.array(part)
 
 
 def _varying(signal: Callable[[float], float]) -> Callable[..., list[float]]:
