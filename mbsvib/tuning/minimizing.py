@@ -1,7 +1,10 @@
 """Minimisation of functions that are not smooth where several peaks are equally high.
 
-Source: Lewis & Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135: BFGS with a
-line search for the weak Wolfe conditions by bisection.
+BFGS with a line search for the weak Wolfe conditions by bisection. Where not even the gradient leads down, several
+peaks meet: the shortest combination of gradients nearby, one of each, leads down from all of them.
+
+Source: Lewis & Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135; Burke, Lewis &
+Overton, A robust gradient sampling algorithm, SIAM J. Optim. 15 (2005) 751, for combinations of gradients.
 """
 
 from __future__ import annotations
@@ -22,6 +25,9 @@ BISECTIONS = 45  # of a line search: steps down to 1e-13
 NOTHING = 1e-14  # a line search ends where steps would gain less than this share of the value: rounding
 STALL, PROGRESS = 25, 1e-8  # the search ends if so many steps gain less than this share of the value
 LONGEST = 2.0  # first step of a search, in units of the unknowns
+RADII = (1e-2, 1e-4)  # distances of gradients that are combined, in units of the unknowns
+MORE = 2  # gradients than unknowns are combined at most: as many are enough for any direction
+FLAT = 1e-3  # a combination of gradients below this share of the gradient is none: no direction leads down
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,9 @@ def bfgs(given: Function, x: Array, steps: int, enough: float = -np.inf) -> Desc
         if first:
             step = step * min(1.0, LONGEST / size)
         accepted = _line(function, x, f, g, step)
+        if accepted is None and first:
+            accepted = _bundled(function, x, f, g)
+            inverse = np.eye(len(x))
         if accepted is None:
             if first:
                 break
@@ -101,3 +110,32 @@ def _line(function: Function, x: Array, f: float, g: Array, step: Array) -> tupl
         if t * abs(slope) < NOTHING * abs(f):
             break
     return best if best is not None and best[1] < f else None
+
+
+def _bundled(function: Function, x: Array, f: float, g: Array) -> tuple[Array, float, Array] | None:
+    """Point, value and gradient below ``f``, along the shortest combination of gradients nearby; None if it is 0."""
+    for radius in RADII:
+        gradients = [g]
+        while len(gradients) < len(x) + MORE:
+            down = -_shortest(np.array(gradients))
+            length = float(np.linalg.norm(down))
+            if length <= FLAT * float(np.linalg.norm(g)):
+                break
+            point = x + radius / length * down
+            value, gradient = function(point)
+            if value <= f - DECREASE * radius * length:
+                return point, value, gradient
+            if not np.isfinite(value):
+                break
+            gradients.append(gradient)
+    return None
+
+
+def _shortest(gradients: Array) -> Array:
+    """The shortest vector in the convex hull of gradients (k, n)."""
+    from scipy.optimize import nnls
+
+    size = float(np.linalg.norm(gradients, axis=1).max())
+    rows = np.concatenate((gradients.T / size, np.ones((1, len(gradients)))))
+    shares = nnls(rows, np.eye(len(rows))[-1])[0]
+    return np.asarray(shares @ gradients / shares.sum())

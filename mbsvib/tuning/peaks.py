@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 # Distances from a pole at which responses are sampled, in parts of its real part.
 BESIDE = np.array([-8.0, -3.0, -1.5, -0.8, -0.4, 0.0, 0.4, 0.8, 1.5, 3.0, 8.0])
 COARSE, BEYOND = 40, 10.0  # further frequencies, up to the fastest pole times this and down to the slowest over this
-TOP = 0.9  # tops of at least this share of the highest are refined
+CLOSE = 0.15  # least distance of frequencies, in parts of that to the nearest pole
+TOP = 0.9  # singular values are computed where they may be this share of the highest
 ROUNDS, POINTS = 5, 9  # of refinement: each shrinks the bracket by 4
 TINY = 1e-300  # divisor of nothing
 DEPENDENT = 1e9  # condition of the eigenvectors above which equations are solved in the given states
@@ -72,15 +73,14 @@ def eigen(a: Array) -> tuple[Complex, Complex, Complex | None]:
 def peak(response: Response, remembered: list[float]) -> tuple[float, float]:
     """Return the highest peak of a response and its frequency, inf where it is at infinity."""
     poles = response.values[response.values.imag >= 0.0]
-    size = np.abs(poles)
-    slow, fast = float(size.min(initial=1.0)), float(size.max(initial=1.0))
-    w = np.concatenate(([0.0], np.ravel(np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * BESIDE), size,
-                        np.geomspace(slow / BEYOND, fast * BEYOND, COARSE), remembered))  # fmt: skip
-    w = np.unique(w[(w >= 0.0) & (w < np.inf)])
+    w = _sampled(poles, remembered)
     value = response.sizes(w)
     best = int(value.argmax())
     before, after = np.concatenate(([-np.inf], value[:-1])), np.concatenate((value[1:], [-np.inf]))
-    tops = np.flatnonzero((value >= before) & (value >= after) & (value >= TOP * value[best]))
+    # above the larger neighbour by no more than as far as that is above the other one: parabolas
+    rise = 0.5 * np.maximum(2.0 * value - before - after, 0.0)
+    tops = np.flatnonzero((value >= before) & (value >= after) & (value + rise >= value[best]))
+    tops = np.union1d(tops, [best])
     where, highest = float(w[best]), float(value[best])
     low, high = w[np.maximum(tops - 1, 0)], w[np.minimum(tops + 1, len(w) - 1)]
     for _ in range(ROUNDS):
@@ -91,9 +91,31 @@ def peak(response: Response, remembered: list[float]) -> tuple[float, float]:
             where, highest = float(grid[row, at]), float(values[row, at])
         k, rows = values.argmax(axis=1), np.arange(len(values))
         low, high = grid[rows, np.maximum(k - 1, 0)], grid[rows, np.minimum(k + 1, POINTS - 1)]
+        fall = values.max(axis=1) - np.minimum(values[rows, np.maximum(k - 1, 0)],
+                                               values[rows, np.minimum(k + 1, POINTS - 1)])  # fmt: skip
+        near = values.max(axis=1) + fall >= highest
+        near[row] = True
+        low, high = low[near], high[near]
     where, highest = _polished(response, where, highest, grid[row], values[row])
     far = float(np.linalg.norm(response.d, 2)) if response.d.any() else 0.0
     return (far, np.inf) if far >= highest else (highest, where)
+
+
+def _sampled(poles: Complex, remembered: list[float]) -> Array:
+    """Frequencies about all poles and beyond, no closer than the response can change: by the nearest pole."""
+    size = np.abs(poles)
+    slow, fast = float(size.min(initial=1.0)), float(size.max(initial=1.0))
+    w = np.concatenate(([0.0], np.ravel(np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * BESIDE), size,
+                        np.geomspace(slow / BEYOND, fast * BEYOND, COARSE), remembered))  # fmt: skip
+    w = np.unique(w[(w >= 0.0) & (w < np.inf)])
+    if not len(poles):
+        return w
+    closest = CLOSE * np.abs(1j * w[:, None] - poles).min(axis=1)
+    kept = [0]
+    for k in range(1, len(w)):
+        if w[k] - w[kept[-1]] >= closest[k]:
+            kept.append(k)
+    return np.union1d(w[kept], [one for one in remembered if 0.0 <= one < np.inf])
 
 
 def _polished(response: Response, where: float, highest: float, grid: Array, values: Array) -> tuple[float, float]:

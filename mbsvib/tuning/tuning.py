@@ -258,7 +258,7 @@ def _searched(problem: Problem, points: list[Array], random: np.random.Generator
         end = _penalised(problem, ends[k].x, LONG, BARRIERS[1])
         histories[k] += end.history
         continued.append(end.x)
-    best = min(continued, key=lambda x: _rank(problem, x))
+    best = min((*continued, *points), key=lambda x: _rank(problem, x))  # barriers may lead away from a good start
     without = 0
     for _ in range(RESTARTS):
         _compare(problem, best)

@@ -5,7 +5,9 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.errors import ModelError, ResponseError
+from mbsvib.tuning import tuning
 from mbsvib.tuning.goals import as_goals
+from mbsvib.tuning.minimizing import Descent
 from mbsvib.tuning.tuning import _problem
 
 T, G = mv.tunable, mv.goals
@@ -179,3 +181,11 @@ def test_refusals(arguments, words):
 def test_goals_refuse_numbers_that_make_no_sense(make):
     with pytest.raises(ModelError):
         make()
+
+
+def test_a_search_does_not_end_above_its_start(monkeypatch):
+    """Barriers and penalties may lead descents away from a good start: here all of them do."""
+    monkeypatch.setattr(tuning, "bfgs", lambda function, x, *_: Descent(x + 0.5, np.inf, (np.inf,)))
+    start = {"F/v.gain": -20.0}
+    design = mv.tune(oscillator(), T.gain("F", "v"), [G.rms("x", {"F": 4.0, "v.noise": 0.01})], starts=1, initial=start)
+    assert design.values == pytest.approx(start)
