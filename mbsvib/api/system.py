@@ -84,7 +84,8 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
         Raises
         ------
         ModelError
-            If shapes do not match, M is not symmetric positive definite, or numbers are not finite.
+            If shapes do not match, M is not symmetric positive definite, numbers are not finite, or a matrix of
+            scipy.sparse takes more than 1 GB as a dense one.
         """
         from mbsvib.equations.from_matrices import from_matrices
 

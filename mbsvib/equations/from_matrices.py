@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -30,6 +31,8 @@ SYMMETRIC = 1e-9
 # A mass matrix of unit diagonal whose smallest eigenvalue is below this share of the largest counts as singular.
 SINGULAR = 1e-13
 OWNERS = ("matrices",)
+# Sparse matrices whose dense form takes more bytes than this are refused: modes and factors take several times as much.
+LARGEST = 1e9
 
 
 def from_matrices(
@@ -69,12 +72,25 @@ def from_matrices(
 
 def _array(name: str, label: str, value: Any) -> Array:
     if hasattr(value, "toarray"):
+        _check_size(name, label, value.shape)
         value = value.toarray()
     array = np.array(reals(value, f"System '{name}'", label, "a matrix of real numbers", ModelError), ndmin=2)
     if array.ndim != 2 or not np.isfinite(array).all():
         raise ModelError(f"System '{name}': {label} = {shown(value)}; expected a matrix of finite numbers.",
                          field=label)  # fmt: skip
     return array
+
+
+def _check_size(name: str, label: str, shape: tuple[int, ...]) -> None:
+    """Refuse a sparse matrix of a shape that takes too much memory as a dense one."""
+    size = np.dtype(float).itemsize * math.prod(shape)
+    if size > LARGEST:
+        raise ModelError(
+            f"System '{name}': {label} is a sparse matrix of shape {tuple(shape)} and takes {size / 1e9:.3g} GB as a "
+            f"dense one, which its equations need; expected at most {LARGEST / 1e9:g} GB. Reduce the matrices first: "
+            f"with the lowest modes Phi = scipy.sparse.linalg.eigsh(K, 50, M, sigma=-1.0)[1] (sigma: below 0, of the "
+            f"size of the lowest omega^2), give Phi.T @ M @ Phi, Phi.T @ C @ Phi, Phi.T @ K @ Phi, Phi.T @ B and "
+            f"Cq @ Phi.", field=label)  # fmt: skip
 
 
 def _shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | None]) -> Array:
