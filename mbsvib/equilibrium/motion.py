@@ -124,10 +124,10 @@ def posed_model(reference: Mechanism, pose: Pose | None = None, cut: Sequence[st
 
 def kinematics_of(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
     """Return the kinematic data of a mechanism for all of its poses."""
-    return _prepared(model, cut) if cut else model.derived(_prepared)
+    return model.derived(_prepared, tuple(cut))
 
 
-def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
+def _prepared(model: Mechanism, cut: tuple[str, ...]) -> PoseKinematics:
     topology, bodies, pose = span(model, cut), list(model.bodies.values()), start(model)
     number, couplers = dict(pose.number), tuple(model.couplers.values())
     coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)

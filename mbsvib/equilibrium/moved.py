@@ -76,7 +76,8 @@ def moved(
 
 def rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: Sequence[str] | None) -> Pose:
     """Return the pose of a mechanism whose parts are rigid, by displacements of joint coordinates [m, rad]."""
-    return Poses.of(stiff, displacements, cut).at(np.array([list(displacements.values())]))[0]
+    poses = stiff.derived(Poses.of, tuple(displacements), None if cut is None else tuple(cut))
+    return poses.at(np.array([list(displacements.values())]))[0]
 
 
 @dataclass(frozen=True)

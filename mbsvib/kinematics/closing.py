@@ -107,7 +107,7 @@ class Closing:
         done, step, lost, open_by = np.zeros(count), full.copy(), np.zeros(count, dtype=bool), np.zeros(count)
         if kinematics.cuts is None:
             return self._open(target, None), lost, done
-        first = self._described()
+        first = self._described
         reached, active, before = None, np.arange(count), first
         while len(active):
             share = np.minimum(step[active], 1.0 - done[active])
@@ -135,6 +135,7 @@ class Closing:
         # the poses were changed in place: what they had cached goes
         return replace(reached, pose=replace(reached.pose)), lost, done
 
+    @cached_property
     def _described(self) -> Reached:
         """The reference pose, with the loops closed that its rounded numbers leave open."""
         kinematics = self.kinematics

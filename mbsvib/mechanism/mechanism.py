@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -70,7 +70,7 @@ class Mechanism:
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
         self._expansion: Expansion | None = None
-        self._derived: dict[Callable[[Any], Any], Any] = {}
+        self._derived: dict[tuple[Hashable, ...], Any] = {}
 
     @property
     def gravity(self) -> Vector | None:
@@ -255,22 +255,25 @@ class Mechanism:
                   for key in GROUPS[:-2]}  # fmt: skip
         return self.with_parts(gravity=gravity.acceleration if isinstance(gravity, Gravity) else _SAME, **groups)
 
-    def derived(self, compute: Callable[[Any], T]) -> T:
+    def derived(self, compute: Callable[..., T], *arguments: Hashable) -> T:
         """Return the result of a function of the mechanism, cached until a part is added.
 
         Parameters
         ----------
         compute : callable
-            A function of the mechanism.
+            A function of the mechanism and of the arguments.
+        *arguments : hashable
+            What else it takes.
 
         Returns
         -------
         object
             Its result.
         """
-        if compute not in self._derived:
-            self._derived[compute] = compute(self)
-        result: T = self._derived[compute]
+        key = compute, *arguments
+        if key not in self._derived:
+            self._derived[key] = compute(self, *arguments)
+        result: T = self._derived[key]
         return result
 
     def __copy__(self) -> Self:

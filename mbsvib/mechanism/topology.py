@@ -93,7 +93,7 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     Source: Chaudhary & Saha (2009), appendix B.
     """
     excluded = () if cut is None else _excluded(cut, model)
-    return _spanned(model, excluded) if excluded else model.derived(_spanned)
+    return model.derived(_spanned, excluded)
 
 
 def cut_elsewhere(model: Mechanism, requested: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
@@ -131,7 +131,7 @@ def _loop(topology: Topology, joint: Joint) -> list[str]:
     return [name for name in (*sides[0], *sides[1]) if (name in sides[0]) != (name in sides[1])]
 
 
-def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:
+def _spanned(model: Mechanism, excluded: tuple[str, ...]) -> Topology:
     """The tree without some joints."""
     if not model.bodies:
         raise ModelError(f"model '{model.name}' has no body; add one with add_body.", element=model.name)

@@ -1,10 +1,14 @@
 """Other poses: joints of every kind moved by finite amounts, against the exact constraints; loops; what goes along."""
 
+from copy import copy
+
 import numpy as np
 import pytest
 from hypothesis import given
+from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.equilibrium import moved as moved_module
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.linalg.rotations import exponential
 from tests.support.lagrangian import Lagrangian
@@ -270,3 +274,37 @@ def test_a_bushing_is_followed_up_to_half_a_turn():
     with pytest.raises(mv.ModelError, match="bushing 'k': is turned by 178 degrees, where its moment is no longer"):
         model.moved({"hinge.rz": 3.1})
     assert model.moved({"hinge.rz": 3.1}, relaxed=True).springs["k"].preload is None
+
+
+def test_ranks_of_loops_are_decided_once_for_many_poses(monkeypatch):
+    calls, real = [], moved_module.reduce
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return real(*arguments)
+
+    monkeypatch.setattr(moved_module, "reduce", counted)
+    model = mv.library.stewart()
+    lengths = [f"leg{k}.slide.{model.joints['leg1.slide'].freedom[0][0]}" for k in range(1, 7)]
+    heights = [model.moved(dict.fromkeys(lengths, step)).bodies["platform"].position[2] for step in (0.0, 1e-3, 2e-3)]
+    assert len(calls) == 1
+    # legs of one length move the platform straight up: h^2 = l^2 - r^2, r the horizontal distance of their ends
+    arm = np.subtract(model.joints["leg1.head"].position, model.joints["leg1.foot"].position)
+    length, height = np.linalg.norm(arm) + np.array([0.0, 1e-3, 2e-3]), model.bodies["platform"].position[2]
+    assert_allclose(heights, height - arm[2] + np.sqrt(length**2 - arm[0] ** 2 - arm[1] ** 2), rtol=1e-13)
+
+
+def test_what_is_added_after_a_move_moves_too():
+    """The tree and the ranks of a pose are kept until a part is added."""
+    model = mv.Model("arms")
+    model.add_body("a", 1.0, (1, 1, 1), (1, 0, 0))
+    model.add_joint("first", "revolute", "ground", "a", (0, 0, 0), axis=(0, 0, 1))
+    values = {"first.rz": np.pi / 2}
+    assert_allclose(model.moved(values, cut=()).bodies["a"].position, (0, 1, 0), atol=1e-15)
+    other = copy(model)
+    model.add_body("b", 1.0, (1, 1, 1), (3, 0, 0))
+    model.add_joint("second", "revolute", "a", "b", (2, 0, 0), axis=(0, 0, 1))
+    for cut in ((), None):
+        there = model.moved(values, cut=cut)
+        assert_allclose(there.bodies["b"].position, (0, 3, 0), atol=1e-15)
+        assert "b" not in other.moved(values, cut=cut).bodies
