@@ -79,7 +79,7 @@ def fitted(
     chosen = variables(model.parameters, free, tied, prior, bounds)
     measured = conditioned(data)
     problem = _started(_problem(model, measured, chosen, kinds))
-    most = starts * (STEPS_FAR + STEPS)
+    most = starts * (STEPS_FAR + STEPS) + REWEIGHTED * STEPS
     with counting(progress, most, "fit") as tell:
         found = _best(problem, starts, seed, lambda cost: tell(1))
         problem, found = _weighted(problem, found, lambda cost: tell(1))
@@ -143,32 +143,29 @@ def _started(problem: Problem) -> Problem:
 
 
 def _best(problem: Problem, starts: int, seed: int, tell: Any) -> Found:
-    """The best of some searches from afar: the first start is the model's."""
+    """The best of some searches, each from afar and then to the end: the first start is the model's."""
     rng, first = np.random.default_rng(seed), problem.variables.unknowns(problem.variables.start)
     spread = np.where(problem.variables.positive, np.log(SPREAD), SPREAD - 1.0)
     spread[len(spread) - int((~problem.variables.map.any(axis=0)).sum()) :] = 0.0  # channels have starts of their own
-    best, refused = None, None
+    found, refused = [], None
     for k in range(starts):
         try:
-            found = minimized(problem, first + (spread * rng.standard_normal(len(first)) if k else 0.0), True, tell)
+            far = minimized(problem, first + (spread * rng.standard_normal(len(first)) if k else 0.0), True, tell)
+            found.append(minimized(problem, far.x, False, tell))
         except MbsvibError as error:  # a start that is no mechanism
             refused = error
-            continue
-        if best is None or found.cost < best.cost:
-            best = found
-    if best is None:
+    if not found:
         assert refused is not None
         raise refused
-    return best
+    return min(found, key=lambda one: one.cost)
 
 
 def _weighted(problem: Problem, found: Found, tell: Any) -> tuple[Problem, Found]:
-    """The search with the noise of the data, which residuals tell where it is not known."""
-    result = minimized(problem, found.x, False, tell)
+    """The same with noise that residuals tell, where it is not known."""
     for _ in range(0 if problem.known else REWEIGHTED):
-        problem = problem.reweighted(result.x)
-        result = minimized(problem, result.x, False, tell)
-    return problem, result
+        problem = problem.reweighted(found.x)
+        found = minimized(problem, found.x, False, tell)
+    return problem, found
 
 
 def _result(model: Any, problem: Problem, found: Found, data: tuple[Any, ...]) -> Fit:

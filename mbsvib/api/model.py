@@ -177,7 +177,8 @@ class Model(
         prior : dict of str to (value, standard deviation), optional
             What is known of values before, in their own units.
         bounds : dict of str to (lowest, highest), optional
-            Limits of values; None: no limit. Positive values, such as masses and stiffnesses, stay positive.
+            Limits of values; None: no limit. Positive values, such as masses and stiffnesses, stay within a factor of a
+            million of the model's.
         channels : str or sequence of str
             What each measured channel may have: "gain" (the first input's is held), "delay" [s] and "lag" [s], a
             first-order low-pass 1 / (1 + s T), of the outputs. They are values "NAME.gain", "NAME.delay", "NAME.lag".

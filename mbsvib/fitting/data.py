@@ -46,7 +46,7 @@ def response_data(
     whitening = None
     if measurement.covariance is not None:
         whitening = _whitening(measurement, np.isfinite(responses), name)
-        weight, is_known = np.where(np.isfinite(responses) & (responses != 0.0), np.sqrt(2.0), 0.0), True
+        weight, is_known = np.where(np.isfinite(responses), np.sqrt(2.0), 0.0), True
     else:
         weight, is_known = weights(responses, variance, measurement.averages)
     weight = np.where(np.isfinite(sign), weight, 0.0)

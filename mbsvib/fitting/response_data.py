@@ -132,7 +132,7 @@ class ResponseData:
             residual = weight * (total - measured) * counts
             return residual if self.whitening is None else self.whitening[which] @ residual, weight
         with np.errstate(divide="ignore", invalid="ignore"):
-            counts &= total != 0.0
+            counts &= (total != 0.0) & (measured != 0.0)
             spread = np.where(counts, np.sqrt(2.0) / (weight * np.abs(measured)), 1.0) if self.known else 0.0
             size = np.where(counts, 1.0 / np.hypot(LOG_DEVIATION, spread), 0.0)
             return np.where(counts, size * np.log(total / measured), 0.0), np.where(counts, size / total, 0.0)
@@ -173,7 +173,7 @@ class ResponseData:
         values, channels = values.copy(), self.channels
         model = np.concatenate([x for _, x, _ in blocks(equations, None, self.omega, self.rows, self.columns)])
         model = model * self.sign
-        counts = (self.weight > 0.0) & (model != 0.0)
+        counts = (self.weight > 0.0) & (model != 0.0) & (self.measured != 0.0)
         ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
         turn = np.where(counts, ratio / np.abs(ratio), 0.0)
         for o in np.flatnonzero(channels.delay >= 0).tolist():
@@ -207,13 +207,16 @@ def weights(responses: Complex, variance: Array | None, averages: float | None) 
     A variance of few averages is noise itself: none counts much more than those of neighbouring lines. Without a
     variance each output has the noise of its median response, up to a factor that the residuals tell.
     """
-    counts = np.isfinite(responses) & (responses != 0.0)
+    counts = np.isfinite(responses)
     if variance is None:
-        size = np.where(counts, np.abs(responses), np.nan)
+        size = np.where(counts & (responses != 0.0), np.abs(responses), np.nan)
         with np.errstate(all="ignore"):
             median = np.array([np.nanmedian(row) if np.isfinite(row).any() else 1.0 for row in size.swapaxes(0, 1)])
         return np.where(counts, np.sqrt(2.0) / median[:, None], 0.0), False
-    counts &= np.isfinite(variance) & (variance > 0.0)
+    counts &= np.isfinite(variance)
+    least = np.where(counts & (variance > 0.0), variance, np.inf).min(axis=0)
+    variance = np.where(variance > 0.0, variance, least)  # a coherence of 1 is not known to so many digits
+    counts &= np.isfinite(variance)
     result = np.where(counts, np.sqrt(2.0 / np.where(counts, variance, 1.0)), 0.0)
     if averages is None or averages >= MANY:
         return result, True

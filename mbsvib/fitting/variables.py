@@ -26,8 +26,8 @@ POSITIVE = frozenset({
     "radius", "wall", "width", "height", "A", "Iy", "Iz", "J", "alpha", "beta", "damping_ratio", "length",
 })  # fmt: skip
 
-# Logarithm of a value that no mechanism has.
-LARGEST = 300.0
+# Positive values stay within this factor of their start: a stiffness that the data do not tell would run away.
+FARTHEST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,9 @@ class Variables:
 
     def values(self, x: Array) -> Array:
         """Return p of x, within the limits."""
-        p = np.where(self.positive, np.exp(np.where(self.positive, np.minimum(x, LARGEST), 0.0)), x * self.size)
+        lowest, highest = self.limits()
+        x = np.clip(x, lowest, highest)
+        p = np.where(self.positive, np.exp(np.where(self.positive, x, 0.0)), x * self.size)
         return np.asarray(np.clip(p, self.low, self.high))
 
     def rates(self, values: Array) -> Array:
@@ -65,8 +67,7 @@ class Variables:
 
     def limits(self) -> tuple[Array, Array]:
         """Return the lowest and highest x."""
-        least = np.where(self.positive, np.maximum(self.low, np.finfo(float).tiny), self.low)
-        return self.unknowns(least), self.unknowns(self.high)
+        return self.unknowns(self.low), self.unknowns(self.high)
 
     def with_channels(self, channels: Sequence[tuple[str, str, float, float, float, float]]) -> Variables:
         """Return these with values of channels: name, unit, start, size, lowest and highest value of each."""
@@ -118,7 +119,8 @@ def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: 
     least = np.array([-np.inf if limits.get(name, (None,))[0] is None else limits[name][0] for name in names])
     most = np.array([np.inf if limits.get(name, (None, None))[1] is None else limits[name][1] for name in names])
     mask, begin = np.array(positive), np.array(start)
-    low = np.where(mask, np.maximum(least, 0.0), least)
+    low, most = np.where(mask, np.maximum(least, begin / FARTHEST), least), np.where(
+        mask, np.minimum(most, begin * FARTHEST), most)  # fmt: skip
     for name, a, b, c in zip(names, low, begin, most, strict=True):
         if not a <= b <= c or not a < c:
             raise ModelError(f"fit: bounds of '{name}' are {a:g} to {c:g}, and its start is {b:g}; expected a start "

@@ -239,6 +239,21 @@ def test_loads_take_the_model_to_its_equilibrium():
     assert high / low < 1.02
 
 
+def test_lines_without_noise_and_pairs_that_were_not_measured():
+    """A variance of 0 counts as the least one, NaN as not measured."""
+    model = chain()
+    data = measured(model, OMEGA, 0.01, 1)
+    variance, responses = data.variance.copy(), data.responses.copy()
+    variance[0, 0, 3] = 0.0
+    responses[1, 1] = responses[2, 0, 7] = np.nan
+    fit = model.fit(mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=variance), FREE)
+    assert np.isfinite(list(fit.values.values())).all()
+    assert np.isnan(fit.responses()[1, 1]).all()
+    assert np.isfinite(fit.responses()[0]).all()
+    with pytest.raises(ResponseError, match="no line that was measured with a known noise"):
+        model.fit(mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=0.0 * variance), FREE)
+
+
 def test_what_cannot_be_fitted_is_named():
     model, data = chain(), measured(chain(), OMEGA, 0.01, 1)
     with pytest.raises(ModelError, match=r"k9\.stiffness"):
