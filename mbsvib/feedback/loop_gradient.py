@@ -60,11 +60,9 @@ class Closure:
         rows = b[:, self.actuators], at_sensors, d[np.ix_(self.shown, self.actuators)]
         return np.concatenate(rows) @ self._acts
 
-    def to_plant(self, gradient: Array) -> Array:
-        """Return the gradient to the entries of [A B; C D] of the plant, (states + outputs, states + inputs).
-
-        ``gradient`` (closed states + shown, closed states + sources): that to the entries of the ``closed`` equations.
-        """
+    @cached_property
+    def _around_plant(self) -> tuple[Array, Array]:
+        """E_L and E_R of the plant."""
         (a, b, c, _), (ka, kb, *_), gain, push = self.plant, self.law, self._space.gain, self._space.push
         n, k, p, q = len(a), len(ka), len(c), b.shape[1]
         left = np.zeros((n + k + len(self.shown), n + p))
@@ -77,16 +75,14 @@ class Closure:
         right[:n, :n] = np.eye(n)
         right[n + np.array(self.sources, dtype=np.intp), n + k + np.arange(len(self.sources))] = 1.0
         right[n + np.array(self.actuators, dtype=np.intp)] += np.concatenate((gain, push[:, self.sources]), axis=1)
-        return np.asarray(left.T @ gradient @ right.T)
+        return left, right
 
-    def to_law(self, gradient: Array) -> Array:
-        """Return the gradient to the entries of [A B; C D] of the controller, (states + actuators, states + sensors).
-
-        ``gradient``: as of ``to_plant``.
-        """
+    @cached_property
+    def _around_law(self) -> tuple[Array, Array]:
+        """E_L and E_R of the controller."""
         (a, _, c, d), (ka, _, kc, kd) = self.plant, self.law
         n, k = len(a), len(ka)
-        left = np.zeros((len(gradient), k + len(self.actuators)))
+        left = np.zeros((n + k + len(self.shown), k + len(self.actuators)))
         left[n : n + k, :k] = np.eye(k)
         left[:, k:] = self._pushed
         through = d[np.ix_(self.sensors, self.actuators)]
@@ -95,4 +91,28 @@ class Closure:
         right = np.zeros((k + len(self.sensors), n + k + len(self.sources)))
         right[:k, n : n + k] = np.eye(k)
         right[k:] = seen
+        return left, right
+
+    def to_plant(self, gradient: Array) -> Array:
+        """Return the gradient to the entries of [A B; C D] of the plant, (states + outputs, states + inputs).
+
+        ``gradient`` (closed states + shown, closed states + sources): that to the entries of the ``closed`` equations.
+        """
+        left, right = self._around_plant
         return np.asarray(left.T @ gradient @ right.T)
+
+    def to_law(self, gradient: Array) -> Array:
+        """Return the gradient to the entries of [A B; C D] of the controller, (states + actuators, states + sensors).
+
+        ``gradient``: as of ``to_plant``.
+        """
+        left, right = self._around_law
+        return np.asarray(left.T @ gradient @ right.T)
+
+    def along(self, plant: Array | None, law: Array | None) -> Array:
+        """Return the changes of [A B; C D] of the ``closed`` equations that those of the plant and of the controller
+        make, (..., closed states + shown, closed states + sources); None: no change.
+        """
+        changes = [(pair, change) for pair, change in ((self._around_plant, plant), (self._around_law, law))
+                   if change is not None]  # fmt: skip
+        return np.asarray(sum(left @ change @ right for (left, right), change in changes))

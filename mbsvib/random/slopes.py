@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.random.mean_squares import Random
     from mbsvib.random.moments import Filtered
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.states import States
 
     Requested = str | Sequence[str] | Mapping[str, Mapping[str, float]] | None
@@ -37,12 +38,10 @@ BLOCK = 4_000_000  # numbers of the derivatives of some parameters
 class Scene:
     """A system, or a loop around one, as equations of the plant whose entries have derivatives to its parameters."""
 
-    def __init__(self, under: Random) -> None:
-        linear = under.linear
+    def __init__(self, linear: Any) -> None:
         if getattr(linear, "period", None) is not None:
             raise ResponseError(f"sensitivities: '{linear.name}' is sampled, and derivatives are those of continuous "
                                 f"loops: ask loop.continuous.")  # fmt: skip
-        self.under = under
         loop = linear if linear.kind == "closed loop" else None
         self.system = linear if loop is None else loop.plant.source
         gathered = None if loop is None else loop.plant.gathered
@@ -82,6 +81,23 @@ class Scene:
         columns = columns[:, :-1]
         return columns[:n, :n], columns[:n, n:], columns[n:, :n], columns[n:, n:]
 
+    def along(self, change: MatrixDerivatives | None, law: Array | None = None) -> Array:
+        """Return the derivatives of [A B; C D] of the equations to variables, (v, states + outputs, states + inputs).
+
+        ``change``: those of the matrices of the system. ``law`` (v, ...): those of [A B; C D] of the controller.
+        """
+        plant = None
+        if change is not None and self.base is not None:
+            da, db, dc, dd = changed(self.base, change, list(range(len(self.system.inputs))),
+                                     list(range(len(self.system.outputs))))  # fmt: skip
+            n, first, columns = self.system_states, self.base.first, np.array(self.columns, dtype=np.intp)
+            known = np.flatnonzero(columns >= 0)
+            plant = np.zeros((len(da), n + len(self.rows), n + len(columns)))
+            plant[:, first:n, :n], plant[:, n:, :n] = da, dc[:, self.rows]
+            plant[:, first:n, n + known] = db[:, :, columns[known]]
+            plant[:, n:, n + known] = dd[:, self.rows][:, :, columns[known]]
+        return np.asarray(plant if self.closure is None else self.closure.along(plant, law))
+
     @property
     def system_states(self) -> int:
         """Number of states of the plant."""
@@ -94,7 +110,7 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     ``parameters``: as of the sensitivities of systems; None: all. An infinite root mean square, or one of 0, has none:
     not a number.
     """
-    scene = Scene(under)
+    scene = Scene(under.linear)
     if scene.base is None:
         raise ModelError(f"sensitivities: '{under.linear.name}' has matrices and no parameters; derivatives are those "
                          f"of a system of a mechanism, model.linearize().")  # fmt: skip
@@ -105,8 +121,8 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     finite = np.flatnonzero((squares > 0.0) & (squares < np.inf)).tolist()
     if parameters is None and not finite:
         return {name: dict.fromkeys(scene.system.parameters, np.nan) for name in under.outputs}
-    gradients = {row: scene.to_plant(gradient(scene.under, scene.equations, row)) for row in finite}
-    parts = {row: _hidden(scene, row) for row in gradients}
+    gradients = {row: scene.to_plant(gradient(under, scene.equations, row)) for row in finite}
+    parts = {row: _hidden(scene, under, row) for row in gradients}
     count = max(1, BLOCK // max(1, scene.system.dof**2))
     for name in under.outputs:
         result[name] = {}
@@ -125,9 +141,9 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     return result
 
 
-def _hidden(scene: Scene, row: int) -> Any:
+def _hidden(scene: Scene, under: Random, row: int) -> Any:
     """Groups of poles that no response contains, in open loops, which changes may bring into them."""
-    if scene.closure is not None or scene.under.band is not None:
+    if scene.closure is not None or under.band is not None:
         return None
     a, b, c, _ = scene.equations
     parts = separated(a, b, c[[row]])
@@ -136,7 +152,7 @@ def _hidden(scene: Scene, row: int) -> Any:
 
 def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:
     """Return the derivatives of root mean squares to the entries of the controller, {output: {"A": (k, k), ...}}."""
-    scene = Scene(under)
+    scene = Scene(under.linear)
     if scene.closure is None:
         raise ResponseError(f"controller_sensitivities: '{under.linear.name}' has no controller; ask a closed loop.")
     squares, result = under.mean_squares().total, {}
@@ -145,7 +161,7 @@ def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:
         shape = k + len(scene.closure.actuators), k + len(scene.closure.sensors)
         value = np.full(shape, np.nan)
         if 0.0 < squares[row] < np.inf:
-            value = scene.closure.to_law(gradient(scene.under, scene.equations, row)) * (0.5 / np.sqrt(squares[row]))
+            value = scene.closure.to_law(gradient(under, scene.equations, row)) * (0.5 / np.sqrt(squares[row]))
         result[name] = {"A": value[:k, :k], "B": value[:k, k:], "C": value[k:, :k], "D": value[k:, k:]}
     return result
 

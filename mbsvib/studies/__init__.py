@@ -8,6 +8,7 @@ sweeps, results   ``sweep`` and its results
 figures           figures of all of these
 tracks            ``track``: modes that keep their names over a sweep
 scatter, parameter_tolerances, first_order   ``tolerances``: scatter of parameters, to first order and by samples
+plants, derivatives   what a study makes of each system, such as a closed loop, and derivatives through it
 dual, evaluation, quantities, extremes   numbers of a system with their gradients, and functions of them
 machines, point_masses   running machines: shaking force and moment, drive torques; what balances them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares

@@ -62,7 +62,7 @@ class StudyVariables:
         parameter_values = self.values(values)
         to_angular_velocities(result.values(), parameter_values)
         for slopes in result.values():
-            slopes.update({} if slopes else {next(iter(parameter_values)): 0.0})
+            slopes.update({} if slopes else {next(iter(parameter_values or self.parameters)): 0.0})
         return result
 
     def _expanded(self, by_pattern: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -107,13 +107,15 @@ def rates_at(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, f
     return design(model, numbers).rates(numbers)
 
 
-def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> StudyVariables:
+def design(
+    model: Model, names: Iterable[str], ties: Ties | None = None, gains: Mapping[str, float] | None = None
+) -> StudyVariables:
     """Return the variables of a study.
 
     ``names``: names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
     ``ties``: for each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with
     it: parameter = value of the model + rate x variable. For others an object with ``values`` and ``rates``, the same
-    for all variables that it takes.
+    for all variables that it takes. ``gains``: variables that are arguments of the plant of a study, with their start.
     """
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "
@@ -124,10 +126,11 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Stud
         if name not in variables and id(tie) not in shared:
             raise ModelError(f"ties: '{name}' is not one of the variables.{nearest(str(name), variables)} Variables "
                              f"are: {', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
-    direct = _direct(parameters, [name for name in variables if name not in maps])
+    gains = gains or {}
+    direct = _direct(parameters, [name for name in variables if name not in maps and name not in gains])
     linear, bound = _linear(parameters, maps), _bound(maps, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
-    start, units = dict(direct.start) | dict(linear.start), _units(direct, parameters)
+    start, units = dict(direct.start) | dict(linear.start) | dict(gains), _units(direct, parameters)
     for tie, tied in bound:
         start |= {name: started(tie, name) for name in tied}
         units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in tied}

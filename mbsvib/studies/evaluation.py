@@ -1,53 +1,52 @@
-"""Design points: systems at points of a study; results that quantities need are computed once."""
+"""Design points: systems, or plants around them, at points of a study; what quantities need is computed once."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.system import System
 from mbsvib.common.expected import kind_of
-from mbsvib.equations.assembly import is_small
-from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.errors import ModelError
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
+from mbsvib.studies.derivatives import OfLoop, OfSystem
 from mbsvib.studies.dual import Dual
+from mbsvib.studies.plants import PlantPoint
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterable, Sequence
+    from collections.abc import Callable, Hashable, Iterable, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
-    from mbsvib.api.plant import Plant
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
-    from mbsvib.studies.design import StudyVariables
+    from mbsvib.studies.derivatives import Derivatives
+    from mbsvib.studies.plants import Systems
 
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """A system and its variables (``rates`` of parameters with each). ``scale`` (variables,) converts derivatives with
-    respect to variables to those with respect to the unknowns of a search, ``levels`` are bounds that replace the
-    largest of many numbers, ``order`` is the mode number of each track. ``equations`` are None where no quantity of the
-    study asks for the system; ``changed`` is the model at these values, None where it is that of the system.
+    """A system, or the plant around it, and its variables (``rates`` of parameters with each). ``scale`` (variables,)
+    converts derivatives with respect to variables to those with respect to the unknowns of a search, ``levels`` are
+    bounds that replace the largest of many numbers, ``order`` is the mode number of each track. ``equations`` are None
+    where no quantity of the study asks for the system; ``changed`` is the model at these values, None where it is that
+    of the system. ``plant`` is what quantities are those of in its place, None without one.
     """
 
-    equations: System | None
+    equations: Any
     rates: Mapping[str, Mapping[str, float]]
     values: Mapping[str, float]
     scale: Array
     levels: Mapping[Hashable, float]
     order: Index | None = None
     changed: Model | None = None
+    plant: PlantPoint | None = None
 
     @classmethod
     def of(
@@ -55,17 +54,30 @@ class DesignPoint:
     ) -> DesignPoint:
         """Return a single system with derivatives to some variables; a model if no equations are requested."""
         model = system if not equations and kind_of(system) == "model" else None
-        equations_of = None if model is not None else checked(system)
+        equations_of = None if model is not None else linear(system)
         if isinstance(variables, Mapping):
             return cls(equations_of, variables, {}, np.ones(len(variables)), {}, changed=model)
-        names, known = [variables] if isinstance(variables, str) else list(variables), system.parameters
+        names = [variables] if isinstance(variables, str) else list(variables)
+        known = (system.plant.source if kind_of(system) == "closed loop" else system).parameters
         values = {name: known[known.matching(name)[0]] for name in names}
         return cls(equations_of, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {}, changed=model)
 
+    @classmethod
+    def at(
+        cls, systems: Systems, values: Mapping[str, float], scale: Array, sizes: Array, equations: bool = True
+    ) -> DesignPoint:
+        """Return the point of a study at values of its variables; ``sizes`` (variables,) are those of the variables."""
+        rates = systems.design.rates(values)
+        if not equations:
+            return cls(None, rates, values, scale, {}, changed=systems.model.with_values(systems.design.values(values)))
+        system = checked(systems.at(values))
+        plant = PlantPoint(systems, system, values, rates, sizes) if systems.plant.function is not None else None
+        return cls(system, rates, values, scale, {}, plant=plant)
+
     @property
-    def system(self) -> System:
-        """The equations of motion."""
-        return checked(self.equations)
+    def system(self) -> Any:
+        """The equations of motion, or the plant."""
+        return linear(self.equations if self.plant is None else self.plant.asked)
 
     @property
     def model(self) -> Model:
@@ -114,8 +126,23 @@ class DesignPoint:
         ends = np.stack((modes.starts[:-1], modes.starts[1:] - 1), axis=1)[which]
         if not self.rates:
             return modes.eigenvalues[ends], np.zeros((0, *ends.shape), dtype=complex)
-        slope = self.system.eigenvalue_sensitivities(self.rates)
-        return modes.eigenvalues[ends], slope[:, ends]
+        return modes.eigenvalues[ends], self.derivatives.eigenvalues(modes)[:, ends]
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """The derivatives to the variables: exact ones where there are such, else differences."""
+        if self.plant is not None:
+            return self.plant.derivatives
+        return (OfLoop if kind_of(self.system) == "closed loop" else OfSystem)(self.system, self.rates)
+
+    def by_differences(self, function: Callable[[Any], Any]) -> Array:
+        """Return the differences of numbers (k,) of the plant, (k, variables)."""
+        if not self.rates:
+            return np.zeros((1, 0))
+        if self.plant is None:
+            raise ModelError(f"gradient: '{self.system.name}' is no continuous loop around a system; expected one, or "
+                             f"plant= of a study, which takes differences.", field="system")  # fmt: skip
+        return np.asarray(self.plant.differences.of(function)).T
 
     def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:
         """Return the frequency response (outputs, inputs, n), and its derivatives (variables, outputs, inputs, n)."""
@@ -125,46 +152,45 @@ class DesignPoint:
         value = self.system.frequency_response(w)[np.ix_(o, i)]
         if not self.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
-        return value, self.system.frequency_response_sensitivities(w, self.rates, list(outputs), list(inputs))
-
-    @cached_property
-    def station(self) -> Station:
-        """The modes with their shapes weighted by the inertia, to be followed."""
-        return station(self.modes, self.system)
+        return value, self.derivatives.response(w, outputs, inputs)
 
 
-class Systems:
-    """Systems of a model at values of variables: those of a compiled plant where forces at the pose need not balance,
-    else of models in equilibrium. ``independent``: requested minimal coordinates, in which a search keeps its systems.
+def station(asked: Any, at: float = 0.0, modes: Modes | None = None) -> Station:
+    """Return modes with their shapes, to be followed: of systems weighted by the inertia, of loops with states of
+    controllers the displacements, velocities and states.
     """
+    modes = asked.modes() if modes is None else modes
+    if kind_of(asked) == "closed loop" and asked.period is None:
+        if asked.second_order is None:
+            space = asked.state_space()
+            inside = modes.shapes[len(asked.plant.space.A) :]
+            return Station(at, upper(modes.pairs), np.concatenate((space.transform @ modes.shapes, inside)))
+        asked = asked.second_order
+    if kind_of(asked) != "system":
+        raise ModelError(f"modes of '{asked.name}' cannot be followed by their shapes, as its states are others at "
+                         f"each point; expected a system or a continuous loop. Ask quantities of responses.",
+                         field="plant")  # fmt: skip
+    return Station(at, upper(modes.pairs), checked(asked).inertia_factor @ modes.shapes)
 
-    def __init__(self, model: Model, design: StudyVariables, independent: Sequence[str] | None = None) -> None:
-        self.model, self.design, self.independent = model, design, independent
 
-    @cached_property
-    def plant(self) -> Plant | None:
-        """The compiled plant; None where models find their equilibrium, or are large."""
-        if not is_small(self.model):
-            return None
-        with catch_warnings(), suppress(MbsvibError):
-            simplefilter("ignore")
-            plant = self.model.compile(list(self.design.values(self.design.start)), independent=self.independent)
-            if not plant.loaded and (self.independent is None or plant.coordinates == tuple(self.independent)):
-                return plant
+def frame(asked: Any, first: Station) -> Array | Complex | None:
+    """Return the matrix by which shapes of loops become comparable: in parts of those of the ``first`` station, as
+    displacements and states have no common unit; None where shapes are weighted.
+    """
+    if kind_of(asked) != "closed loop" or asked.second_order is not None:
         return None
-
-    def at(self, values: Mapping[str, float]) -> System | SparseSystem:
-        """Return the system at values of the variables."""
-        changed = self.design.values(values)
-        if self.plant is not None:
-            with suppress(MbsvibError):  # other coordinates may do, and refusals are those of models
-                return self.plant.system([changed[name] for name in self.plant.names])
-        return in_equilibrium(self.model.with_values(changed), independent=self.independent)[1]
+    oscillating = first.vectors[:, first.values.imag > 0.0]
+    return np.linalg.pinv(np.concatenate((first.vectors, oscillating.conj()), axis=1))
 
 
-def station(modes: Modes, system: System, at: float = 0.0) -> Station:
-    """Return modes with their shapes weighted by the inertia, to be followed."""
-    return Station(at, upper(modes.pairs), system.inertia_factor @ modes.shapes)
+def framed(shapes: Station, by: Array | Complex | None) -> Station:
+    """Return modes with their shapes multiplied by the matrix of ``frame``."""
+    return shapes if by is None else replace(shapes, vectors=by @ shapes.vectors)
+
+
+def linear(asked: Any) -> Any:
+    """Return a system, a loop or a state space, or refuse another object."""
+    return asked if kind_of(asked) in ("closed loop", "state space") else checked(asked)
 
 
 def checked(system: Any) -> System:

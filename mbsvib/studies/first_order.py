@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError
-from mbsvib.studies.modal import Modal, parting, together
+from mbsvib.studies.modal import Modal, together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,12 +95,11 @@ def _parting(
     """Index of each number whose mode is near to others, its changes in the samples, and the largest and the root mean
     square change that each variable can make.
     """
-    system, modes = point.system, point.modes
     starts = np.concatenate(([0], np.cumsum(counts)))
-    modal = [(int(start), quantity, quantity.of(modes))
+    modal = [(int(start), quantity, quantity.of(point.modes))
              for start, quantity in zip(starts[:-1], quantities.values(), strict=True)
              if isinstance(quantity, Modal)]  # fmt: skip
-    if not modal or system.gyroscopic is not None or system.circulatory is not None:
+    if not modal:
         return []
     values, slopes = point.pairs
     scatter = np.sqrt(((np.abs(slopes[:, :, 0]) * deviation[:, None]) ** 2).sum(axis=0))
@@ -108,7 +107,10 @@ def _parting(
     for group in together(values[:, 0], scatter):
         if not any(set(group) & set(numbers) for _, _, numbers in modal):
             continue
-        start, slope = parting(system, group, point.rates)
+        forms = point.derivatives.close_modes(point.modes, group)
+        if forms is None:
+            continue
+        start, slope = forms
         known = values[group, 0]
         changes = np.concatenate([_eigenvalues(start + np.tensordot(off[i : i + CHUNK], slope, axes=1))
                                   for i in range(0, len(off), CHUNK)])  # fmt: skip

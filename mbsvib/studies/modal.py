@@ -14,7 +14,6 @@ from mbsvib.studies.dual import Dual
 from mbsvib.studies.quantities import Leaf
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes import Modes
     from mbsvib.modes.batch import BatchModes
@@ -99,19 +98,3 @@ def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[in
         label[label == label[j]] = label[i]
     groups = [turns[label == name].tolist() for name in dict.fromkeys(label.tolist())]
     return [group for group in groups if 1 < len(group) <= largest]
-
-
-def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, Complex]:
-    """Return A (k, k), whose eigenvalues approximate k close ones, and its derivatives (variables, k, k).
-
-    dA_ij = -x_i^T (l_i l_j dM + (l_i + l_j) / 2 dC + dK) x_j, with x_i^T ((l_i + l_j) M + C) x_j = 1 for i = j, else 0
-
-    ``group``: modes whose eigenvalues l are close to each other.
-    """
-    modes = system.modes()
-    x, values = modes.shapes[:, group], modes.pairs[group, 0]
-    change = system.matrix_derivatives(variables)
-    total, product = values[:, None] + values, values[:, None] * values
-    norm = total * (x.T @ system.M @ x) + x.T @ system.C @ x
-    form = product * (x.T @ change.M @ x) + 0.5 * total * (x.T @ change.C @ x) + x.T @ change.K @ x
-    return np.diag(values).astype(complex), np.asarray(-np.linalg.solve(norm, form), dtype=complex)

@@ -15,6 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
+from mbsvib.studies.plants import plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.scales import scales
 from mbsvib.studies.search import Search
@@ -61,6 +62,7 @@ class Optimum(Displayed):
     The search is local: it goes downhill from its start, and another start may lead to a smaller objective. Where there
     were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
 
+    ``plant`` is what the function ``plant`` of the search returns there, such as the closed loop, None without one.
     ``observed`` has the quantities that were asked for besides, by name. ``constraints`` has the constrained numbers by
     label, and ``violation`` the largest violation relative to their
     bounds. ``optimality`` is the norm of the objective's gradient minus its projection on those of active constraints
@@ -85,6 +87,7 @@ class Optimum(Displayed):
     evaluations: int
     units: Mapping[str, str] = field(repr=False)
     starts: tuple[Descent, ...] = field(repr=False)
+    plant: Any = field(default=None, repr=False)
 
     def table(self) -> dict[str, Any]:
         """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -128,6 +131,7 @@ def optimize(
     constraints: Constraint | Iterable[Constraint] = (), *, ties: Ties | None = None,
     start: Mapping[str, float] | None = None, method: str = "SLSQP", options: Mapping[str, Any] | None = None,
     starts: int = 1, seed: int = 0, observed: Mapping[str, Quantity] | None = None,
+    plant: Callable[..., Any] | None = None,
 ) -> Optimum:  # fmt: skip
     """Return the values of some parameters at which a quantity is smallest, by its exact gradient.
 
@@ -168,6 +172,12 @@ def optimize(
         Of the Latin hypercube: the same seed gives the same points.
     observed : mapping of str to Quantity, optional
         Quantities by name that are wanted at the optimum, but neither minimised nor bounded.
+    plant : callable, optional
+        A function of the system that returns what quantities are those of in its place, such as the closed loop
+        ``lambda system, gain=1.0: system.feedback(-gain * K)``. Its further arguments may be variables by their names,
+        which start at their defaults. Derivatives are exact for continuous loops around the system whose controller
+        does not depend on the parameters; those of its matrices to gains, and all of other plants, such as sampled
+        loops and controllers that are designed for each system, are differences of fourth order.
 
     Returns
     -------
@@ -190,9 +200,10 @@ def optimize(
         if not isinstance(constraint, Constraint):
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
-    variables_design = design(model, variables, ties)
+    around = plant_of(plant, variables)
+    variables_design = design(model, variables, ties, around.gains)
     search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list,
-                    _watched(observed))  # fmt: skip
+                    _watched(observed), around)  # fmt: skip
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
@@ -309,6 +320,7 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)},
         search.observations(z), violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
+        None if point.plant is None else point.plant.asked,
     )  # fmt: skip
 
 

@@ -12,35 +12,37 @@ from mbsvib.common.expected import a_model
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import resolved
-from mbsvib.studies.parameter_maps import started
+from mbsvib.studies.design import design
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.design import Ties
+    from mbsvib.studies.design import StudyVariables, Ties
 
 
 # standard deviation over tolerance
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
-def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
-    """Return the tolerance of each parameter.
+def parameter_tolerances(
+    model: Model, tolerances: Mapping[str, Any], ties: Ties | None, gains: Mapping[str, float]
+) -> tuple[StudyVariables, dict[str, float]]:
+    """Return the variables and their tolerances.
 
-    ``tolerances``: by name or pattern, in the unit of the parameter, or as a share of its value, "2 %". ``ties``:
-    functions, whose names may be among the tolerances.
+    ``tolerances``: by name or pattern, in the unit of the parameter, or as a share of its value, "2 %". Names of
+    ``ties`` and ``gains`` may be among them; these are as of ``design``.
     """
     if not isinstance(tolerances, Mapping) or not tolerances:
         raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
                            "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("tolerances", "ties", ties, "a mapping of variables to the parameters that they move")
-    mapped = {name: value for name, value in tolerances.items() if name in (ties or {})}
+    used = {name: rates for name, rates in (ties or {}).items() if name in tolerances}
+    mapped = {name: value for name, value in tolerances.items() if name in used or name in gains}
     unmapped = {name: value for name, value in tolerances.items() if name not in mapped}
-    result = {}
-    for name, value in resolved(a_model(model, "study").parameters, unmapped).items():
-        result[name] = _tolerance(name, value, model.parameters[name])
-    return result | {name: _tolerance(name, value, started((ties or {})[name], name)) for name, value in mapped.items()}
+    values = resolved(a_model(model, "study").parameters, unmapped) | mapped
+    variables = design(model, values, used or None, gains)
+    return variables, {name: _tolerance(name, value, variables.start[name]) for name, value in values.items()}
 
 
 def _tolerance(name: str, tolerance: Any, value: float) -> float:

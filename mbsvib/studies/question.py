@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.studies.plants import NO_PLANT, Plant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,17 +34,17 @@ UNITS = {"modes.eigenvalues": "1/s", "poles": "1/s", "modes.natural": "rad/s", "
 class Question:
     """Results by label: a path such as "modes.frequencies", or a function of a system (``takes_batch``: of a batch).
 
-    ``plant``: function of a system whose value is asked in its place, such as a closed loop.
+    ``plant``: what it makes of a system is asked in its place, such as a closed loop.
     """
 
     items: Mapping[str, str | Callable[[Any], Any]]
     takes_batch: bool = False
-    plant: Callable[[Any], Any] | None = None
+    plant: Plant = NO_PLANT
 
     @property
     def batched(self) -> bool:
         """Whether a batch can compute all results at once."""
-        return self.plant is None and all(
+        return self.plant.function is None and all(
             item in BATCHED if isinstance(item, str) else self.takes_batch for item in self.items.values())
 
     @property
@@ -51,10 +52,10 @@ class Question:
         """Units of the results, where known."""
         return {label: UNITS[item] for label, item in self.items.items() if isinstance(item, str) and item in UNITS}
 
-    def ask(self, system: Any) -> Answer:
-        """Return the results of one system as arrays."""
+    def ask(self, system: Any, values: Mapping[str, Any]) -> Answer:
+        """Return the results of one system, at values of the variables, as arrays."""
         result: Answer = {}
-        asked = system if self.plant is None else self.plant(system)
+        asked = self.plant(system, values)
         for label, item in self.items.items():
             value = follow(asked, item) if isinstance(item, str) else item(asked)
             if isinstance(value, Mapping):
@@ -66,7 +67,7 @@ class Question:
 
     def ask_batch(self, batch: Batch) -> Answer:
         """Return the results of all variants, which have an axis of variants in front."""
-        results = self.ask(batch)
+        results = self.ask(batch, {})
         for label, value in results.items():
             if value.shape[:1] != (len(batch),):
                 raise ModelError(f"of: '{label}' of a batch of {len(batch)} has shape {value.shape}; expected one "
@@ -75,16 +76,14 @@ class Question:
         return results
 
 
-def question(of: Asked, batched: bool = False, plant: Callable[[Any], Any] | None = None) -> Question:
+def question(of: Asked, batched: bool = False, plant: Plant = NO_PLANT) -> Question:
     """Return the results to be computed at each point, checked.
 
     ``of``: a path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
-    ``batched``: whether functions accept batches too and return an axis of variants in front. ``plant``: a function of
-    a system that returns what is asked in its place.
+    ``batched``: whether functions accept batches too and return an axis of variants in front. ``plant``: what is asked
+    in place of the system.
     """
-    if plant is not None and not callable(plant):
-        raise check.refuse("study", "plant", plant, "a function of a system, such as lambda system: system.feedback(K)")
-    if plant is not None and batched:
+    if plant.function is not None and batched:
         raise check.refuse("study", "batched", batched, "False beside plant, which is a function of single systems")
     items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
     for item in items.values():

@@ -160,6 +160,9 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
 def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], band: Band | None) -> Dual:
     system = point.system
     outputs, inputs = ports.of(system)
+    if getattr(system, "period", None) is not None:  # of which sampling folds noise to other frequencies
+        value = _root(system, outputs, spectra, band)
+        return point.dual(value, point.by_differences(lambda asked: _root(asked, outputs, spectra, band)))
     known = sources(spectra, system.inputs, system.input_units, system.name)
     f, weight = nodes(system, outputs, known, band)
     density = known.of(f)[[known.names.index(name) for name in inputs]] * weight
@@ -168,6 +171,10 @@ def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], b
     change = 2.0 * ((g.conj() * slope).real * density).sum(axis=(1, 2, 3))
     root = np.sqrt(square)
     return point.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
+
+
+def _root(system: Any, outputs: list[str], spectra: Mapping[str, Any], band: Band | None) -> Array:
+    return np.linalg.norm(list(system.rms(outputs, spectra, band).values()), keepdims=True)
 
 
 def nodes(system: System, outputs: list[str], known: Sources, band: Band | None) -> tuple[Array, Array]:

@@ -49,17 +49,17 @@ class Task:
     def run(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Return the outcomes at the points with these numbers, whose variables have the values of the columns."""
         if self.kind == "single":
-            return [(number, self._single({name: column[i] for name, column in columns.items()}))
-                    for i, number in enumerate(numbers)]  # fmt: skip
+            return [(number, self._single(_at(columns, i))) for i, number in enumerate(numbers)]
         try:
-            batch = self.model.linearize(values=self.design.values(columns))
+            changed = self.design.values(columns)
+            batch: Any = self.model.linearize(values=changed) if changed else [self.model.linearize()] * len(numbers)
             if self.kind == "batch":
                 results = self.question.ask_batch(batch)
                 return [(number, {label: value[i] for label, value in results.items()})
                         for i, number in enumerate(numbers)]  # fmt: skip
         except REFUSED:
             return self._sorted_out(numbers, columns)
-        return [(number, self._answers(batch, i)) for i, number in enumerate(numbers)]
+        return [(number, self._answers(batch, i, _at(columns, i))) for i, number in enumerate(numbers)]
 
     def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Run a refused piece without the points with invalid values; these are run separately."""
@@ -69,14 +69,14 @@ class Task:
         if not odd.any():
             return self._halved(numbers, columns)
         few, many = np.flatnonzero(odd).tolist(), np.flatnonzero(~odd).tolist()
-        result = [(numbers[i], self._single({name: column[i] for name, column in columns.items()})) for i in few]
+        result = [(numbers[i], self._single(_at(columns, i))) for i in few]
         remaining = [numbers[i] for i in many]
         return result + (self.run(remaining, {name: x[many] for name, x in columns.items()}) if remaining else [])
 
     def _halved(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Bisect a refused piece to separate the points that fail from the others."""
         if len(numbers) == 1:
-            return [(numbers[0], self._single({name: column[0] for name, column in columns.items()}))]
+            return [(numbers[0], self._single(_at(columns, 0)))]
         half = len(numbers) // 2
         result: Outcomes = []
         for part in (slice(None, half), slice(half, None)):
@@ -90,13 +90,13 @@ class Task:
                 name, value = next(iter(model.parameters.items()))
                 batch = model.linearize(values={name: np.array([value])})
                 return {label: value[0] for label, value in self.question.ask_batch(batch).items()}
-            return self.question.ask(system)
+            return self.question.ask(system, values)
         except Exception as error:  # any error of a point is its outcome
             return error_text(error)
 
-    def _answers(self, batch: Any, i: int) -> Outcome:
+    def _answers(self, batch: Any, i: int, values: Mapping[str, Any]) -> Outcome:
         try:
-            return self.question.ask(batch[i])
+            return self.question.ask(batch[i], values)
         except Exception as error:
             return error_text(error)
 
@@ -108,7 +108,7 @@ def task(model: Model, design: StudyVariables, question: Question) -> Task:
     except MbsvibError:
         return Task(model, design, question, "single")
     for item in question.items.values():
-        if isinstance(item, str):
+        if isinstance(item, str) and question.plant.function is None:
             follow(system, item)
     if not isinstance(system, System):
         return Task(model, design, question, "single")
@@ -116,7 +116,8 @@ def task(model: Model, design: StudyVariables, question: Question) -> Task:
         return Task(model, design, question, "single", system.dof)
     affected = set(design.values(design.start))
     try:
-        batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in affected})
+        if affected:
+            batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in affected})
     except REFUSED:
         return Task(model, design, question, "single")
     if question.batched:
@@ -198,6 +199,10 @@ def _around_killed(
                 yield [(left.pop(0), reason)]
                 return
             size = (size + 1) // 2
+
+
+def _at(columns: Mapping[str, Any], i: int) -> dict[str, Any]:
+    return {name: column[i] for name, column in columns.items()}
 
 
 def _part(columns: Mapping[str, Any], numbers: Sequence[int]) -> dict[str, Any]:

@@ -14,12 +14,12 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies import figures
-from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import DesignPoint, checked
+from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import damping_ratio, frequency
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.parameter_tolerances import DEVIATION, parameter_tolerances, random_values
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Quantity
 from mbsvib.studies.sweeps import sweep
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
+    from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.results import Sweep
 
 # What a tolerance is in each distribution.
@@ -188,7 +189,7 @@ def tolerances(
     model: Model, tolerances: Mapping[str, Any], of: Quantity | Mapping[str, Quantity] | None = None, *,
     samples: int = 10_000, distribution: str = "normal", seed: int | None = 0, ties: Ties | None = None,
     derivatives: bool = True, workers: int | None = None, file: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: Progress = None, plant: PlantFunction | None = None,
 ) -> Tolerances:  # fmt: skip
     """Return what scatter of parameters does to quantities, to first order and by random samples.
 
@@ -220,6 +221,10 @@ def tolerances(
         Record of the samples, from which it is resumed; needs a seed.
     progress : bool, callable or None
         True: a progress bar; None: on terminals.
+    plant : callable, optional
+        A function of the system that returns what quantities are those of in its place, such as a closed loop. Its
+        further arguments, such as gains, may be among the tolerances by their names; their nominal values are their
+        defaults. Derivatives are as of ``optimize``.
 
     Returns
     -------
@@ -233,22 +238,22 @@ def tolerances(
         not exist.
     """
     quantities = _quantities(of)
-    width = parameter_tolerances(model, tolerances, ties)
+    around = plant_of(plant, tolerances)
+    variables, width = parameter_tolerances(model, tolerances, ties, around.gains)
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
-    variables = design(model, width, used or None)
-    system = checked(model.linearize())
     centre = {name: variables.start[name] for name in width}
-    point = DesignPoint(system, variables.rates(centre), centre, np.ones(len(width)), {})
+    sizes = [abs(value) or width[name] for name, value in centre.items()]
+    point = DesignPoint.at(Systems(model, variables, around), centre, np.ones(len(width)), np.array(sizes))
     columns = random_values(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
     if derivatives:
         linear = first_order(point, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
     else:
         linear = no_order(point, quantities, off)
-    ask = _Ask(quantities, {label: quantity.of(system.modes()) for label, quantity in quantities.items()
-                            if isinstance(quantity, Modal)})  # fmt: skip
+    indices = {label: quantity.of(point.modes) for label, quantity in quantities.items() if isinstance(quantity, Modal)}
+    ask = _Ask(quantities, indices, plant is None and len(indices) == len(quantities))
     swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,
-                  workers=workers, file=file, progress=progress)  # fmt: skip
+                  workers=workers, file=file, progress=progress, plant=plant)  # fmt: skip
     sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
     return Tolerances(model.name, _labels(quantities, linear.counts, ask), linear.nominal, linear.deviation,
                       linear.worst, linear.shares, width, distribution, swept, sampled, linear.linear,
@@ -258,9 +263,8 @@ def tolerances(
 class _Ask:
     """The quantities of each sample; for a batch at once, if all are quantities of modes."""
 
-    def __init__(self, quantities: Mapping[str, Quantity], indices: Mapping[str, list[int]]) -> None:
-        self.quantities, self.indices = quantities, indices
-        self.batched = len(indices) == len(quantities)
+    def __init__(self, quantities: Mapping[str, Quantity], indices: Mapping[str, list[int]], batched: bool) -> None:
+        self.quantities, self.indices, self.batched = quantities, indices, batched
 
     def __call__(self, system: Any) -> dict[str, Any]:
         if not isinstance(system, Batch):

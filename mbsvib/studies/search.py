@@ -15,17 +15,17 @@ import numpy as np
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, match_next, reference
 from mbsvib.studies.dual import Dual, stacked
-from mbsvib.studies.evaluation import DesignPoint, Systems, check_variables, checked, station
+from mbsvib.studies.evaluation import DesignPoint, check_variables, frame, framed, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
+from mbsvib.studies.plants import NO_PLANT, Plant, Systems
 from mbsvib.studies.quantities import Constraint, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
     from mbsvib.api.model import Model
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.linalg.matching import Station
     from mbsvib.studies.design import StudyVariables
     from mbsvib.studies.scales import Scales
@@ -52,12 +52,14 @@ class Search:
     def __init__(
         self, model: Model, design: StudyVariables, scales: Scales, objective: Quantity,
         constraints: tuple[Constraint, ...], observed: Mapping[str, Quantity] | None = None,
+        plant: Plant = NO_PLANT,
     ) -> None:  # fmt: skip
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
-        self._systems = Systems(model, design)
+        self._systems = Systems(model, design, plant)
         self._references: list[tuple[Array, Reference]] = []
+        self._frame: Array | Complex | None = None
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
         self.observed = dict(observed or {})
@@ -69,8 +71,9 @@ class Search:
         self.needs_equations = any(part.needs_equations for part in (*requested, *self.observed.values()))
         start = self.point(np.zeros(len(scales.start)))
         if self.needs_equations:
-            check_variables(start.system, start.rates)
-            self._systems = Systems(model, design, start.system.coordinates)
+            if start.plant is None:
+                check_variables(start.system, start.rates)
+            self._systems = Systems(model, design, plant, start.equations.coordinates)
         true = {item: float(item.true(start).value[0]) for item in self.largest}
         self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
         self._active = {item: item.seeds(start) for item in self.largest}
@@ -82,14 +85,8 @@ class Search:
                        for c, value in zip(constraints, numbers, strict=True)]  # fmt: skip
         self._check_directions(start)
 
-    def system(self, x: Array) -> System:
-        """Return the system at the unknowns of variables."""
-        values = dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
-        try:
-            return checked(self._systems.at(values))
-        except MbsvibError as error:
-            error.add_note(f"at {_text(values)}")
-            raise
+    def _values(self, x: Array) -> dict[str, float]:
+        return dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
 
     def point(self, x: Array) -> DesignPoint:
         """Return the point at the unknowns of variables; its modes, if used, are followed from the nearest computed
@@ -97,14 +94,14 @@ class Search:
         """
         if self._point is None or not np.array_equal(self._point[0], x):
             self.evaluations += 1
-            p = self.scales.values(x)
-            values = dict(zip(self.design.variables, p.tolist(), strict=True))
-            model = None if self.needs_equations else self.model.with_values(self.design.values(values))
-            system = self.system(x) if self.needs_equations else None
-            design_point = DesignPoint(system, self.design.rates(values), values, self.scales.rates(p), {},
-                                       changed=model)  # fmt: skip
-            order = self._followed(x, design_point) if self._follows else None
-            self._point = x.copy(), replace(design_point, order=order)
+            values, scale = self._values(x), self.scales.rates(self.scales.values(x))
+            try:
+                point = DesignPoint.at(self._systems, values, scale, scale, self.needs_equations)
+                order = self._followed(x, point) if self._follows else None
+            except MbsvibError as error:
+                error.add_note(f"at {_text(values)}")
+                raise
+            self._point = x.copy(), replace(point, order=order)
         return self._point[1]
 
     def at(self, z: Array) -> Value:
@@ -207,17 +204,23 @@ class Search:
 
     def _followed(self, x: Array, point: DesignPoint) -> Index:
         """The mode of each track."""
-        target = point.station
+        target = station(point.system, modes=point.modes)
         if not self._references:
-            self._references.append((x.copy(), reference(target)))
+            self._frame = frame(point.system, target)
+            self._references.append((x.copy(), reference(framed(target, self._frame))))
             return np.arange(len(point.modes))
         origin, known = min(self._references, key=lambda tracks: float(np.abs(tracks[0] - x).max()))
+        if known.vectors.shape[1] != len(point.modes):
+            raise ModelError(f"optimize: {len(point.modes)} modes here, {known.vectors.shape[1]} at the start: poles "
+                             f"have met on the real axis, or left it. Give bounds that keep away from there, or ask "
+                             f"quantities of responses.", field="plant")  # fmt: skip
 
         def between(share: float) -> Station:
-            system = self.system(origin + share * (x - origin))
-            return station(system.modes(), system, share)
+            inside = origin + share * (x - origin)
+            return framed(station(self._systems.asked(self._values(inside)), share), self._frame)
 
-        number, tracks = match_next(known, 0.0, replace(target, at=1.0), between)
+        target = framed(replace(target, at=1.0), self._frame)
+        number, tracks = match_next(known, 0.0, target, between)
         self._references = [*self._references[-MOST_REFERENCES:], (x.copy(), tracks)]
         return number
 

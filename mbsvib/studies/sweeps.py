@@ -10,13 +10,14 @@ import numpy as np
 
 from mbsvib.common.progress import counting
 from mbsvib.studies.design import design
+from mbsvib.studies.plants import plant_of
 from mbsvib.studies.question import question
 from mbsvib.studies.results import Sweep, gathered
 from mbsvib.studies.running import run, task
 from mbsvib.studies.sweep_points import points
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Iterable, Mapping
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import StudyVariables, Ties
+    from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.question import Asked
     from mbsvib.studies.running import Outcome
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 def sweep(
     model: Model, values: Mapping[str, ArrayLike], of: Asked, *, how: str = "grid", ties: Ties | None = None,
     batched: bool = False, workers: int | None = None, file: str | PathLike[str] | None = None, retry: bool = False,
-    progress: Progress = None, plant: Callable[[Any], Any] | None = None,
+    progress: Progress = None, plant: PlantFunction | None = None,
 ) -> Sweep:  # fmt: skip
     """Ask one question at many points of a model's parameters.
 
@@ -68,7 +70,8 @@ def sweep(
         True: a progress bar; None: on terminals; a function is called with how many are done and how many there are.
     plant : callable, optional
         A function of the system of each point that returns what is asked in its place, such as the loop
-        ``lambda system: system.feedback(controller, noise=True)``.
+        ``lambda system: system.feedback(controller, noise=True)``. Its further arguments may be variables by their
+        names, such as gains.
 
     Returns
     -------
@@ -82,14 +85,16 @@ def sweep(
         file is the record of another sweep.
     """
     sweep_points = points(values, how)
-    variables = design(model, sweep_points.columns, ties)
-    quantities = question(of, batched, plant)
+    around = plant_of(plant, sweep_points.columns)
+    variables = design(model, sweep_points.columns, ties, around.gains)
+    quantities = question(of, batched, around)
     work = task(model, variables, quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
         from mbsvib.studies.record import Record, head
 
-        record = Record(file, head(model, sweep_points, _moved(variables, sweep_points.columns), quantities))
+        moved = _moved(variables, around.gains, sweep_points.columns)
+        record = Record(file, head(model, sweep_points, moved, quantities))
         outcomes.update((i, outcome) for i, outcome in record.known.items()
                         if not (retry and isinstance(outcome, str)))  # fmt: skip
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
@@ -111,5 +116,6 @@ def sweep(
     return Sweep(model.name, sweep_points.axes, sweep_points.columns, sweep_points.shape, results, errors, units)
 
 
-def _moved(variables: StudyVariables, columns: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: np.asarray(column, dtype=float) for name, column in variables.values(columns).items()}
+def _moved(variables: StudyVariables, gains: Iterable[str], columns: Mapping[str, Any]) -> dict[str, Any]:
+    gains = {name: columns[name] for name in gains}
+    return {name: np.asarray(column, dtype=float) for name, column in (variables.values(columns) | gains).items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import Systems, station
+from mbsvib.studies.evaluation import frame, framed, station
 from mbsvib.studies.figures import root_locus
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
 
@@ -24,10 +25,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.progress import Progress
     from mbsvib.modes import Modes
     from mbsvib.studies.design import Ties
+    from mbsvib.studies.plants import PlantFunction
 
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "1"}
@@ -108,7 +110,7 @@ class Tracks(Sweep):
 def track(
     model: Model, values: Mapping[str, ArrayLike], names: Mapping[str, int] | None = None, *, how: str = "grid",
     ties: Ties | None = None, workers: int | None = None, file: str | PathLike[str] | None = None,
-    progress: Progress = None,
+    progress: Progress = None, plant: PlantFunction | None = None,
 ) -> Tracks:  # fmt: skip
     """Follow modes over the points of a sweep by their shapes.
 
@@ -134,6 +136,8 @@ def track(
         Record of the sweep, from which it is resumed.
     progress : bool, callable or None
         True: a progress bar; None: on terminals.
+    plant : callable, optional
+        A function of the system that returns what has the modes in its place, such as a closed loop, as for ``sweep``.
 
     Returns
     -------
@@ -145,15 +149,21 @@ def track(
     ModelError
         If a parameter is unknown, a pattern picks nothing, a name is that of no mode, or all points fail.
     """
-    swept = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress)
+    swept = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress,
+                  plant=plant)  # fmt: skip
     good = np.flatnonzero(~swept.failed)
     if not len(good):
         raise ModelError(f"track: all {len(swept)} points failed, the first by {swept.errors[0]}", field="values")
     if swept["eigenvalues"].dtype == object:
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
-                         "as a mass that vanishes.", field="values")  # fmt: skip
-    interval = _Interval(Systems(model, design(model, swept.parameters, ties)), swept.parameters)
-    titles = _titles(interval.system(int(good[0])).modes(), names)
+                         "as a mass that vanishes, or poles of a loop that meet on the real axis.",
+                         field="values")  # fmt: skip
+    around = plant_of(plant, swept.parameters)
+    interval = _Interval(Systems(model, design(model, swept.parameters, ties, around.gains), around), swept.parameters)
+    first = int(good[0])
+    asked = interval.asked(first)
+    titles = _titles(asked.modes(), names)
+    interval = replace(interval, frame=frame(asked, Station(1.0, swept["eigenvalues"][first], swept["shapes"][first])))
     order = _followed(swept, interval)
     results = {label: np.take_along_axis(swept[label], order, axis=1) for label in UNITS}
     for values_ in results.values():
@@ -163,31 +173,28 @@ def track(
     return Tracks(**(attributes | {"results": results, "units": units}), modes=titles)
 
 
-def modal(system: Any) -> dict[str, NDArray[Any]]:
+def modal(asked: Any) -> dict[str, NDArray[Any]]:
     """Return the results at each point: eigenvalues, quantities derived from them, and weighted shapes."""
-    modes = system.modes()
-    modal_station = station(modes, system)
+    modes = asked.modes()
+    modal_station = station(asked, modes=modes)
     return {"eigenvalues": modal_station.values, "frequencies": modes.frequencies, "shapes": modal_station.vectors,
             "damped_frequencies": modes.damped_frequencies, "damping_ratios": modes.damping_ratios}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Interval:
-    """The systems between points."""
+    """The systems between points, whose shapes become comparable by ``frame``."""
 
     systems: Systems
     columns: Mapping[str, Array]
+    frame: Array | Complex | None = None
 
-    def system(self, first: int, second: int = 0, share: float = 0.0) -> Any:
+    def asked(self, first: int, second: int = 0, share: float = 0.0) -> Any:
         values = {name: float(x[first] + share * (x[second] - x[first])) for name, x in self.columns.items()}
-        return self.systems.at(values)
+        return self.systems.asked(values)
 
     def between(self, first: int, second: int) -> Callable[[float], Station]:
-        def at(share: float) -> Station:
-            system = self.system(first, second, share)
-            return station(system.modes(), system, share)
-
-        return at
+        return lambda share: framed(station(self.asked(first, second, share), share), self.frame)
 
 
 def _followed(swept: Sweep, interval: _Interval) -> NDArray[np.intp]:
@@ -196,7 +203,7 @@ def _followed(swept: Sweep, interval: _Interval) -> NDArray[np.intp]:
     order = np.tile(np.arange(values.shape[1]), (len(swept), 1))
     references: dict[int, Reference] = {}
     for i in np.flatnonzero(~swept.failed).tolist():
-        modes_here = Station(1.0, values[i], shapes[i])
+        modes_here = framed(Station(1.0, values[i], shapes[i]), interval.frame)
         before = _before(i, swept.shape, references)
         if before is None:
             references[i] = reference(modes_here)

@@ -12,7 +12,7 @@ from mbsvib import library
 from mbsvib import studies as st
 from mbsvib.linalg.rotations import exponential, jacobian
 from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import Systems
+from mbsvib.studies.plants import Systems
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def test_systems_at_values_are_those_of_rebuilt_models():
     systems = Systems(model, variables)
     rebuilt = model.with_values(at).linearize()
     system = systems.at(at)
-    assert systems.plant is not None
+    assert systems.compiled is not None
     assert system.provenance.origin.parameters == rebuilt.provenance.origin.parameters
     result, expected = (each.eigenvalue_sensitivities(variables.rates(at)) for each in (system, rebuilt))
     assert np.allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
@@ -63,7 +63,7 @@ def test_systems_at_values_are_those_of_rebuilt_models():
     with pytest.raises(mv.ModelError) as of_model:
         model.with_values({**at, "body.mass": -1.0})
     assert str(refusal.value) == str(of_model.value)
-    assert Systems(library.four_bar(), design(library.four_bar(), ["crank.mass"])).plant is None
+    assert Systems(library.four_bar(), design(library.four_bar(), ["crank.mass"])).compiled is None
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-7, 0.0099, 0.0101, 0.7, 3.0])
