@@ -40,7 +40,10 @@ def parameter_tolerances(
     used = {name: rates for name, rates in (ties or {}).items() if name in tolerances}
     mapped = {name: value for name, value in tolerances.items() if name in used or name in gains}
     unmapped = {name: value for name, value in tolerances.items() if name not in mapped}
-    values = resolved(a_model(model, "study").parameters, unmapped) | mapped
+    parameters = a_model(model, "study").parameters
+    known = resolved(parameters, unmapped) | mapped
+    values = {name: known[name] for pattern in tolerances
+              for name in ([pattern] if pattern in mapped else parameters.matching(pattern))}  # fmt: skip
     variables = design(model, values, used or None, gains)
     return variables, {name: _tolerance(name, value, variables.start[name]) for name, value in values.items()}
 

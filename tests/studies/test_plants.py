@@ -113,13 +113,13 @@ def test_damping_and_gain_together_reach_a_constraint_at_the_loop():
 
 
 def test_tolerances_of_a_loop_are_those_of_the_springs_it_stands_for():
-    share = {"suspension.stiffness": "2 %", "g": "5 %"}
+    share = {"g": "5 %", "suspension.stiffness": "2 %"}  # variables keep this order
     of = {"f": st.frequency(), "z": st.gain("body.z", "load", 1.0)}
     loop = mv.tolerances(CAR, share, of, samples=10, plant=sprung)
     model = quarter_car(suspension_damping=300.0)
     k = model.parameters["suspension.stiffness"]
     model = model.with_values({"suspension.stiffness": k + 3e3})
-    springs = mv.tolerances(model, {"k": 0.02 * k, "g": 150.0}, of, samples=10, ties={
+    springs = mv.tolerances(model, {"g": 150.0, "k": 0.02 * k}, of, samples=10, ties={
         "k": {"suspension.stiffness": 1.0}, "g": {"suspension.stiffness": 1.0}})  # fmt: skip
     for name in ("nominal", "first", "worst", "shares", "sampled", "linear"):
         np.testing.assert_allclose(getattr(loop, name), getattr(springs, name), rtol=1e-8, err_msg=name)
