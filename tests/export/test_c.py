@@ -1,6 +1,7 @@
 """Source text in C: compiled, it gives the responses of the system; its test vectors find a wrong coefficient."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 
@@ -145,6 +146,19 @@ def test_the_header_serves_cpp(tmp_path):
     subprocess.run(["g++", "-Wall", "-Werror", tmp_path / "main.cpp", tmp_path / "q.o", "-o", tmp_path / "m"],
                    check=True)  # fmt: skip
     assert subprocess.run([tmp_path / "m"], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(("precision", "real"), [("single", np.float32), ("double", np.float64)])
+def test_the_tolerance_allows_the_rounding_of_right_code(precision, real, tmp_path):
+    """x+ = 0.3 u, y = 0.7 x: each product rounds by half an eps; a tolerance far above that would pass wrong code."""
+    one = np.eye(1)
+    law = controller(mv.StateSpace("k", "controller", -1e6 * one, 0.3e6 * one, 0.7 * one, 0 * one, np.zeros((0, 1)),
+                                   ("a",), ("",), ("y",), ("m",), ("u",), ("N",)), ["y"], ["u"], "fast")  # fmt: skip
+    text = mx.to_c(law, tmp_path, 0.1, method="zoh", precision=precision).test.read_text()
+    tolerance = float(re.search(r"tolerance.*\{\s*([^f\s]+)", text)[1])
+    u = np.array([float(word) for word in re.findall(r"\{([-0-9.]+)f?\}", text.partition("expected")[0])])
+    size, eps = 0.21 * np.abs(u).max(), float(np.finfo(real).eps)
+    assert 1.5 * eps * size < tolerance < 20 * eps * size
 
 
 def test_files_of_others_stay(tmp_path):

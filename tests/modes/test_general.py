@@ -244,3 +244,27 @@ def test_little_damping_destabilises():
     """Equal dampers take the limit from 2.086 to 41/28 (Ziegler): the sign of a small real part is right."""
     for thrust, stable in ((41.0 / 28.0 - 1e-4, True), (41.0 / 28.0 + 1e-4, False)):
         assert ziegler(thrust, 1e-6).modes().stable == stable
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+@pytest.mark.parametrize("coupling", [
+    [[0.0, 30.0], [-30.0, 50.0]], [[0.0, 30.0], [0.0, 50.0]], [[50.0, 30.0], [0.0, 0.0]], [[0.0, 7.0], [-7.0, 0.0]],
+])  # fmt: skip
+def test_motions_that_only_circulatory_forces_hold(coupling, damping):
+    """A seal pushes a slide across its motion; nothing acts along z: eigenvalues by the polynomial of the plane."""
+    model = mv.Model("seal")
+    for i, (first, name) in enumerate((("ground", "x"), ("x", "y"), ("y", "z"))):
+        model.add_body(name, i + 1.0, (1, 1, 1))
+        model.add_joint(f"rail {name}", "prismatic", first, name, axis=np.eye(3)[i])
+    k, c = np.zeros((6, 6)), np.zeros((6, 6))
+    k[:2, :2], c[:2, :2] = coupling, damping * np.eye(2)
+    model.add_bushing("seal", "ground", "z", (0, 0, 0), k, c)
+    result = model.linearize().modes()
+    (kxx, kxy), (kyx, kyy) = coupling
+    plane = np.polysub(np.polymul([6.0, damping, kxx], [5.0, damping, kyy]), [kxy * kyx])
+    zeros = 2 + len(plane) - len(np.trim_zeros(plane, "b"))
+    assert np.count_nonzero(result.eigenvalues == 0.0) == zeros
+    exact = np.roots(np.trim_zeros(plane, "b"))
+    distance = np.abs(exact[:, None] - result.eigenvalues[result.eigenvalues != 0.0])
+    assert distance.shape[0] == distance.shape[1]
+    assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) <= 1e-12 * np.abs(exact).max()

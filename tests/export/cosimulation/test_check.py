@@ -143,6 +143,16 @@ def test_without_free_inputs_states_start_at_nominal_values():
 
 
 @pytest.mark.slow
+def test_an_iteration_that_diverges_has_no_error_for_any_step():
+    """H = 0.02 s is far beyond the time constants of so high a gain: the master grows 122-fold each step."""
+    item = mx.check_cosimulation(plant(), controller(-3e4), 2e-2, masters="iteration", duration=0.16)["iteration"]
+    assert item.steps == (2e-2, 1e-2, 5e-3)
+    assert item.errors == (np.inf, np.inf, np.inf)
+    assert np.isnan(item.order)
+    assert not item.passed
+
+
+@pytest.mark.slow
 def test_a_loop_that_is_unstable_itself_is_said_so():
     result = mx.check_cosimulation(plant(), controller(400.0), H, masters="jacobi")
     assert result.growth > 0

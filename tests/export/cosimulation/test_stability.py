@@ -44,3 +44,33 @@ def test_the_largest_stable_step(ratio, gain, rolloff, step):
         return
     assert excess(0.998 * h) < 0.0 < excess(1.002 * h)
     assert max(excess(shorter) for shorter in np.geomspace(1e-3 * h, 0.998 * h, 50)) < 0.0
+
+
+ORDERS = {"jacobi": 1, "gauss-seidel": 1, "slopes": 2, "iteration": 2}
+
+
+@pytest.mark.parametrize("through", [0.0, -0.4])
+@pytest.mark.parametrize("method", list(ORDERS))
+def test_a_master_converges_to_the_closed_loop(method, through):
+    """x'' + 0.1 x' + x = F + d, d = 1, with F = -0.5 / (s / 3 + 1) (x + 0.3 d) + g x', g a feedthrough: closed by hand.
+
+    Errors of the states of both units fall with the power of the step that is known of each master.
+    """
+    plant = np.array([[0.0, 1.0], [-1.0, -0.1]]), np.array([[0.0, 0.0], [1.0, 1.0]]), np.eye(2), np.zeros((2, 2))
+    law = np.array([[-3.0]]), np.array([[1.0, 0.0, 0.3]]), np.array([[-1.5]]), np.array([[0.0, through, 0.0]])
+    coupling = np.block([[np.zeros((2, 2)), np.eye(2, 1)], [np.eye(3, 2), np.zeros((3, 1))]])
+    outside = np.array([[0.0], [1.0], [0.0], [0.0], [1.0]])
+    a = np.array([[0.0, 1.0, 0.0], [-1.0, -0.1 + through, -1.5], [1.0, 0.0, -3.0]])
+    x, e, end = np.array([0.3, -0.2, 0.1]), np.array([1.0]), 2.0
+    rest = np.linalg.solve(a, -np.array([0.0, 1.0, 0.3]))
+    exact = rest + expm(a * end) @ (x - rest)
+    errors = []
+    for count in (32, 64):
+        h = end / count
+        loop = loop_of((plant, law), coupling, outside, h)
+        z = loop.start(x, e, method == "slopes")
+        for _ in range(count):
+            z = loop.step(method, z, e)
+        errors.append(np.abs(z[:3] - exact).max())
+    assert errors[0] < 0.05
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(ORDERS[method], abs=0.15)
