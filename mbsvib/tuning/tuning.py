@@ -19,7 +19,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.errors import MbsvibError, ModelError, ResponseError, nearest
+from mbsvib.common.progress import counting
+from mbsvib.errors import MbsvibError, ModelError, ResponseError, counted, nearest
 from mbsvib.studies.design import design as study_variables
 from mbsvib.studies.scales import scales
 from mbsvib.tuning.goals import Goal, as_goals
@@ -30,8 +31,11 @@ from mbsvib.tuning.scene import Scene, linearized, mean_rate
 from mbsvib.tuning.structures import FREE, Value, as_tunable, law
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mbsvib.api.loops import ClosedLoop
     from mbsvib.common.arrays import Array
+    from mbsvib.common.progress import Progress
     from mbsvib.feedback.controller import Controller
     from mbsvib.tuning.structures import Tunable
 
@@ -87,8 +91,8 @@ class Design(Displayed):
         notes += [f"Values are the worst of {plants} plants."] if plants > 1 else []
         notes.append(f"{len(self.values)} values; {len(self.history)} searches.")
         columns = [("goal", "left"), ("value", "right"), ("", "left")]
-        return {"title": f"Tuned controller of {len(self.controller.A)} states", "columns": columns, "rows": rows,
-                "notes": notes}  # fmt: skip
+        title = f"Tuned controller of {counted(len(self.controller.A), 'state')}"
+        return {"title": title, "columns": columns, "rows": rows, "notes": notes}
 
     def __repr__(self) -> str:
         return f"Design({len(self.values)} values, objective {self.objective:.6g})"
@@ -96,7 +100,7 @@ class Design(Displayed):
 
 def tune(
     plant: Any, controller: Tunable | Any, goals: Sequence[Goal] | Goal, parameters: Mapping[str, Any] | None = None,
-    starts: int = 10, seed: int = 0, initial: Mapping[str, float] | None = None,
+    starts: int = 10, seed: int = 0, initial: Mapping[str, float] | None = None, progress: Progress = None,
 ) -> Design:  # fmt: skip
     """Return the controller of a given structure that reaches goals best, with parameters of the mechanism if wanted.
 
@@ -119,6 +123,8 @@ def tune(
         Seed of the random starts.
     initial : mapping of str to float, optional
         Values at which the first start begins, such as ``values`` of an earlier design.
+    progress : bool or callable, optional
+        A bar, or a function of searches done and the most there may be; default: a bar on a terminal.
 
     Returns
     -------
@@ -140,7 +146,8 @@ def tune(
     points = [_initial(problem, initial)]
     points += [problem.unknowns.begin(random) for _ in range(starts - 1)]
     stable = _stabilised(problem, points)
-    best, histories = _searched(problem, stable, random)
+    with counting(progress, len(stable) + min(BEST, len(stable)) + RESTARTS, "tune") as tell:
+        best, histories = _searched(problem, stable, random, tell)
     return _design(problem, best, histories, not isinstance(plant, (list, tuple)))
 
 
@@ -246,10 +253,13 @@ def _noise(problem: Problem) -> bool:
     return any(bound.noise for of_goal in problem.bounds for bound in of_goal)
 
 
-def _searched(problem: Problem, points: list[Array], random: np.random.Generator
+def _searched(problem: Problem, points: list[Array], random: np.random.Generator, tell: Callable[[int], None]
               ) -> tuple[Array, tuple[tuple[float, ...], ...]]:  # fmt: skip
-    """The best unknowns, and the history of each search."""
-    ends = [_penalised(problem, point, SHORT, BARRIERS[0]) for point in points]
+    """The best unknowns, and the history of each search, of which ``tell`` is told."""
+    ends = []
+    for point in points:
+        ends.append(_penalised(problem, point, SHORT, BARRIERS[0]))
+        tell(1)
     histories = [end.history for end in ends]
     order = sorted(range(len(ends)), key=lambda k: _rank(problem, ends[k].x))
     continued = []
@@ -258,6 +268,7 @@ def _searched(problem: Problem, points: list[Array], random: np.random.Generator
         end = _penalised(problem, ends[k].x, LONG, BARRIERS[1])
         histories[k] += end.history
         continued.append(end.x)
+        tell(1)
     best = min((*continued, *points), key=lambda x: _rank(problem, x))  # barriers may lead away from a good start
     without = 0
     for _ in range(RESTARTS):
@@ -265,6 +276,7 @@ def _searched(problem: Problem, points: list[Array], random: np.random.Generator
         near = best + NEAR * random.normal(size=len(best)) * np.maximum(np.abs(best), 0.1)
         end = _penalised(problem, near, LONG, BARRIERS[2])
         histories.append(end.history)
+        tell(1)
         old, new = _rank(problem, best), _rank(problem, end.x)
         without = 0 if new[0] < old[0] or new[1] < old[1] - GAINED * abs(old[1]) else without + 1
         best = end.x if new < old else best

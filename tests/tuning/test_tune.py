@@ -187,5 +187,8 @@ def test_a_search_does_not_end_above_its_start(monkeypatch):
     """Barriers and penalties may lead descents away from a good start: here all of them do."""
     monkeypatch.setattr(tuning, "bfgs", lambda function, x, *_: Descent(x + 0.5, np.inf, (np.inf,)))
     start = {"F/v.gain": -20.0}
-    design = mv.tune(oscillator(), T.gain("F", "v"), [G.rms("x", {"F": 4.0, "v.noise": 0.01})], starts=1, initial=start)
+    told = []
+    design = mv.tune(oscillator(), T.gain("F", "v"), [G.rms("x", {"F": 4.0, "v.noise": 0.01})], starts=1, initial=start,
+                     progress=lambda done, most: told.append((done, most)))  # fmt: skip
     assert design.values == pytest.approx(start)
+    assert told == [(k, 10) for k in range(1, len(design.history) + 2)]
