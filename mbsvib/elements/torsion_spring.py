@@ -31,7 +31,7 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
@@ -83,29 +83,20 @@ class TorsionSpring(Connection):
         return along(self, NOWHERE, (*NOWHERE, *self.axis), self.stiffness, size, lambda moment: {"preload": moment})
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
-            return self
-        kwargs = self.constructor_kwargs() | {"axis": pose.rotated_vector(self.first, self.axis)}
-        if relaxed:
-            return kwargs
-        axes = check.frame_along(self.axis)
-        w, (x, y, z) = quaternion(pose.rotated(self.first, axes).T @ pose.rotated(self.second, axes))
-        square, angle = w * w + z * z, 2.0 * atan2(z, w)
-        if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
-            who, swing = f"torsion spring '{self.name}'", degrees(2.0 * atan2(hypot(x, y), sqrt(square)))
-            raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
-                             f"{swing:.0f} across it, where its angle is not unique. Describe the model in a nearer "
-                             f"pose.", element=who, field="stiffness")  # fmt: skip
-        moment = (self.preload or 0.0) - self.stiffness * angle
-        if hypot(x, y) <= SWING:
-            return kwargs | ({"preload": moment} if moment or self.preload is not None else {})
-        a, b = (w * y + z * x) / square, (z * y - w * x) / square
-        g, h = np.array((a, b, 1.0)), np.array((b, -a, 0.0))
-        stiffness, damping = np.zeros((2, 6, 6))
-        stiffness[3:, 3:] = self.stiffness * np.outer(g, g) + 0.5 * moment * (np.outer(g, h) + np.outer(h, g))
-        damping[3:, 3:] = self.damping * np.outer(g, g)
-        return bushing.make(self.name, self.first, self.second, NOWHERE, stiffness, damping,
-                            pose.rotated_axes(self.first, axes), (*NOWHERE, *(moment * g)))  # fmt: skip
+        return self.all_in_pose([self], pose, relaxed)[0]
+
+    @staticmethod
+    def all_in_pose(parts: Sequence[Any], pose: Pose, relaxed: bool) -> list[Part | dict[str, Any]]:
+        moved = {part.name: part for part in parts
+                 if not (pose.is_unmoved(part.first) and pose.is_unmoved(part.second))}  # fmt: skip
+        if relaxed or not moved:
+            return [_turned(part, pose) if part.name in moved else part for part in parts]
+        first, second = (pose.rotations.take([pose.number[body] for body in bodies], axis=0) for bodies in (
+            [part.first for part in moved.values()], [part.second for part in moved.values()]))  # fmt: skip
+        axes = np.array([check.frame_along(part.axis) for part in moved.values()])
+        scalar, vector = quaternion((first @ axes).swapaxes(-1, -2) @ (second @ axes))
+        turns = dict(zip(moved, zip(scalar.tolist(), vector.tolist(), strict=True), strict=True))
+        return [_twisted(part, pose, *turns[part.name]) if part.name in moved else part for part in parts]
 
 
 def make(
@@ -124,10 +115,37 @@ def make(
     return TorsionSpring(name, first, second, check.axis(axis, who, "axis"), k, c, preload)
 
 
+def _turned(part: TorsionSpring, pose: Pose) -> dict[str, Any]:
+    """The arguments with the axis turned with the first body."""
+    return part.constructor_kwargs() | {"axis": pose.rotated_vector(part.first, part.axis)}
+
+
+def _twisted(part: TorsionSpring, pose: Pose, w: float, vector: Sequence[float]) -> Part | dict[str, Any]:
+    """The spring after a relative rotation by the quaternion (w, vector), in axes with z along its own."""
+    x, y, z = vector
+    square, angle = w * w + z * z, 2.0 * atan2(z, w)
+    if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
+        who, swing = f"torsion spring '{part.name}'", degrees(2.0 * atan2(hypot(x, y), sqrt(square)))
+        raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
+                         f"{swing:.0f} across it, where its angle is not unique. Describe the model in a nearer "
+                         f"pose.", element=who, field="stiffness")  # fmt: skip
+    moment = (part.preload or 0.0) - part.stiffness * angle
+    if hypot(x, y) <= SWING:
+        return _turned(part, pose) | ({"preload": moment} if moment or part.preload is not None else {})
+    a, b = (w * y + z * x) / square, (z * y - w * x) / square
+    g, h = np.array((a, b, 1.0)), np.array((b, -a, 0.0))
+    stiffness, damping = np.zeros((2, 6, 6))
+    stiffness[3:, 3:] = part.stiffness * np.outer(g, g) + 0.5 * moment * (np.outer(g, h) + np.outer(h, g))
+    damping[3:, 3:] = part.damping * np.outer(g, g)
+    return bushing.make(part.name, part.first, part.second, NOWHERE, stiffness, damping,
+                        pose.rotated_axes(part.first, check.frame_along(part.axis)),
+                        (*NOWHERE, *(moment * g)))  # fmt: skip
+
+
 def expand(part: TorsionSpring, *_: Any) -> ExpandedPart:
     """Return the bushing of the same name about the axis; it has no force, so that its point does not matter."""
     stiffness, damping, preload = ((*NOWHERE, 0.0, 0.0, value) for value in (part.stiffness, part.damping,
                                                                              part.preload or 0.0))  # fmt: skip
-    return ExpandedPart(springs={part.name: bushing.make(
+    return ExpandedPart(springs={part.name: bushing.Bushing(
         part.name, part.first, part.second, NOWHERE, stiffness, damping, check.frame_along(part.axis),
         None if part.preload is None else preload)})  # fmt: skip

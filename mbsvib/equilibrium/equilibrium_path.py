@@ -185,7 +185,7 @@ def _force(state: State) -> float:
 
 def _held_model(model: M, state: State) -> M:
     """The model in the pose of a state, with the holding force as a preload in the joint."""
-    result, force = balanced_model(model, state.at.pose), _force(state)
+    result, force = balanced_model(model, state.at.pose, state.forces), _force(state)
     if force == 0.0:
         return result
     name, _, direction = state.led.rpartition(".")

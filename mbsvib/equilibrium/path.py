@@ -143,16 +143,18 @@ def refined(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance, list[
     return at, forces, residuals
 
 
-def follow(first: PosedModel) -> SearchResult:
+def follow(first: PosedModel, forces: Balance) -> SearchResult:
     """Return the pose that a mechanism held by springs takes as its loads are applied.
 
-    It is the pose under the full load, or the last one on the branch.
+    It is the pose under the full load, or the last one on the branch. ``forces`` are those in the first pose under the
+    full load.
     """
     done, share, steps, model = 0.0, 1.0, 0, first.reference
     current, shares = first, [0.0]
     residuals: list[float] = []
     while True:
-        attempt, converged = _newton_steps(current.under(with_share(model, share)))
+        under = current.under(with_share(model, share))
+        attempt, converged = _newton_steps(under, forces if under.reference is model and not done else balance(under))
         steps += len(attempt.residuals) - 1
         if converged:
             current, done, residuals = attempt.at, share, list(attempt.residuals)
@@ -168,13 +170,12 @@ def follow(first: PosedModel) -> SearchResult:
             forces = balance(under_load)
             return SearchResult(under_load, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
-    at, forces, added = refined(current, balance(current))
+    at, forces, added = refined(attempt.at, attempt.balance)
     return SearchResult(at, forces, (*residuals, *added), steps + len(added), tuple(shares))
 
 
-def _newton_steps(at: PosedModel) -> tuple[SearchResult, bool]:
+def _newton_steps(at: PosedModel, forces: Balance) -> tuple[SearchResult, bool]:
     """Newton's method with full steps until it does not contract or the pose is not stable; whether it converged."""
-    forces = balance(at)
     residuals = [forces.share]
     length, newton_steps, stopped = np.inf, 0, ""
     while is_stable(stiffness(forces)[0]) and forces.share > BALANCED:
@@ -201,14 +202,18 @@ def _shortened(at: PosedModel, forces: Balance, step: Array) -> tuple[PosedModel
 
     A mechanism that is softer along the step, or not stable on it, may snap through, which load steps decide.
     """
+    following = _after_step(at, step, forces)
     for halvings in range(HALVINGS):
-        following, half = _after_step(at, step, forces), _after_step(at, 0.5 * step, forces)
-        if following is None or half is None:
+        if following is None:
             return None
-        if _work(following[1], step) > -OVERSHOOT * _work(forces, step):
-            stable = all(is_stable(stiffness(there)[0]) for _, there in (following, half))
-            return following if halvings and stable else None
-        step = 0.5 * step
+        suits = _work(following[1], step) > -OVERSHOOT * _work(forces, step)
+        if suits and not halvings:
+            return None
+        half = _after_step(at, 0.5 * step, forces)
+        if suits:
+            ends = () if half is None else (following[1], half[1])
+            return following if ends and all(is_stable(stiffness(there)[0]) for there in ends) else None
+        following, step = half, 0.5 * step
     return None
 
 
@@ -223,12 +228,12 @@ def _lost_stiffness(first: PosedModel, last: Balance) -> str:
     return f"its stiffness is down to {ratio:.1%}, mostly along '{name}': it would snap through to a pose elsewhere"
 
 
-def descend(first: PosedModel) -> SearchResult:
-    """Return the pose to which a mechanism descends.
+def descend(first: PosedModel, forces: Balance) -> SearchResult:
+    """Return the pose to which a mechanism descends; ``forces`` are those in the first one.
 
     It is the pose of equilibrium, or the last one that was reached.
     """
-    at, forces = first, balance(first)
+    at = first
     residuals = [forces.share]
     stopped = f"{STEPS} steps of descent do not reach one"
     for _ in range(STEPS):

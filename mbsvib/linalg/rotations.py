@@ -163,8 +163,11 @@ def _coefficients(square: Array) -> tuple[Array, Array]:
     return np.where(large, closed, value), np.where(large, fall, slope)
 
 
-def quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
-    """Return scalar and vector of the unit quaternion of a rotation matrix (3, 3); the scalar is not negative."""
+def quaternion(turn: Array) -> tuple[Array, Array]:
+    """Return scalars (...) and vectors (..., 3) of the unit quaternions of rotation matrices (..., 3, 3).
+
+    The scalars are not negative.
+    """
     vector = logarithm(turn)
-    half = 0.5 * float(np.linalg.norm(vector))
-    return float(np.cos(half)), tuple((0.5 * float(np.sinc(half / np.pi)) * vector).tolist())
+    half = 0.5 * np.sqrt(np.add.reduce(vector * vector, axis=-1))
+    return np.cos(half), 0.5 * np.sinc(half / np.pi)[..., None] * vector

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.elements.bushing import Bushing
+from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.kinematics.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.support.random_models import rotation
@@ -140,3 +141,31 @@ def test_sensitivities_and_batches():
     result = system.eigenvalue_sensitivities(["t.stiffness", "t.damping"])[:, upper]
     slope = -1 / (2 * root * J + C)
     assert_allclose(result, [[slope], [root * slope]], rtol=1e-8)
+
+
+def test_many_in_one_pose_are_those_one_by_one():
+    """Unmoved ones, ones near half a turn, ones with swing; an equal turn has the moment preload - k angle."""
+    rng = np.random.default_rng(5)
+    model = mv.Model("many")
+    for i in range(6):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1), rng.normal(size=3))
+    for i in range(5):
+        model.add_torsion_spring(f"t{i}", f"b{i}", f"b{i + 1}", rng.normal(size=3), 3.0 + i, preload=1.0)
+    vectors = np.zeros((7, 3))
+    vectors[2] = 3.0 * np.array(model.springs["t1"].axis)
+    vectors[3] = vectors[2] + 0.4 * np.array(model.springs["t1"].axis)
+    vectors[4:6] = vectors[3]
+    pose = turned_by(start(model), exponential(vectors))
+    parts = list(model.springs.values())
+    together = TorsionSpring.all_in_pose(parts, pose, False)
+    assert together[0] is parts[0]
+    assert together[1]["preload"] == pytest.approx(1.0 - 4.0 * 3.0, rel=1e-14)
+    for part, one in zip(parts, together, strict=True):
+        alone = part.in_pose(pose, False)
+        assert type(alone) is type(one)
+        if isinstance(one, dict):
+            assert_allclose(np.array([one[k] for k in ("preload", "stiffness")]),
+                            [alone[k] for k in ("preload", "stiffness")], rtol=1e-14)  # fmt: skip
+            assert_allclose(one["axis"], alone["axis"], rtol=1e-14)
+        elif one is not part:
+            assert_allclose(one.stiffness, alone.stiffness, rtol=0, atol=1e-13)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equilibrium import path, preloads, search
 from mbsvib.equilibrium.search import equilibrium
 from tests.equilibrium.test_moved import four_bar, pose_of
 from tests.support.lagrangian import Lagrangian, projected
@@ -252,3 +253,33 @@ def test_the_report_prints():
     assert "residuals: " in text
     assert "rod" in text
     assert "0.5 rad" in text
+
+
+def hanging_chain(count=6):
+    """Bars from the horizontal, held by springs that are soft against their weight."""
+    model = mv.Model("chain", gravity=(0.0, 0.0, -9.81))
+    for k in range(count):
+        first = f"bar{k - 1}" if k else "ground"
+        model.add_body(f"bar{k}", 0.2, (1e-4, 1e-4, 1e-4), (0.1 * k + 0.05, 0, 0))
+        model.add_joint(f"pin{k}", "revolute", first, f"bar{k}", (0.1 * k, 0, 0), axis=(0, 1, 0))
+        model.add_torsion_spring(f"spring{k}", first, f"bar{k}", (0, 1, 0), 0.3)
+    return model
+
+
+def test_the_forces_in_a_pose_are_computed_once(monkeypatch):
+    """Along load steps and shortened ones, no pose of a model is asked for its forces again."""
+    asked, real = [], path.balance
+
+    def recorded(at, *arguments):
+        numbers = np.concatenate((at.pose.centre.ravel(), at.pose.rotations.ravel()))
+        asked.append((numbers.tobytes(), at.reference.gravity))
+        return real(at, *arguments)
+
+    for module in (path, search, preloads):
+        monkeypatch.setattr(module, "balance", recorded)
+    found = hanging_chain().equilibrium()
+    assert len(asked) > 10
+    assert len(set(asked)) == len(asked)
+    # the moment at the pin of the base is that of all weights about it
+    arms = [body.position[0] for body in found.bodies.values()]
+    assert found.springs["spring0"].preload == pytest.approx(-0.2 * 9.81 * sum(arms), rel=1e-9)
