@@ -110,7 +110,7 @@ class OfLoop:
         """Return those of eigenvalues; of those that coincide those of their branches, in ascending order."""
         values, known = modes.eigenvalues, self._spectrum.values
         slopes = np.empty((len(self.rates), len(known)), dtype=complex)
-        for group in {tuple(np.flatnonzero(row)) for row in clusters(known)}:
+        for group in {tuple(np.flatnonzero(row).tolist()) for row in clusters(known)}:
             try:
                 slopes[:, group] = np.sort_complex(np.linalg.eigvals(self._projected(group)))
             except np.linalg.LinAlgError:
