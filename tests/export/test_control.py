@@ -223,3 +223,14 @@ def test_a_method_without_a_step_is_refused():
     with pytest.raises(mv.ExportError, match="discrete already"):
         mx.to_control(loop, method="tustin")
     assert mx.to_control(loop, method="zoh").dt == 0.01
+
+
+def test_ports_of_a_sampled_loop():
+    """Some outputs and inputs of a loop are its response from these inputs to these outputs."""
+    system = library.quarter_car().linearize()
+    output, source = system.outputs[-1], system.inputs[-1]
+    loop = system.feedback([[0.0]], system.outputs[0], system.inputs[0]).sampled(100.0)
+    whole, part = mx.to_control(loop), mx.to_control(loop, outputs=output, inputs=source)
+    assert tuple(map(BACK, part.output_labels)) == (output,)
+    assert tuple(map(BACK, part.input_labels)) == (source,)
+    assert part(np.exp(0.3j)) == pytest.approx(whole(np.exp(0.3j))[-1, -1], rel=1e-12)

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import mpmath as mp
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.io import loadmat
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
+from mbsvib.common.atomic_file import write_atomic
 from tests.export.plants import block_error, resonances, same_bits, slider, stewart
 from tests.export.test_json import SYSTEMS, assert_same
 from tests.export.test_massless import plant as massless
@@ -149,6 +151,24 @@ def test_a_script_that_cannot_be_written_leaves_no_file_without_it(tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["load_x.m"]
     mx.to_mat(slider(), tmp_path / "x.mat", loader=False)
     assert (tmp_path / "x.mat").exists()
+
+
+@pytest.mark.parametrize("present", [False, True])
+def test_a_full_disk_takes_no_file_that_was_there(present, tmp_path, monkeypatch):
+    """The script cannot be written: a new .mat file goes with it, one that was there stays."""
+    path = tmp_path / "x.mat"
+    if present:
+        mx.to_mat(slider(), path, loader=False)
+
+    def write(goal, content):
+        if Path(goal).suffix == ".m":
+            raise mv.ExportError("no space left")
+        return write_atomic(goal, content)
+
+    monkeypatch.setattr("mbsvib_export.mat_.write_atomic", write)
+    with pytest.raises(mv.ExportError, match="no space left"):
+        mx.to_mat(slider(), path)
+    assert path.exists() == present
 
 
 def test_scripts_of_others_are_not_replaced(tmp_path):

@@ -123,3 +123,13 @@ def test_a_damaged_file_is_refused_or_whole(place, flip, tmp_path_factory):
         return
     assert flip
     assert_same(read, system)
+
+
+def test_an_archive_with_another_count_of_entries_is_refused(tmp_path):
+    """Its end states one entry more than its table has, as after a damage that swallows the last."""
+    path = mx.to_npz(slider(), tmp_path / "x.npz")
+    raw = bytearray(path.read_bytes())
+    raw[raw.rfind(b"PK\5\6") + 10] += 1
+    path.write_bytes(raw)
+    with pytest.raises(mv.ExportError, match=r"files in the archive; its end says \d+"):
+        mx.from_npz(path)

@@ -178,18 +178,31 @@ def test_a_spring_at_a_small_lever_arm_beside_a_free_motion(radius, damping):
     assert_allclose(modes.natural, [0.0, 10.0**0.5, 4.0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("ratios", [(1e2,) * 3, (1e4,) * 3, (1e6,) * 3, (1.0, 1e2, 1e6), (1e6, 1.0, 1e4)])
-def test_a_heavy_mass_that_rides_on_a_light_one_in_a_batch(ratios):
-    """In the coordinate between them M is ill-conditioned; each is held by a spring of its own: k / m, exactly."""
+def rider(light, heavy):
+    """Modes of a heavy mass in the coordinate between it and a light one; each is held by a spring of its own."""
     model = mv.Model("rider")
     for first, name, z in (("ground", "light", 1.0), ("light", "heavy", 2.0)):
         model.add_body(name, 1.0, (1, 1, 1), position=(0, 0, z))
         model.add_joint(f"rail.{name}", "prismatic", first, name, axis=(1, 0, 0))
         model.add_bushing(f"k.{name}", "ground", name, position=(0, 0, z), stiffness=(100.0, 0, 0, 0, 0, 0))
-    light, heavy = np.array([1.0, 1.3, 1.7]), np.array(ratios)
     values = {"light.mass": light, "heavy.mass": heavy, "k.heavy.stiffness.x": 200.0 * heavy}
-    modes = model.linearize(values=values).modes()
+    return model.linearize(values=values).modes()
+
+
+@pytest.mark.parametrize("ratios", [(1e2,) * 3, (1e4,) * 3, (1e6,) * 3, (1.0, 1e2, 1e6), (1e6, 1.0, 1e4)])
+def test_a_heavy_mass_that_rides_on_a_light_one_in_a_batch(ratios):
+    """In the coordinate between them M is ill-conditioned; each is held by a spring of its own: k / m, exactly."""
+    light, heavy = np.array([1.0, 1.3, 1.7]), np.array(ratios)
+    modes = rider(light, heavy)
     exact = np.sqrt(np.stack((100.0 / light, np.full(3, 200.0)), axis=1))
     off = np.abs(modes.natural / exact - 1.0)
     assert (off <= modes.errors[:, 0::2]).all()
     assert off.max() <= 1e-15
+
+
+@pytest.mark.parametrize("order", [[1, 2, 0], [2, 1, 0]])
+def test_bounds_of_a_variant_depend_on_no_other(order):
+    light, heavy = np.array([1.0, 1.3, 1.7]), np.array([1.0, 1e2, 1e6])
+    modes, other = rider(light, heavy), rider(light[order], heavy[order])
+    assert_allclose(other.errors, modes.errors[order], rtol=1e-9)
+    assert_allclose(other.natural, modes.natural[order], rtol=1e-15)
