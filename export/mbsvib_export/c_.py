@@ -18,7 +18,7 @@ from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.neutral import SystemData, state_space_of, with_ports
+from mbsvib_export.neutral import SystemData, state_space_of
 from mbsvib_export.sampling import discretised
 from mbsvib_export.templates_ import check_companion, filled
 
@@ -99,10 +99,10 @@ def to_c(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
     a_path(folder, "folder", ExportError)
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
-    space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c")
+    space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c", outputs,
+                           inputs)  # fmt: skip
     if precision not in ("double", "single"):
         raise ExportError(f"to_c: precision = {precision!r}; expected 'double' or 'single'.")
     if not space.inputs or not space.outputs:

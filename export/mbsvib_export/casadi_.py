@@ -24,7 +24,7 @@ from mbsvib.linalg.balancing import exponents
 from mbsvib_export.affine import names_of, origin_of, physical_affine
 from mbsvib_export.neutral import only_port, refusal, state_space_of, with_ports
 from mbsvib_export.packages import need
-from mbsvib_export.sampling import step_of
+from mbsvib_export.sampling import check_step, step_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,12 +123,13 @@ def to_casadi(
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
-    sampling = None if step is None else step_of(space, step, "to_casadi")
     x, u, p = _symbols(casadi, len(space.states), len(space.inputs), 0)
     y = _dm(casadi, space.C) @ x + _dm(casadi, space.D) @ u
     rates = _function(casadi, "rates", (x, u, p), (_dm(casadi, space.A) @ x + _dm(casadi, space.B) @ u, y))
-    sampled = None if sampling is None else _function(
-        casadi, "step", (x, u, p), (_dm(casadi, sampling.phi) @ x + _dm(casadi, sampling.gamma) @ u, y))  # fmt: skip
+    sampled = None
+    if step is not None:
+        phi, gamma, _ = step_of(space, step, "to_casadi")
+        sampled = _function(casadi, "step", (x, u, p), (_dm(casadi, phi) @ x + _dm(casadi, gamma) @ u, y))
     return _model(space, rates, sampled, None, step, None)
 
 
@@ -139,7 +140,7 @@ def _with_parameters(
     system = form.nominal
     space = system.state_space()
     if step is not None:
-        step_of(space, step, "to_casadi")  # refuses invalid steps
+        check_step(step, "to_casadi")
     m = system.dof
     x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(form.names))
     matrix = {label: _affine_matrix(casadi, form, label, p) for label in MATRICES}

@@ -14,10 +14,10 @@ import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.dmig_cards import read_dmig_cards
-from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.file_content import ContentError
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import SystemData, system_data_of
+from mbsvib_export.reading import content_read
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,9 +81,7 @@ def _comment(text: str) -> str:
 
 def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
     """Return "M", "C", "K" (m, m) that ``to_dmig`` wrote, to ten digits; a matrix without cards is zero."""
-    where = os.fspath(a_path(path, "read_dmig", ExportError))
-    raw = content_of(where, ExportError, "a file of to_dmig")
-    try:
+    with content_read(path, "file with cards", "dmig") as raw:
         cards = read_dmig_cards(raw)
         count = len(cards.labels)
         if not count or cards.labels != tuple((k + 1, 0) for k in range(count)):
@@ -93,9 +91,7 @@ def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
             raise ContentError(f"matrix {name}: {reason}")
         if entries != cards.entries:
             raise ContentError(f"entries of matrices: {cards.entries}; expected {entries}, as its comments say")
-    except ContentError as error:
-        raise ExportError(f"{where}: no cards of to_dmig, or damaged ones ({error}); write them again.") from error
-    return {key: cards.matrices.get(name, np.zeros((count, count))) for name, key in NAMES.items()}
+        return {key: cards.matrices.get(name, np.zeros((count, count))) for name, key in NAMES.items()}
 
 
 def _cards(name: str, array: Array) -> Iterator[str]:

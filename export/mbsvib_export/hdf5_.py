@@ -17,7 +17,7 @@ import numpy as np
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import check_shape
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import data_of, with_ports
+from mbsvib_export.neutral import data_of
 from mbsvib_export.npz_ import arrays_of, record_in
 from mbsvib_export.packages import need
 from mbsvib_export.reading import content_read
@@ -67,9 +67,8 @@ def to_hdf5(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
     h5py = need("h5py", "to_hdf5", _INSTALL)
-    arrays = arrays_of(data_of(system, realization, "to_hdf5"))
+    arrays = arrays_of(data_of(system, realization, "to_hdf5", outputs, inputs))
     stream = BytesIO()
     with h5py.File(stream, "w", userblock_size=HEAD) as file:
         for key, array in arrays.items():

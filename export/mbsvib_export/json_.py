@@ -14,8 +14,8 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.json_content import read_json_content
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, data_of, with_ports
-from mbsvib_export.record import OF_SPACE, SPACE_FORMAT, VERSION, check_version, data_from, record_of
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, SystemData, data_of
+from mbsvib_export.record import SPACE_FORMAT, VERSION, check_version, data_from, record_of
 
 if TYPE_CHECKING:
     from mbsvib.api.state_space import StateSpace
@@ -58,8 +58,7 @@ def to_json(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
-    text = _text(_words(data_of(system, realization, "to_json"))) + "\n"
+    text = _text(_words(data_of(system, realization, "to_json", outputs, inputs))) + "\n"
     if path is not None:
         write_atomic(path, lambda stream: stream.write(text.encode()))
     return text

@@ -30,9 +30,9 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, THROUGH, SystemData, data_of, with_ports
+from mbsvib_export.neutral import ERROR_BOUND, OF_SPACE, THROUGH, SystemData, data_of, shapes, with_ports
 from mbsvib_export.reading import content_read
-from mbsvib_export.record import FORMAT, SPACE_FORMAT, VERSION, check_version, data_from
+from mbsvib_export.record import FORMAT, NEEDED, OPTIONAL, SPACE_FORMAT, VERSION, check_version, data_from
 from mbsvib_export.responses import (
     check_points,
     poles,
@@ -286,29 +286,27 @@ class _Texts:
         return {f"{signal.lower()}{end}": self.all(arrays[f"{signal}{kind}"]) for signal, kind, end in SIGNALS}
 
 
-def _real(array: NDArray[Any], *shape: int) -> Array:
-    # .mat files do not store the shapes of arrays without entries
+def _real(array: NDArray[Any], shape: tuple[int, ...]) -> Array:
+    # .mat files do not store the shapes of arrays without entries, nor that a last axis has one
     result = np.array(array, dtype=float)
-    return result.reshape(shape) if shape and not result.size else result
+    return result.reshape(shape) if not result.size or len(shape) > 2 else result
 
 
 def _record(arrays: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
     """The record that variables of a file hold."""
-    texts = _Texts(extra)
-    record: dict[str, Any] = {"format": extra["format"], "name": texts.text(arrays["Name"]),
+    texts, form, mech = _Texts(extra), extra["format"], arrays["mech"]
+    record: dict[str, Any] = {"format": form, "name": texts.text(arrays["Name"]),
                               "realization": texts.text(extra["realization"]), **texts.signals(arrays)}  # fmt: skip
-    i, o, n = (len(record[key]) for key in ("inputs", "outputs", "states"))
-    first = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
-    record |= {f"state_space.{key}": _real(arrays[key], *shape) for key, shape in first.items()}
-    if extra["format"] == SPACE_FORMAT:
-        bound = {f"state_space.{ERROR_BOUND}": float(extra[ERROR_BOUND].item())} if ERROR_BOUND in extra else {}
-        return record | bound
-    mech, bodies = arrays["mech"], texts.all(extra["bodies"])
-    coordinates, units = (texts.all(mech[f"Coordinate{word}"]) for word in ("Name", "Unit"))
-    m = len(coordinates)
-    second = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
-    record |= {key: _real((mech if key in "MCKB" else extra)[key], *shape) for key, shape in second.items()}
-    record |= {f"state_space.{key}": _real(extra[key], 2 * m, width)
-               for key, width in (("transform", n), (THROUGH, i)) if key != THROUGH or THROUGH in extra}  # fmt: skip
-    return record | {"coordinates": coordinates, "coordinate_units": units, "bodies": bodies,
-                     "body_motion": _real(extra["body_motion"].reshape(len(bodies), 6, m))}  # fmt: skip
+    of_system = {"coordinates": texts.all(mech["CoordinateName"]), "bodies": texts.all(extra["bodies"]),
+                 "coordinate_units": texts.all(mech["CoordinateUnit"])} if form == FORMAT else {}  # fmt: skip
+    record |= of_system
+    n, i, o = (len(record[key]) for key in ("states", "inputs", "outputs"))
+    expected = shapes(len(of_system.get("coordinates", ())), n, i, o, len(of_system.get("bodies", ())))
+    for key in (*NEEDED[form], OPTIONAL[form]):
+        label = key.removeprefix(OF_SPACE)
+        group = mech if key in "MCKB" else arrays if key != label and label in "ABCD" else extra
+        if label in group and key in expected:
+            record[key] = _real(group[label], expected[key])
+        elif label in group and label == ERROR_BOUND:
+            record[key] = float(group[label].item())
+    return record

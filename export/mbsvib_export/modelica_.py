@@ -13,7 +13,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import base_unit, identifier
-from mbsvib_export.neutral import check_finite, state_space_of, with_ports
+from mbsvib_export.neutral import check_finite, state_space_of
 
 if TYPE_CHECKING:
     import os
@@ -76,9 +76,8 @@ def to_modelica(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
     caller = "to_modelica"
-    space = state_space_of(system, realization, caller)
+    space = state_space_of(system, realization, caller, outputs, inputs)
     model = identifier(Path(path).stem) if name is None else name
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", model, re.ASCII) or model in _RESERVED:
         raise ExportError(f"{caller}: name = {model!r}; expected letters, digits and _ of ASCII, no digit first, and "

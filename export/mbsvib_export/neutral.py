@@ -32,6 +32,7 @@ Space = TypeVar("Space", bound=StateSpace)
 
 SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FIRST_ORDER = ("A", "B", "C", "D", "transform")
+OF_SPACE = "state_space."  # before the keys of the first-order equations
 # What a state space has only where damped motions without mass have rates that inputs change at once.
 THROUGH = "through"
 # What a reduced state space has.
@@ -40,26 +41,42 @@ ERROR_BOUND = "error_bound"
 READY = ("given", "controller", "reduced")
 
 
-def _check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
-    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite."""
-    for label, array, shape in arrays:
+def shapes(m: int, n: int, inputs: int, outputs: int, bodies: int = 0) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of all arrays by the keys of files, for m coordinates and n states."""
+    return {
+        "M": (m, m), "C": (m, m), "K": (m, m), "B": (m, inputs), "Cq": (outputs, m), "Cv": (outputs, m),
+        "Ca": (outputs, m), "D": (outputs, inputs), "body_motion": (bodies, 6, m),
+        f"{OF_SPACE}A": (n, n), f"{OF_SPACE}B": (n, inputs), f"{OF_SPACE}C": (outputs, n),
+        f"{OF_SPACE}D": (outputs, inputs), f"{OF_SPACE}transform": (2 * m, n), f"{OF_SPACE}{THROUGH}": (2 * m, inputs),
+    }  # fmt: skip
+
+
+def _check(data: SystemData | StateSpace, expected: dict[str, tuple[int, ...]], kinds: tuple[str, ...]) -> None:
+    """Refuse arrays of another shape than expected or with numbers that are not finite, and names of these kinds that
+    are empty or repeated or have no units.
+    """
+    space = data.state_space if isinstance(data, SystemData) else data
+    for key, shape in expected.items():
+        label = key.removeprefix(OF_SPACE)
+        array = getattr(data if label == key else space, label)
+        if array is None:
+            continue
         if array.shape != shape:
-            raise ExportError(f"{name}: {label} has shape {array.shape}; expected {shape}, one row and column "
+            raise ExportError(f"{data.name}: {key} has shape {array.shape}; expected {shape}, one row and column "
                               f"for each name that goes with it.")  # fmt: skip
         if not np.isfinite(array).all():
-            raise ExportError(f"{name}: {label} holds NaN or infinity; expected finite numbers.")
+            raise ExportError(f"{data.name}: {key} holds NaN or infinity; expected finite numbers.")
         array.setflags(write=False)
-
-
-def _check_names(name: str, groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]]) -> None:
-    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing."""
-    for label, names, units in groups:
+    for kind in kinds:
+        owner = space if kind == "states" else data
+        names = getattr(owner, kind)
+        units = names if kind == "bodies" else getattr(owner, f"{kind[:-1]}_units")
         if len(set(names)) < len(names) or "" in names:
             wrong = next(name for name in names if not name or names.count(name) > 1)
-            raise ExportError(f"{name}: the name {wrong!r} among the {label} is empty or there more than "
+            raise ExportError(f"{data.name}: the name {wrong!r} among the {kind} is empty or there more than "
                               f"once; expected names that differ.")  # fmt: skip
         if len(units) != len(names):
-            raise ExportError(f"{name}: {len(units)} units for {len(names)} {label}; expected one for each.")
+            raise ExportError(f"{data.name}: {len(units)} units for {len(names)} {kind}; expected one for each.")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -91,8 +108,9 @@ class SystemData(Displayed):
     state_space: StateSpace
 
     def __post_init__(self) -> None:
-        _check_arrays(self.name, self._shapes())
-        _check_names(self.name, self._names())
+        expected = shapes(len(self.coordinates), len(self.state_space.states), len(self.inputs), len(self.outputs),
+                          len(self.bodies))  # fmt: skip
+        _check(self, expected, ("coordinates", "inputs", "outputs", "states", "bodies"))
 
     @classmethod
     def of(cls, system: System, realization: str = "physical") -> SystemData:
@@ -142,38 +160,20 @@ class SystemData(Displayed):
                               f"({len(self.coordinates)}, n), one entry for each coordinate.")  # fmt: skip
         return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
 
-    def _shapes(self) -> list[tuple[str, Array, tuple[int, ...]]]:
-        space = self.state_space
-        m, i, o, n = len(self.coordinates), len(self.inputs), len(self.outputs), len(space.states)
-        second = ((m, m), (m, m), (m, m), (m, i), (o, m), (o, m), (o, m), (o, i))
-        first = ((n, n), (n, i), (o, n), (o, i), (2 * m, n))
-        return [
-            *((label, getattr(self, label), shape) for label, shape in zip(SECOND_ORDER, second, strict=True)),
-            ("body_motion", self.body_motion, (len(self.bodies), 6, m)),
-            *((f"state_space.{label}", getattr(space, label), shape)
-              for label, shape in zip(FIRST_ORDER, first, strict=True)),
-            *(() if space.through is None else ((f"state_space.{THROUGH}", space.through, (2 * m, i)),)),
-        ]  # fmt: skip
-
-    def _names(self) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-        space = self.state_space
-        return [
-            ("coordinates", self.coordinates, self.coordinate_units), ("inputs", self.inputs, self.input_units),
-            ("outputs", self.outputs, self.output_units), ("states", space.states, space.state_units),
-            ("bodies", self.bodies, self.bodies),
-        ]  # fmt: skip
-
     def __repr__(self) -> str:
         return (f"SystemData({self.name!r}: {len(self.coordinates)} DOF, {counted(len(self.inputs), 'input')}, "
                 f"{counted(len(self.outputs), 'output')})")  # fmt: skip
 
 
-def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
-    """Return the state space of an exporter's source.
+def state_space_of(
+    source: object, realization: str, caller: str, outputs: Names = None, inputs: Names = None
+) -> StateSpace:
+    """Return the state space of an exporter's source with some of its ``outputs`` and ``inputs``, None: all.
 
     ``source``: a system, a closed loop, or a state space, which is taken as it is. ``realization``: the requested
     states of a system; a state space accepts "physical" (the default), which changes nothing.
     """
+    source = with_ports(source, outputs, inputs)
     if isinstance(source, System):
         return source.state_space(realization)
     ready = source.state_space if isinstance(source, SystemData) else space_of(source, realization)
@@ -276,11 +276,14 @@ def _with_ports(data: SystemData, outputs: Names, inputs: Names) -> SystemData:
     )  # fmt: skip
 
 
-def data_of(source: object, realization: str, caller: str) -> SystemData | StateSpace:
+def data_of(
+    source: object, realization: str, caller: str, outputs: Names = None, inputs: Names = None
+) -> SystemData | StateSpace:
     """Return what a file keeps: second-order equations where there are any, else first-order equations alone.
 
-    ``realization``: as in ``state_space_of``.
+    ``realization``, ``outputs``, ``inputs``: as in ``state_space_of``.
     """
+    source = with_ports(source, outputs, inputs)
     second = source if isinstance(source, System) else \
         getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None  # fmt: skip
     if second is not None:
@@ -291,14 +294,10 @@ def data_of(source: object, realization: str, caller: str) -> SystemData | State
 
 def checked(space: Space) -> Space:
     """Return a state space whose shapes, numbers and names are those that a file can keep."""
-    n, i, o = len(space.states), len(space.inputs), len(space.outputs)
-    shapes = ((n, n), (n, i), (o, n), (o, i))
-    _check_arrays(space.name, [(label, getattr(space, label), shape)
-                              for label, shape in zip("ABCD", shapes, strict=True)])  # fmt: skip
+    expected = shapes(0, len(space.states), len(space.inputs), len(space.outputs))
+    _check(space, {key: expected[OF_SPACE + key] for key in "ABCD"}, ("inputs", "outputs", "states"))
     if space.error_bound is not None and not 0.0 <= space.error_bound < np.inf:
         raise ExportError(f"{space.name}: error_bound = {space.error_bound}; expected a finite number, or none.")
-    _check_names(space.name, [(kind, getattr(space, kind), getattr(space, f"{kind[:-1]}_units"))
-                             for kind in ("inputs", "outputs", "states")])  # fmt: skip
     return space
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import SystemData, data_of, with_ports
+from mbsvib_export.neutral import SystemData, data_of
 from mbsvib_export.reading import arrays_in, content_read
 from mbsvib_export.record import (
     FORMAT,
@@ -88,8 +88,7 @@ def to_npz(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
-    arrays = arrays_of(data_of(system, realization, "to_npz"))
+    arrays = arrays_of(data_of(system, realization, "to_npz", outputs, inputs))
     return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.file_content import ContentError
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import SystemData, data_of, with_ports
+from mbsvib_export.neutral import SystemData, data_of
+from mbsvib_export.reading import content_read
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,8 +69,7 @@ def to_op4(
     ExportError
         If the file cannot be written, no system is given, or it has neither coordinates nor ports.
     """
-    system = with_ports(system, outputs, inputs)
-    data = data_of(system, "physical", "to_op4")
+    data = data_of(system, "physical", "to_op4", outputs, inputs)
     names = NAMES if isinstance(data, SystemData) else dict(zip(SPACE_NAMES, SPACE_NAMES, strict=True))
     arrays = {name: getattr(data, key) for name, key in names.items()}
     arrays = {name: array for name, array in arrays.items() if array.size}
@@ -86,9 +85,7 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
 
     Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations.
     """
-    where = os.fspath(a_path(path, "read_op4", ExportError))
-    raw = content_of(where, ExportError, "a file of to_op4")
-    try:
+    with content_read(path, "OP4 file", "op4") as raw:
         matrices = read_op4_file(raw, (*NAMES, *SPACE_NAMES))
         result = {NAMES[name]: array for name, array in matrices.items() if name in NAMES} or \
             {name: array for name, array in matrices.items() if name in SPACE_NAMES}  # fmt: skip
@@ -97,9 +94,7 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
                                f"{', '.join(matrices) or 'nothing'}")  # fmt: skip
         if wrong := [key for key, array in result.items() if array.dtype != float]:
             raise ContentError(f"{wrong[0]} is complex")
-    except ContentError as error:
-        raise ExportError(f"{where}: no OP4 file of to_op4, or a damaged one ({error}); write it again.") from error
-    return result
+        return result
 
 
 def _form(name: str, array: Array) -> int:

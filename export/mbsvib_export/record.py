@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, SystemData, checked
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ RIGID = 1e-6
 PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
 TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
 STATE_TEXTS = ("states", "state_units")
-OF_SPACE = "state_space."  # before the keys of the first-order equations
 # The keys without which a record is incomplete, by its format, and the key that only some records have.
 NEEDED = {
     FORMAT: ("name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,23 +20,13 @@ if TYPE_CHECKING:
 METHODS = ("zoh", "foh", "tustin")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """x(t + dt) = phi x(t) + gamma u(t) + slope (u(t + dt) - u(t)) for an input that is linear over the step.
-
-    ``phi`` (n, n), ``gamma`` and ``slope`` (n, inputs); an input that is held has no third term.
-    """
-
-    dt: float
-    phi: Array
-    gamma: Array
-    slope: Array
-
-
-def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
+def step_of(space: StateSpace, dt: float, caller: str) -> tuple[Array, Array, Array]:
     """Return the exact step of length ``dt`` [s] of a state space, by the matrix exponential of balanced states.
 
+    x(t + dt) = phi x(t) + gamma u(t) + slope (u(t + dt) - u(t)) for an input that is linear over the step,
     phi = e^(A dt),  gamma = int_0^dt e^(A s) ds B,  slope = int_0^dt e^(A s) (dt - s)/dt ds B
+
+    ``phi`` (n, n), ``gamma`` and ``slope`` (n, inputs); an input that is held has no third term.
     """
     check_step(dt, caller)
     n, i = space.B.shape
@@ -49,7 +38,7 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
         within = np.ix_(states, states)
         of_block = _oscillator if _is_oscillator(space.A[within], space.B[states]) else _exponential
         phi[within], gamma[states], slope[states] = of_block(space.A[within], space.B[states], space.C[:, states], dt)
-    return Step(float(dt), phi, gamma, slope)
+    return phi, gamma, slope
 
 
 def _is_oscillator(a: Array, b: Array) -> bool:
@@ -97,7 +86,7 @@ def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple
                               f"divides by zero; take another step.") from None  # fmt: skip
         return (np.ldexp(a, power[:, None] - power[None, :]), np.ldexp(b, power[:, None]),
                 np.ldexp(c, -power[None, :]), d)  # fmt: skip
-    step = step_of(space, dt, caller)
+    phi, gamma, slope = step_of(space, dt, caller)
     if method == "zoh":
-        return step.phi, step.gamma, space.C, space.D
-    return step.phi, step.gamma - step.slope + step.phi @ step.slope, space.C, space.D + space.C @ step.slope
+        return phi, gamma, space.C, space.D
+    return phi, gamma - slope + phi @ slope, space.C, space.D + space.C @ slope

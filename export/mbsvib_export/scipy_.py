@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib_export.neutral import state_space_of, with_ports
+from mbsvib_export.neutral import state_space_of
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
@@ -45,7 +45,6 @@ def to_scipy(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
-    space = state_space_of(system, realization, "to_scipy")
+    space = state_space_of(system, realization, "to_scipy", outputs, inputs)
     signal = need("scipy.signal", "to_scipy", "scipy>=1.11.4")
     return signal.StateSpace(space.A.copy(), space.B.copy(), space.C.copy(), space.D.copy())

@@ -106,15 +106,13 @@ def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
 
 def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:
     """Numerator and denominator; the gain is a median over the grid, which single antiresonances do not affect."""
-    s = 1j * omega
-    log = (np.log(s[:, None] - zeros).sum(axis=1) if len(zeros) else 0.0) - (
-        np.log(s[:, None] - poles).sum(axis=1) if len(poles) else 0.0)  # fmt: skip
+    s = 1j * omega[:, None]
+    log = np.log(s - zeros).sum(axis=1) - np.log(s - poles).sum(axis=1)
+    numerator, denominator = (np.atleast_1d(np.real(np.poly(roots))) for roots in (zeros, poles))
     if not exact.any():
-        return np.zeros(1), np.real(np.poly(poles)) if len(poles) else np.ones(1)
+        return np.zeros(1), denominator
     with np.errstate(over="ignore", invalid="ignore"):
-        gain = float(np.median((exact * np.exp(-log)).real))
-        numerator = gain * np.real(np.poly(zeros)) if len(zeros) else np.array([gain])
-    return np.atleast_1d(numerator), np.atleast_1d(np.real(np.poly(poles)) if len(poles) else np.ones(1))
+        return float(np.median((exact * np.exp(-log)).real)) * numerator, denominator
 
 
 def _error(response: Complex, exact: Complex) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ ALIKE = 0.7
 HALVINGS = 6
 # Eigenvalues that differ by less than this share of their own size, or by a rounding of the largest, coincide.
 REPEATED = 1e-9
+# Modes whose frequencies differ by less than this share: changes as small turn their shapes within the plane of both.
+NEXT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,18 @@ def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
     """Return the modal assurance criterion of weighted shapes (rows, modes) with others, 1 for equal ones, 0 for zeros.
     """
     return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
+
+
+def subspace_mac(shapes: NDArray[Any], frequencies: Array, others: NDArray[Any]) -> Array:
+    """Return the share (modes, others) of other shapes in the span of a mode and those next to it in frequency.
+
+    It is the modal assurance criterion of a mode that stands alone. ``shapes`` (rows, modes), ``frequencies`` (modes,).
+    """
+    result = mac(shapes, others)
+    for group in linked_items(np.abs(frequencies[:, None] - frequencies) <= NEXT * frequencies):
+        basis, sizes, _ = np.linalg.svd(shapes[:, group], full_matrices=False)
+        result[group] = mac(basis[:, sizes > EPS * sizes.max(initial=0.0)], others).sum(axis=0)
+    return result
 
 
 def reference(station: Station) -> Reference:

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ResponseError, counted
+from mbsvib.linalg.matching import NEXT, mac, subspace_mac
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.differences import Difference, differences
 from mbsvib.measurement.matching import ORDERS, Matching, matching_of
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Complex
 
-# Modes whose frequencies differ by less, relative, are one subspace: their shapes are any of its directions.
-SAME_FREQUENCY = 1e-3
 # Lines of two measurements that differ by less, relative, are the same.
 SAME_LINE = 1e-6
 # Share of the largest response of the same units below which one is zero by symmetry, but for rounding.
@@ -33,6 +32,8 @@ NEGLIGIBLE = 1e-10
 UNSEEN = 1e-6
 # What a factor e between the frequencies of a pair counts against its MAC: it decides where shapes are the same.
 TIE = 0.02
+FARTHEST = 5.0  # factors e beyond which all count alike: rigid modes are at 0 Hz
+MOST_LINES = 1000  # of those that resolve the resonances of two models; more do not change the FRAC by much
 POOR = 0.5  # pairs with a lower MAC are marked
 LIMITS = (0.01, np.pi / 18)  # of places that are the same [m, rad], as of ``Measurement.matched``
 NOTES = 12  # differences that the table shows
@@ -60,9 +61,10 @@ class Pair:
 class Comparison(Displayed):
     """How far two models or measurements agree, printed as a table.
 
-    ``mac`` (modes of a, modes of b) is |a^H b|^2 / (a^H a b^H b) over ``shape_outputs``, ``pairs`` are modes assigned
-    to each other by it. ``frac`` (outputs, inputs) is |sum a b*|^2 / (sum |a|^2 sum |b|^2) of the responses over
-    ``omega`` [rad/s], and ``ratio`` the root mean square of b over that of a. ``differences`` are those of the parts.
+    ``mac`` (modes of a, modes of b) is |a^H b|^2 / (a^H a b^H b) over ``shape_outputs``. ``pairs`` are modes assigned
+    to each other by it, or, where modes have one frequency, by the share in their subspace. ``frac`` (outputs, inputs)
+    is |sum a b*|^2 / (sum |a|^2 sum |b|^2) of the ``responses`` over ``omega`` [rad/s], and ``ratio`` the root mean
+    square of b over that of a. ``differences`` are those of the parts.
     """
 
     names: tuple[str, str]
@@ -182,11 +184,11 @@ def compare(a: Any, b: Any) -> Comparison:
     modes = [_modes(side) for side in sides]
     remarks += [text for text in refused if "has no partner" not in text]  # the others are of one side alone
     pairs: tuple[Pair, ...] = ()
-    mac, shared = np.zeros((0, 0)), tuple[str, ...]()
+    table, shared = np.zeros((0, 0)), tuple[str, ...]()
     if modes[0] is not None and modes[1] is not None:
         shared, rows, radius = _shared_shapes(sides, modes)
         if shared:
-            pairs, mac, told = _paired(modes, rows)
+            pairs, table, told = _paired(modes, rows)
             remarks += told
             remarks += [f"Rotations are multiplied by {radius:.3g} m for the MAC."] if radius else []
     if not shared and not outputs:
@@ -194,7 +196,7 @@ def compare(a: Any, b: Any) -> Comparison:
                            for name, side in zip(names, sides, strict=True))  # fmt: skip
         raise ResponseError(f"compare: no common output ({listed}); expected the same names, or measured points at "
                             f"outputs of the model.")  # fmt: skip
-    return Comparison((names[0], names[1]), mac, pairs, shared, outputs, inputs, frac, ratio, omega,
+    return Comparison((names[0], names[1]), table, pairs, shared, outputs, inputs, frac, ratio, omega,
                       differences(a, b), responses, tuple(remarks))  # fmt: skip
 
 
@@ -287,53 +289,36 @@ def _shared_shapes(sides: list[Any], modes: list[Any]) -> tuple[tuple[str, ...],
     return names, [other, one] if back else [one, other], radius
 
 
-def _mac(a: Any, b: Any) -> Array:
-    """MAC of all pairs of columns; 0 for modes that no output shows."""
-    a, b = (values * (np.linalg.norm(values, axis=0) > UNSEEN * np.linalg.norm(values, axis=0).max(initial=0.0))
-            for values in (a, b))  # fmt: skip
-    with np.errstate(invalid="ignore"):
-        value = np.abs(a.conj().T @ b) ** 2 / np.multiply.outer(np.sum(np.abs(a) ** 2, 0), np.sum(np.abs(b) ** 2, 0))
-    return np.asarray(np.nan_to_num(value))
-
-
-def _close(frequencies: Array) -> list[Any]:
-    """Groups of modes of one frequency, in ascending order of it."""
-    order = np.argsort(frequencies, kind="stable")
-    gaps = np.diff(frequencies[order]) > SAME_FREQUENCY * frequencies[order][1:]
-    return np.split(order, np.flatnonzero(gaps) + 1)
+def _seen(shapes: Any) -> Any:
+    """Shapes with zeros for modes that no output shows."""
+    sizes = np.linalg.norm(shapes, axis=0)
+    return shapes * (sizes > UNSEEN * sizes.max(initial=0.0))
 
 
 def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array, list[str]]:
     first, second = modes
-    a, b = rows
-    mac = _mac(a, b)
+    a, b = map(_seen, rows)
+    table = mac(a, b)
+    alike = np.maximum(subspace_mac(a, first.frequencies, b), subspace_mac(b, second.frequencies, a).T)
     logs = [np.log(np.maximum(one.frequencies, np.finfo(float).tiny)) for one in modes]
-    at = np.array(linear_sum_assignment(TIE * np.abs(np.subtract.outer(*logs)) - mac))
-    at = at[:, mac[at[0], at[1]] > 0.0]
+    apart = np.minimum(np.abs(np.subtract.outer(*logs)), FARTHEST)
+    at = np.array(linear_sum_assignment(TIE * (apart - table) - alike))
+    at = at[:, alike[at[0], at[1]] > 0.0]
     remarks: list[str] = []
-    if max(mac.shape) > len(a):
-        remarks.append(f"{counted(max(mac.shape), 'mode')} over {counted(len(a), 'common output')}: shapes do not tell "
-                       f"all modes apart, frequencies decide; compare more outputs.")  # fmt: skip
-    for one, other, table, (mine, theirs), label in ((b, a, mac, at[::-1], "second"), (a, b, mac.T, at, "first")):
-        partner = dict(zip(mine.tolist(), theirs.tolist(), strict=True))
-        for group in _close(second.frequencies if label == "second" else first.frequencies):
-            if len(one) > len(group) > 1 and all(k in partner for k in group):
-                wanted = other[:, [partner[k] for k in group]]
-                held = one[:, group] @ np.linalg.lstsq(one[:, group], wanted, rcond=None)[0]
-                better = _mac(other, held)
-                if (better <= table[:, group] + SAME_FREQUENCY).all():
-                    continue
-                table[:, group] = np.maximum(better, table[:, group])
-                remarks.append(f"Modes {', '.join(str(k + 1) for k in group)} of the {label} have one frequency: "
-                               f"compared as a subspace.")  # fmt: skip
-    pairs = [Pair(i + 1, k + 1, float(mac[i, k]), (float(first.frequencies[i]), float(second.frequencies[k])),
+    if max(table.shape) > len(a):
+        remarks.append(f"{counted(max(table.shape), 'mode')} over {counted(len(a), 'common output')}: shapes do not "
+                       f"tell all modes apart, frequencies decide; compare more outputs.")  # fmt: skip
+    spaces = [str(i + 1) for i, k in at.T.tolist() if alike[i, k] > table[i, k] + NEXT]
+    if spaces:
+        remarks.append(f"Modes {', '.join(spaces)} of the first: MAC with all modes of one frequency, as a subspace.")
+    pairs = [Pair(i + 1, k + 1, float(alike[i, k]), (float(first.frequencies[i]), float(second.frequencies[k])),
                   (float(first.ratios[i]), float(second.ratios[k])), first.words[i] or second.words[k])
              for i, k in at.T.tolist()]  # fmt: skip
-    for label, size, used in (("first", len(mac), {p.a for p in pairs}), ("second", len(mac.T), {p.b for p in pairs})):
-        alone = [str(k) for k in range(1, size + 1) if k not in used]
+    for label, size, used in zip(("first", "second"), table.shape, at, strict=True):
+        alone = [str(k + 1) for k in range(size) if k not in used]
         if alone:
             remarks.append(f"{counted(len(alone), 'mode')} of the {label} without partner: {', '.join(alone[:NOTES])}.")
-    return tuple(pairs), mac, remarks
+    return tuple(pairs), table, remarks
 
 
 def _responses(a: Any, b: Any) -> tuple[Any, ...]:
@@ -351,7 +336,8 @@ def _responses(a: Any, b: Any) -> tuple[Any, ...]:
         near = np.abs(measured[1][:, None] - measured[0]).argmin(axis=0)
         omega = measured[0][np.abs(measured[1][near] - measured[0]) <= SAME_LINE * measured[0]]
     else:
-        omega = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
+        grid = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
+        omega = grid if measured else grid[:: -(-len(grid) // MOST_LINES)]
     if not len(omega):
         return *nothing[:-1], (*matching.refused, "No common lines: responses were not compared.")
     values = [_values(side, names, omega) for side, names in zip((a, b), named, strict=True)]

@@ -189,7 +189,7 @@ class Measurement(Doors, Displayed):
                 raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
                                     f"one of each.")  # fmt: skip
             points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
-            set_(f"{kind}_units", tuple(units))
+            set_(f"{kind}_units", tuple(unit.replace("²", "^2").replace("/s2", "/s^2") for unit in units))
             set_(f"{kind}_points", tuple(points))
         for name in ("modes", "lines", "left_out", "notes"):
             set_(name, tuple(getattr(self, name)))

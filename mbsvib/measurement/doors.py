@@ -98,6 +98,9 @@ class Doors:
             if (value is not None) != belongs:
                 raise ResponseError(f"from_records: {name} = {shown(value)} with method={method!r}; expected "
                                     f"{'one' if belongs else 'none'}.")  # fmt: skip
+        if noise_ratio is not None and (method != "Hv" or not noise_ratio > 0.0):
+            raise ResponseError(f"from_records: noise_ratio = {shown(noise_ratio)} with method={method!r}; expected a "
+                                f"positive number with 'Hv', else none.")  # fmt: skip
         if reference and method not in ("H1", "local"):
             raise ResponseError(f"from_records: reference with method={method!r}; expected 'H1' or 'local'.")
         records, sizes = stacked({"output": outputs, "input": inputs, "reference": reference or {}})

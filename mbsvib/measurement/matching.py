@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad": ("angle", 0),
           "rad/s": ("angle", 1), "rad/s^2": ("angle", 2)}  # fmt: skip
 _QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+# Units of lengths, angles and forces that are not those of the model, such as mm, g and kN.
+_NOT_SI = re.compile(r"[num\u00b5ckM]?(m|N|rad|N ?m)(/s(\^2)?)?|g|deg(/s(\^2)?)?|in|ft|lbf?")
 _KINDS = {**{unit: kind for unit, (kind, _) in ORDERS.items()}, "N": "force", "N m": "moment"}
 # Another channel must be farther by this share of the limits than the nearest, or it may be meant as well.
 CLEAR = 0.25
@@ -189,7 +192,7 @@ def _partner(
     order = _derivatives(unit, quantity, other_unit)
     if order is None:
         return (f"The measured {kind} '{name}' has the unit {unit or 'of ' + an(quantity)}, and '{found}' of the model "
-                f"{other_unit}.")  # fmt: skip
+                f"{other_unit}.{'' if unit in _KINDS or not unit else ' Convert the data to SI units.'}")  # fmt: skip
     return Partner(name, found, how, sign, order, unit, other_unit, distance, angle)
 
 
@@ -222,7 +225,7 @@ def _fits(a: Place | None, b: Place, limits: tuple[float, float]) -> bool:
 
 def _derivatives(unit: str, quantity: str, other: str) -> int | None:
     """Time derivatives from the model's unit to what was measured; None where the two measure different things."""
-    if unit in _KINDS and other in _KINDS and _KINDS[unit] != _KINDS[other]:
+    if other in _KINDS and (_KINDS[unit] != _KINDS[other] if unit in _KINDS else _NOT_SI.fullmatch(unit)):
         return None
     if other not in ORDERS:
         return None if quantity and other in _KINDS else 0

@@ -25,7 +25,7 @@ EVEN = 1e-2
 RESOLVED = {"local": 4}
 # Units of test laboratories in SI units.
 SI = {"g": (9.80665, "m/s^2"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "kN": (1e3, "N"),
-      "mm/s": (1e-3, "m/s"), "m/s²": (1.0, "m/s^2"), "m/s2": (1.0, "m/s^2"), "Nm": (1.0, "N m")}  # fmt: skip
+      "mm/s": (1e-3, "m/s"), "Nm": (1.0, "N m")}  # fmt: skip
 
 
 def stacked(groups: Mapping[str, Mapping[str, ArrayLike]]) -> tuple[Array, tuple[int, int, int]]:

@@ -41,17 +41,19 @@ def comparison(result: Any) -> Figure:
         mac = result.mac[:MOST, :MOST]
         image = left.imshow(mac, vmin=0.0, vmax=1.0, cmap="Blues", origin="lower", aspect="auto",
                             extent=(0.5, mac.shape[1] + 0.5, 0.5, mac.shape[0] + 0.5))  # fmt: skip
-        figure.colorbar(image, ax=left, label="MAC")
+        figure.colorbar(image, ax=left, label="MAC [1]")
         left.grid(False)
-        left.set_xlabel(f"mode of {result.names[1]}")
-        left.set_ylabel(f"mode of {result.names[0]}")
+        left.set_title(f"{result.names[0]} (up), {result.names[1]} (right)")
+        left.set_xlabel("mode")
+        left.set_ylabel("mode")
         numbers = [pair.a for pair in result.pairs]
         values = np.array([100.0 * pair.difference for pair in result.pairs])
         right.bar(numbers, np.where(np.isfinite(values), values, np.nan), color=style.COLOURS[1], width=0.6)
         right.axhline(0.0, color=style.INK, linewidth=0.7)
         right.grid(False, axis="x")
-        right.set_xlabel(f"mode of {result.names[0]}")
-        right.set_ylabel("difference of frequencies [%]")
+        right.set_title(f"frequencies of {result.names[1]} against {result.names[0]}")
+        right.set_xlabel("mode")
+        right.set_ylabel("difference [%]")
         for axis in (left.xaxis, left.yaxis, right.xaxis):
             axis.get_major_locator().set_params(integer=True)
         style.head(figure, "Modes compared")

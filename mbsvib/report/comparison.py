@@ -6,15 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.linalg.groups import linked_items
-from mbsvib.linalg.matching import mac
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.matching import subspace_mac
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Modes whose frequencies differ by less than this share: changes as small turn their shapes within the plane of both.
-NEXT = 1e-3
 # Of pairs that are alike to this the nearer in number is taken.
 ORDER = 1e-9
 
@@ -40,8 +36,8 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
         with np.errstate(invalid="ignore"):
             alike = np.where(both_rest, 1.0, -np.minimum(np.abs(x[:, None] - y[None, :]), 1e3))
     else:
-        alike = np.maximum(_within(shapes[0], a.frequencies, shapes[1]),
-                           _within(shapes[1], b.frequencies, shapes[0]).T)  # fmt: skip
+        alike = np.maximum(subspace_mac(shapes[0], a.frequencies, shapes[1]),
+                           subspace_mac(shapes[1], b.frequencies, shapes[0]).T)  # fmt: skip
     in_order = ORDER * np.abs(np.arange(n)[:, None] - np.arange(k))
     left, right = linear_sum_assignment(alike - in_order, maximize=True) if n and k else (np.zeros(0, int),) * 2
     other = dict(zip(left.tolist(), right.tolist(), strict=True))
@@ -51,15 +47,6 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
         rows.append([i, j, None if j is None or shapes is None else round(float(alike[i, j]), 6)])
     rows += [[None, j, None] for j in range(k) if j not in set(other.values())]
     return {"by": "frequency" if shapes is None else "shape", "rows": rows}
-
-
-def _within(shapes: NDArray[Any], frequencies: NDArray[Any], others: NDArray[Any]) -> NDArray[Any]:
-    """The part (modes, others) of other shapes that is in the span of a mode and those next to it in frequency."""
-    result = mac(shapes, others)
-    for group in linked_items(np.abs(frequencies[:, None] - frequencies) <= NEXT * frequencies):
-        basis, sizes, _ = np.linalg.svd(shapes[:, group], full_matrices=False)
-        result[group] = mac(basis[:, sizes > EPS * sizes.max(initial=0.0)], others).sum(axis=0)
-    return np.asarray(result)
 
 
 def _shared(first: Any, second: Any) -> tuple[NDArray[Any], NDArray[Any]] | None:

@@ -116,7 +116,8 @@ class DesignPoint:
     @cached_property
     def modes(self) -> Modes:
         """The modes, not followed."""
-        return self.system.modes()
+        modes: Modes = self.system.modes()
+        return modes
 
     @cached_property
     def pairs(self) -> tuple[Complex, Complex]:

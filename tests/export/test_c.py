@@ -101,6 +101,12 @@ def test_controllers_go_by_tustins_rule(tmp_path):
     assert_allclose(np.fft.rfft(y)[1:-1], law.at(1j * warped)[:, 0, 0], rtol=1e-10)
 
 
+def test_a_controller_with_chosen_ports_goes_by_tustins_rule(tmp_path):
+    """Choosing ports does not make another kind of system of it, whose default would be inputs that are held."""
+    law = controller([[2.0, 0.0], [0.0, -3.0]], ["a", "b"], ["f", "g"], "gain")
+    assert "Tustin's rule; 0 states" in mx.to_c(law, tmp_path, outputs="f").header.read_text()
+
+
 @pytest.mark.slow
 def test_gains_have_no_states(tmp_path):
     files = mx.to_c(controller([[2.0, 0.0], [0.0, -3.0]], ["a.b", "a b"], ["f", "g"], "gain"), tmp_path)

@@ -92,7 +92,7 @@ def test_cards_that_are_none(tmp_path):
         (text.replace(f"*       {1:>16}{0:>16}", f"*       {-1:>16}{0:>16}", 1), "is no point"),
     ):  # fmt: skip
         path.write_text(wrong, encoding="ascii")
-        with pytest.raises(mv.ExportError, match=rf"x\.pch: no cards of to_dmig.*({message})"):
+        with pytest.raises(mv.ExportError, match=rf"x\.pch: no file with cards of to_dmig.*({message})"):
             read_dmig(path)
     with pytest.raises(mv.ExportError, match=r"none\.pch: cannot be read"):
         read_dmig(tmp_path / "none.pch")

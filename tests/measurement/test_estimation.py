@@ -205,6 +205,7 @@ U, Y = records(400, 8)
         ({"method": "local"}, "segments = 4 with method='local'; expected none"),
         ({"method": "periodic", "segments": None, "period": 0.123}, r"period = 0.123 s is 12.3 samples"),
         ({"method": "H2", "reference": {"r": U}}, "reference with method='H2'"),
+        ({"noise_ratio": 2.0}, "noise_ratio = 2.0 with method='H1'"),
         ({"band": (0.5, 10.0)}, "segments of 1 s, whose lowest line is 1 Hz"),
         ({"band": (60.0, 90.0)}, "no line from 60 to 90 Hz; there are lines each 1 Hz up to 50 Hz"),
         ({"lowest": (12.0, 0.01)}, r"damping ratio 0.01; expected 1 / \(ratio f\) = 8.333 s or more. Record"),

@@ -83,6 +83,9 @@ def test_names_come_first_and_need_no_place():
         (["8X+"], {"nodes": {8: (0.2, 0.1, 0.0)}}, r"'8X\+' has no partner. Nearest are 'z' \(0 mm, 90 deg\)"),
         (["z"], {"output_points": [((0.2, 0.1, 0.0), "x")]}, "one name, but are 0 mm and 90 deg apart"),
         (["z"], {"output_points": [((0.2, 0.4, 0.0), "z")]}, "one name, but are 300 mm and 0 deg apart"),
+        (["z"], {"output_units": ["mm"]}, "'z' has the unit mm, and 'z' of the model m. Convert the data to SI units."),
+        (["z"], {"input_units": ["kN"]}, "'F' has the unit kN, and 'F' of the model N. Convert"),
+        (["z"], {"output_units": ["g"]}, "'z' has the unit g, and"),
         (["z"], {"output_units": ["rad"]}, "'z' has the unit rad, and 'z' of the model m"),
         (["load"], {"quantity": "acceleration"}, "'load' has the unit of an acceleration, and 'load' of the model N"),
     ],
@@ -108,6 +111,13 @@ def test_the_nearest_counts_and_two_as_near_are_refused():
         at(0.004).matched(model)
     assert at(0.004, "cube").matched(model).output_names == ("cube",)  # the node has the name of the body
     assert at(0.004).matched(model, distance=4.5e-3).output_names == ("z",)
+
+
+def test_units_of_other_kinds_stay():
+    """Volts per volt: gains that a fit finds; accelerations as other programs write them."""
+    match = measured(["z", "z.a"], output_units=["V", "m/s²"], input_units=["V"]).matched(rig())
+    assert [(p.unit, p.measured_unit, p.derivatives) for p in (*match.outputs, *match.inputs)] == [
+        ("m", "V", 0), ("m/s^2", "m/s^2", 0), ("N", "V", 0)]  # fmt: skip
 
 
 def test_axes_of_a_node_turn_its_directions():

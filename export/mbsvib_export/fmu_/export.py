@@ -19,7 +19,6 @@ from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.plant import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
-from mbsvib_export.neutral import with_ports
 from mbsvib_export.templates_ import check_companion
 
 if TYPE_CHECKING:
@@ -130,7 +129,6 @@ def to_fmu(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
     if not versions or not set(versions) <= set(VERSIONS):
         raise ExportError(f'to_fmu: version = {version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
@@ -138,7 +136,7 @@ def to_fmu(
     if goal.suffix.lower() != ".fmu":
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
     names = (tunable,) if isinstance(tunable, str) else tuple(tunable)
-    plant = plant_of(system, realization, names)
+    plant = plant_of(system, realization, names, outputs, inputs)
     libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)

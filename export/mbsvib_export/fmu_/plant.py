@@ -13,12 +13,13 @@ from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 from mbsvib_export.affine import physical_affine
 from mbsvib_export.fmu_.nominal import experiment_times, nominal_values
-from mbsvib_export.neutral import check_finite, state_space_of
+from mbsvib_export.neutral import check_finite, state_space_of, with_ports
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
 
     Mask = NDArray[np.bool_]
@@ -65,15 +66,15 @@ class Plant:
         return np.concatenate(([0], ends)).astype(np.int64)
 
 
-def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
+def plant_of(source: Any, realization: str, tunable: tuple[str, ...], outputs: Names, inputs: Names) -> Plant:
     """Return what goes into an FMU; with ``tunable`` parameters states are physical: others would change with them."""
     if of_control(source):
         _check_control(source, tunable)
     if not tunable:
-        space = state_space_of(source, realization, "to_fmu")
+        space = state_space_of(source, realization, "to_fmu", outputs, inputs)
         check_finite(space, "to_fmu")
         return Plant(space, *_scales(space))
-    form = physical_affine(source, tunable, realization, "to_fmu", "tunable")
+    form = physical_affine(with_ports(source, outputs, inputs), tunable, realization, "to_fmu", "tunable")
     space = form.nominal.state_space()
     a, b, c, d, e, f = descriptor = _first_order(*(getattr(form.nominal, label) for label in MATRICES), unit=1.0)
     starts = np.cumsum([0, *(matrix.size for matrix in descriptor[:-1])])

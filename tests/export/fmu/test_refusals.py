@@ -58,8 +58,9 @@ def test_a_refused_export_leaves_the_old_file_as_it_was(tmp_path):
     ],
 )
 def test_controllers(law, words, tmp_path):
-    with pytest.raises(mv.ExportError, match=words):
-        mx.to_fmu(law(), tmp_path / "law.fmu")
+    for ports in ({}, {"outputs": "*"}):
+        with pytest.raises(mv.ExportError, match=words):
+            mx.to_fmu(law(), tmp_path / "law.fmu", **ports)
     assert list(tmp_path.iterdir()) == []
 
 
