@@ -415,3 +415,10 @@ def test_eigenvalues_pair_with_conjugates_and_with_real_ones_of_their_shape():
     shapes = np.array([[1.0, 0.0, 0.1, 0.1, 0.0], [0.0, 1.0, 0.0, 0.1, 1.0], [0.0, 0.1, 1.0, 1.0, 0.1]], dtype=complex)
     # the first stands for its conjugate too
     assert pair_numbers(values, shapes, 0, 0).tolist() == [[0, 0], [1, 4], [2, 3]]
+
+
+def test_a_system_without_coordinates_has_no_strongest_motion():
+    none = np.zeros((0, 0))
+    modes = mv.System.from_matrices(none, none, none, np.zeros((0, 1)), inputs=["F"]).modes()
+    assert len(modes) == 0
+    assert modes.strongest() == ()
