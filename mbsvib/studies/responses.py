@@ -175,7 +175,7 @@ def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], b
 
 def _root(system: Any, outputs: list[str], spectra: Mapping[str, Any], band: Band | None) -> Array:
     values = np.array(list(system.rms(outputs, spectra, band).values()))
-    return np.sqrt((values**2).sum(keepdims=True))
+    return np.asarray(np.sqrt((values**2).sum(keepdims=True)))
 
 
 def nodes(system: System, outputs: list[str], known: Sources, band: Band | None) -> tuple[Array, Array]:

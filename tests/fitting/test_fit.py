@@ -70,12 +70,6 @@ def test_intervals_hold_the_values_in_95_percent(known):
     assert failed <= 2
 
 
-def test_intervals_hold_most_values():
-    share, failed = covered(12, True)
-    assert 0.85 <= share < 1.0
-    assert failed == 0
-
-
 def test_channels_are_found_with_signs():
     """An amplifier with the other sign, a delay and a low-pass in all outputs."""
     model = chain()

@@ -141,6 +141,7 @@ def test_fast_system_reaches_the_optimum_of_a_grid_of_a_slow_one():
     assert design.objective == pytest.approx(best, rel=3e-2)
 
 
+@pytest.mark.slow
 def test_unstable_plants_are_stabilised_first():
     upside_down = mv.StateSpace.from_arrays([[0.0, 1.0], [4.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]],
                                             inputs=["F"], outputs=["x"])  # fmt: skip
