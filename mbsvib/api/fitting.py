@@ -98,13 +98,13 @@ def _problem(
             conditions.append(values)
             scenes.append(Scene(_in_condition(model, values, chosen), chosen.parameters))
         number = conditions.index(values)
-        name, described = f"data {k}", scenes[number].model
+        name, scene = f"data {k}", scenes[number]
         if isinstance(measured, Measurement):
-            part, added = response_data(measured, name, number, described, kinds, len(chosen.names), chosen.names)
+            part, added = response_data(measured, name, number, scene, kinds, len(chosen.names), chosen.names)
             chosen = chosen.with_channels(added)
             parts.append(part)
         else:
-            parts.append(mode_data(measured, name, number, described))
+            parts.append(mode_data(measured, name, number, scene))
     problem = Problem(chosen, tuple(scenes), tuple(parts))
     if problem.numbers < len(chosen.names):
         raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers} numbers were measured; give "

@@ -18,14 +18,12 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
-from mbsvib.fitting.problem import Problem, real_rows
-from mbsvib.fitting.response_data import ResponseData
+from mbsvib.fitting.problem import Problem
+from mbsvib.fitting.response_data import HELD, ResponseData
 from mbsvib.fitting.responses import blocks
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-
-HELD = -1
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -45,30 +43,23 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
 
     ``candidates``: names or patterns of outputs and inputs of the model; None: all without data.
     """
-    data = [(k, part) for k, part in enumerate(problem.data) if isinstance(part, ResponseData)]
+    data = [part for part in problem.data if isinstance(part, ResponseData)]
     if not data:
         raise ResponseError("next_sensor: no frequency responses were fitted, at whose lines a sensor could be added.")
-    v = len(x)
-    information = np.eye(v)
-    for _, block in problem.blocks(x):
-        slopes, _ = real_rows(block)
-        information += slopes @ slopes.T
+    information = np.eye(len(x)) + problem.sums(x, far=False).normal
     before = np.linalg.inv(information)
     widest = int(before.diagonal().argmax())
-    equations = problem.scenes[data[0][1].scene](problem.variables.map @ problem.variables.values(x), None)[0]
+    equations = problem.scenes[data[0].scene](problem.variables.map @ problem.variables.values(x), None)[0]
     bare = replace(problem.variables, prior=np.full_like(problem.variables.prior, np.nan))
     result = []
     for kind, known in (("output", equations.outputs), ("input", equations.inputs)):
         for number in _chosen(candidates, kind, known, equations):
-            parts = tuple([part for _, one in data if (part := _with(one, kind, number, equations)) is not None])
+            parts = tuple([part for one in data if (part := _with(one, kind, number, equations)) is not None])
             if not parts:
                 continue
-            added = np.zeros((v, v))
-            for _, block in replace(problem, data=parts, variables=bare).blocks(x):
-                slopes, _ = real_rows(block)
-                added += slopes @ slopes.T
-            gain = float(np.linalg.slogdet(information + added)[1] - np.linalg.slogdet(information)[1])
-            after = np.linalg.inv(information + added)
+            more = information + replace(problem, data=parts, variables=bare).sums(x, far=False).normal
+            gain = float(np.linalg.slogdet(more)[1] - np.linalg.slogdet(information)[1])
+            after = np.linalg.inv(more)
             result.append(Candidate(known[number], gain, float(np.sqrt(before[widest, widest] / after[widest, widest])),
                                     problem.variables.names[widest]))  # fmt: skip
     if not result:

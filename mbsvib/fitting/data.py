@@ -10,7 +10,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import shown
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.response_data import Channels, ResponseData, weights
+from mbsvib.fitting.response_data import HELD, Channels, ResponseData, weights
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
@@ -29,17 +29,17 @@ FREQUENCY, DAMPING, SHAPE = 1e-3, 0.1, 0.05
 
 
 def response_data(
-    measurement: Measurement, name: str, scene: int, model: Any, kinds: Sequence[str], first: int, known: Sequence[str]
+    measurement: Measurement, name: str, number: int, scene: Any, kinds: Sequence[str], first: int, known: Sequence[str]
 ) -> tuple[ResponseData, list[Channel]]:
     """Return measured responses as data, and the values of their channels: name, unit, start, size and limits of each.
 
-    ``kinds``: what the channels have; ``first``: the number of the first of these values; ``known``: names of values
+    ``number``: that of the ``scene`` in which they were measured; ``kinds``: what the channels have; ``first``: the
+    number of the first of these values; ``known``: names of values
     that there are.
     """
-    system = model.linearize(method="dense")
-    match = measurement.matched(model)
-    rows = np.array([system.outputs.index(one) for one in match.output_names], dtype=np.intp)
-    columns = np.array([system.inputs.index(one) for one in match.input_names], dtype=np.intp)
+    match, outputs, inputs = measurement.matched(scene.model), scene.plant.outputs, scene.plant.inputs
+    rows = np.array([outputs.index(one) for one in match.output_names], dtype=np.intp)
+    columns = np.array([inputs.index(one) for one in match.input_names], dtype=np.intp)
     responses = np.moveaxis(measurement.responses, 2, 0)
     variance = None if measurement.variance is None else np.moveaxis(measurement.variance, 2, 0)
     sign = np.moveaxis(match.factor(measurement.omega), 2, 0)
@@ -55,9 +55,8 @@ def response_data(
                             f"and variances.")  # fmt: skip
     channels, added = _channels(measurement, kinds, first, known, name)
     return ResponseData(
-        name, scene, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
-        whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, tuple(measurement.outputs),
-        tuple(measurement.inputs), is_known,
+        name, number, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
+        whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, is_known,
     ), added  # fmt: skip
 
 
@@ -93,24 +92,23 @@ def _channels(
         added.append((label, unit, start, size, 0.0 if kind == "lag" else -np.inf, np.inf))
         return first + len(added) - 1
 
-    outer = {kind: np.array([number(signal, kind) if kind in kinds else -1 for signal in measurement.outputs],
+    outer = {kind: np.array([number(signal, kind) if kind in kinds else HELD for signal in measurement.outputs],
                             dtype=np.intp) for kind in KINDS}  # fmt: skip
-    inner = np.array([number(signal, "gain") if "gain" in kinds and i else -1
+    inner = np.array([number(signal, "gain") if "gain" in kinds and i else HELD
                       for i, signal in enumerate(measurement.inputs)], dtype=np.intp)  # fmt: skip
     return Channels(outer["gain"], outer["delay"], outer["lag"], inner), added
 
 
-def mode_data(measured: MeasuredModes, name: str, scene: int, model: Any) -> ModeData:
+def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> ModeData:
     """Return measured modes as data."""
-    system, n = model.linearize(method="dense"), len(measured.frequencies)
+    n = len(measured.frequencies)
     ratios = np.full(n, np.nan) if measured.damping_ratios is None else measured.damping_ratios
     shapes, rows, sign = np.full((0, n), np.nan + 0j), np.zeros(0, dtype=np.intp), np.zeros(0)
     if measured.shapes is not None:
-        match, shapes = measured.matched(model), np.asarray(measured.shapes, dtype=complex)
-        rows = np.array([system.outputs.index(one) for one in match.output_names], dtype=np.intp)
+        match, shapes = measured.matched(scene.model), np.asarray(measured.shapes, dtype=complex)
+        rows = np.array([scene.plant.outputs.index(one) for one in match.output_names], dtype=np.intp)
         sign = np.array([partner.sign for partner in match.outputs], dtype=float)
-    return ModeData(name, scene, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign,
-                    tuple(measured.outputs))  # fmt: skip
+    return ModeData(name, number, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign)
 
 
 def _deviations(measured: MeasuredModes, shapes: Complex) -> tuple[Array, Array, Array]:

@@ -51,10 +51,11 @@ def minimized(problem: Problem, x: Array, far: bool, tell: Callable[[float], obj
     for step in range(most):
         tell(sums.cost)
         free = ~(((x <= low) & (sums.gradient > 0.0)) | ((x >= high) & (sums.gradient < 0.0)))
-        if _converged(problem, sums, free, far):
+        decomposed = _decomposed(sums, free)
+        if _converged(problem, sums.cost, decomposed, far):
             return Found(x, sums.cost, step, True)
         for _ in range(TRIALS):
-            dx, predicted = _step(sums, free, damping)
+            dx, predicted = _step(decomposed, damping)
             trial = np.clip(x + dx, low, high)
             if np.abs(trial - x).max(initial=0.0) <= SMALLEST * (1.0 + np.abs(x).max()):
                 return Found(x, sums.cost, step, True)
@@ -79,29 +80,28 @@ def _cost(problem: Problem, x: Array, far: bool) -> float:
 
 
 def _decomposed(sums: Sums, free: Bools) -> tuple[Array, Array, Array]:
-    """Eigenvalues and vectors of the normal matrix with a unit diagonal, in ``free`` unknowns, and its scale."""
+    """Eigenvalues (k,) of the normal matrix with a unit diagonal, in ``free`` unknowns, directions (v, k) that the data
+    tell, and the gradient along these (k,).
+    """
     scale = np.sqrt(np.where(sums.normal.diagonal() > 0.0, sums.normal.diagonal(), 1.0))
     scaled = sums.normal / scale[:, None] / scale * free[:, None] * free
     size, vectors = np.linalg.eigh(scaled)
-    return size, vectors, scale
+    told = size > UNTOLD * size.max(initial=0.0)
+    directions = vectors[:, told] / scale[:, None] * free[:, None]
+    return size[told], directions, directions.T @ sums.gradient
 
 
-def _step(sums: Sums, free: Bools, damping: float) -> tuple[Array, float]:
+def _step(decomposed: tuple[Array, Array, Array], damping: float) -> tuple[Array, float]:
     """A step and the decrease of the cost that a linear model predicts."""
-    size, vectors, scale = _decomposed(sums, free)
-    told = size > UNTOLD * size.max(initial=0.0)
-    pull = vectors.T @ (sums.gradient / scale * free)
-    y = np.where(told, -pull / np.where(told, size + damping * size.max(initial=0.0), 1.0), 0.0)
-    predicted = float(-(pull * y).sum() - 0.5 * (size * y * y).sum())
-    return vectors @ y / scale, predicted
+    size, directions, pull = decomposed
+    y = -pull / (size + damping * size.max(initial=0.0))
+    return directions @ y, float(-(pull * y).sum() - 0.5 * (size * y * y).sum())
 
 
-def _converged(problem: Problem, sums: Sums, free: Bools, far: bool) -> bool:
-    size, vectors, scale = _decomposed(sums, free)
-    told = size > UNTOLD * size.max(initial=0.0)
-    pull = vectors.T @ (sums.gradient / scale * free)
-    decrease = float((pull[told] ** 2 / size[told]).sum())
+def _converged(problem: Problem, cost: float, decomposed: tuple[Array, Array, Array], far: bool) -> bool:
+    size, directions, pull = decomposed
+    decrease = float((pull**2 / size).sum())
     if far:
-        return decrease <= 2.0 * CONVERGED_FAR * sums.cost
-    noise = 1.0 if problem.known else 2.0 * sums.cost / max(1, problem.numbers - len(free))
-    return decrease <= CONVERGED**2 * min(1.0, noise) if problem.known else decrease <= CONVERGED**2 * noise
+        return decrease <= 2.0 * CONVERGED_FAR * cost
+    noise = 1.0 if problem.known else 2.0 * cost / max(1, problem.numbers - len(directions))
+    return decrease <= CONVERGED**2 * noise

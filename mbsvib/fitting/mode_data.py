@@ -43,7 +43,6 @@ class ModeData:
     shape_deviation: Array
     rows: Index
     sign: Array
-    outputs: tuple[str, ...]
     known: bool = True
 
     @property

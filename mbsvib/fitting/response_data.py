@@ -39,8 +39,12 @@ class Block(NamedTuple):
     slopes: Complex | None
 
 
+# In the place of the number of a value: what is held.
+HELD = -1
+
+
 class Channels(NamedTuple):
-    """Numbers among all values of the gains, delays and lags of outputs, and of the gains of inputs; -1: held."""
+    """Numbers among all values of the gains, delays and lags of outputs, and of the gains of inputs, or HELD."""
 
     gain: Index
     delay: Index
@@ -81,8 +85,6 @@ class ResponseData:
     columns: Index
     sign: Complex
     channels: Channels
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
     known: bool
 
     def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
@@ -112,7 +114,7 @@ class ResponseData:
         slopes = np.zeros((len(values) - first, *total.shape), dtype=complex)
         bare = channels.factor(values, self.omega[which], without_gains=True) * model
         outer, inner = _of(values, channels.gain, 1.0), _of(values, channels.input_gain, 1.0)
-        for o in range(len(self.outputs)):
+        for o in range(len(self.rows)):
             gain, delay, lag = (int(number[o]) for number in channels[:3])
             if gain >= 0:
                 slopes[gain - first, :, o] = bare[:, o] * inner

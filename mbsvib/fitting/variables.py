@@ -6,7 +6,7 @@ A positive value is p = e^x, any other p = s x with a natural size s: a change o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,8 +85,7 @@ class Variables:
 
     def starting(self, values: Array) -> Variables:
         """Return these with another start."""
-        return Variables(self.names, self.units, values, self.size, self.low, self.high, self.positive, self.prior,
-                         self.parameters, self.map)  # fmt: skip
+        return replace(self, start=values)
 
 
 def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: Any) -> Variables:

@@ -28,8 +28,8 @@ RATE_UNITS = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 @dataclass(frozen=True, slots=True)
 class FirstOrder:
     """x' = A x + B u,  (q, q') = T x + U u: ``a`` (n, n), ``b`` (n, inputs), ``transform`` T (2m, n) and ``through`` U
-    (2m, inputs), with names and units of the states. ``carried`` (m - massless, n) are the rates w that move mass; None
-    stands for all rates.
+    (2m, inputs), with names and units of the states. ``mass_rates`` (m - massless, n) are the rates w that move mass;
+    None stands for all rates.
     """
 
     a: Array
@@ -38,7 +38,7 @@ class FirstOrder:
     through: Array
     names: tuple[str, ...]
     units: tuple[str, ...]
-    carried: Array | None = None
+    mass_rates: Array | None = None
 
     def accelerations(self, system: Equations) -> tuple[Array, Array]:
         """Return factors of the accelerations that outputs see, Ca q'' = L R x': L (outputs, m) and R (m, n).
@@ -46,11 +46,11 @@ class FirstOrder:
         Ca q'' = (Ca E) w' + (Ca N) p', in which Ca N is 0 where it is rounding: p' is large where a damper is weak.
         """
         rate = self.transform[system.dof :]
-        if self.carried is None or system.null_inertia is None:
+        if self.mass_rates is None or system.null_inertia is None:
             return system.Ca, rate
         independent, dependent = independent_coordinates(system.null_inertia)
         return (np.concatenate((system.Ca[:, dependent], cleaned(system.Ca, system.null_inertia)), axis=1),
-                np.concatenate((self.carried, rate[independent])))  # fmt: skip
+                np.concatenate((self.mass_rates, rate[independent])))  # fmt: skip
 
 
 def physical(system: Equations) -> FirstOrder:
@@ -84,9 +84,9 @@ def physical(system: Equations) -> FirstOrder:
         a[m:], b[m:] = solution[:, :n], solution[:, n:]
     rates = [rate_name(system.coordinates, null, i) for i in dependent.tolist()]
     units = tuple(RATE_UNITS[system.coordinate_units[i]] for i in dependent.tolist())
-    carried = np.eye(len(dependent), n, m)
+    mass_rates = np.eye(len(dependent), n, m)
     return FirstOrder(a, b, transform, through, (*system.coordinates, *rates), (*system.coordinate_units, *units),
-                      carried)  # fmt: skip
+                      mass_rates)  # fmt: skip
 
 
 def rate_name(coordinates: tuple[str, ...], null: Array, dependent: int) -> str:
