@@ -21,6 +21,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.fitting.problem import Problem
 from mbsvib.fitting.response_data import HELD, ResponseData
 from mbsvib.fitting.responses import blocks
+from mbsvib.linalg.rank import TIE_BREAK
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -48,7 +49,8 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
         raise ResponseError("next_sensor: no frequency responses were fitted, at whose lines a sensor could be added.")
     information = np.eye(len(x)) + problem.sums(x, far=False).normal
     before = np.linalg.inv(information)
-    widest = int(before.diagonal().argmax())
+    variances = before.diagonal()
+    widest = int((variances >= (1.0 - TIE_BREAK) * variances.max()).argmax())
     equations = problem.scenes[data[0].scene](problem.variables.map @ problem.variables.values(x), None)[0]
     bare = replace(problem.variables, prior=np.full_like(problem.variables.prior, np.nan))
     result = []
@@ -64,7 +66,7 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
                                     problem.variables.names[widest]))  # fmt: skip
     if not result:
         raise ResponseError("next_sensor: no candidate is left; expected outputs or inputs of the model without data.")
-    return tuple(sorted(result, key=lambda one: -one.gain))
+    return tuple(sorted(result, key=lambda one: -float(f"{one.gain:.6g}")))  # equal gains: in the order of the model
 
 
 def _chosen(candidates: Any, kind: str, known: tuple[str, ...], equations: Any) -> list[int]:

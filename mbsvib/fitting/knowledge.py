@@ -19,6 +19,7 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.fitting.problem import real_rows
 from mbsvib.fitting.response_data import ResponseData
+from mbsvib.linalg.rank import TIE_BREAK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,7 +89,7 @@ def knowledge(problem: Problem, x: Array) -> Knowledge:
         covariance = _from_residuals(covariance, _scores(problem, x), max(1.0, test.ratio) if test.ratio > 0.0 else 1.0)
     covariance[~is_told] = covariance[:, ~is_told] = 0.0
     covariance[~is_told, ~is_told] = np.inf
-    return Knowledge(covariance, is_told, _sparse(untold, problem.variables.names), test,
+    return Knowledge(covariance, is_told, combinations(untold, problem.variables.names), test,
                      np.inf if problem.known else float(freedom))
 
 
@@ -143,17 +144,23 @@ def _bands(frequencies: Array, power: Array) -> list[tuple[float, float]]:
     return [(float(frequencies[a]), float(frequencies[b - 1])) for a, b in edges.reshape(-1, 2)]
 
 
-def _sparse(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
-    """Directions (k, v) as combinations of few names: reduced to echelon form, small shares left out."""
-    rows, result = directions.copy(), []
-    for k in range(len(rows)):
-        which, column = divmod(int(np.abs(rows[k:]).argmax()), rows.shape[1])
-        rows[[k, k + which]] = rows[[k + which, k]]
-        rows[k] /= rows[k, column]
-        for other in range(len(rows)):
-            if other != k:
-                rows[other] -= rows[other, column] * rows[k]
-    for row in rows:
-        row = row / np.abs(row).max()
-        result.append({names[i]: float(row[i]) for i in np.flatnonzero(np.abs(row) >= NAMED).tolist()})
+def combinations(directions: Array, names: Sequence[str]) -> tuple[dict[str, float], ...]:
+    """The span of orthonormal directions (k, v) as combinations of few names, small shares left out.
+
+    Each combination has a name that no other has, the first of those with the largest share that is left: any basis of
+    the span gives the same combinations, in the order of the names.
+    """
+    left, pivots = directions.copy(), []
+    for _ in directions:
+        shares = (left**2).sum(axis=0)
+        pivot = int((shares >= (1.0 - TIE_BREAK) * shares.max()).argmax())
+        along = left[:, pivot] / np.sqrt(shares[pivot])
+        left -= np.outer(along, along @ left)
+        pivots.append(pivot)
+    rows = np.linalg.solve(directions[:, sorted(pivots)], directions)
+    result = []
+    for row in rows / np.abs(rows).max(axis=1, initial=0.0, keepdims=True):
+        named = np.flatnonzero(np.abs(row) >= NAMED)
+        sign = np.sign(row[named[0]])
+        result.append({names[i]: float(sign * row[i]) for i in named.tolist()})
     return tuple(result)

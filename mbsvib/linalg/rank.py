@@ -27,7 +27,7 @@ ALIGNED = 1e-14
 ZERO_PRODUCT = 4.0 * EPS
 # Kept and dropped pivots closer than this leave the rank itself in doubt.
 RANK_GAP = 1e3
-# Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
+# Sizes that differ by less are equal: what comes first or last among them is chosen, by its order, never by rounding.
 TIE_BREAK = 1e-6
 # Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
 # turned, are one point, told apart by rounding.

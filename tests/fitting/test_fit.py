@@ -7,6 +7,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.errors import ModelError, ResponseError
+from mbsvib.fitting.knowledge import combinations
 from tests.fitting.scenes import away, chain, measured
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 80)
@@ -121,6 +122,16 @@ def test_springs_in_series_are_told_by_their_sum_only():
     best = fit.next_sensor()
     assert [one.name for one in best] == ["middle"]
     assert best[0].narrower > 10.0
+
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_not_told_does_not_depend_on_the_basis(seed):
+    directions = np.array([[0.0, 1.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, -0.5, 0.0]])
+    turned = np.linalg.qr(np.random.default_rng(seed).standard_normal((2, 2)))[0] @ np.linalg.qr(directions.T)[0].T
+    first, second = combinations(turned, ["a", "b", "c", "d", "e"])
+    assert first == pytest.approx({"a": 1.0, "d": -0.5}, abs=1e-14)
+    assert second == pytest.approx({"b": 1.0, "c": -1.0}, abs=1e-14)
 
 
 def test_next_sensor_tells_most_by_its_own_derivatives():
