@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Outcome: TypeAlias = "Answer | str"
 Outcomes: TypeAlias = "list[tuple[int, Outcome]]"
 
-# Unless their number is given, processes are started if the remaining time is longer than this; starting takes 1 s.
+# Unless their number is given, processes are started if they save more than this; starting each takes 1.5 s.
 WORTH_PROCESSES = 3.0
 # Approximate duration of a piece, after which progress and record are updated; numbers in the matrices of a batch.
 PIECE_SECONDS = 0.25
@@ -129,7 +129,8 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     """Compute the remaining points and yield their outcomes as they are available.
 
     ``columns`` (n,): values of the variables at all points. ``workers``: number of processes; 1: only this one.
-    Default: joblib's configuration, else the number of processors if the study takes long.
+    Default: joblib's configuration, else the number of processors if these save time. What a point costs is known as
+    soon as pieces no longer grow: the first one includes what is computed once, small ones cost more for each point.
     """
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise check.refuse("study", "workers", workers, "a whole number of processes, at least 1")
@@ -137,14 +138,17 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     configured = workers is None and _configured()
     done, size = 0, 1 if task.kind != "batch" else min(many, 32)
     while done < len(todo) and not configured and (workers in (None, 1)):
-        start = perf_counter()
         chunk = todo[done : done + size]
-        yield task.run(chunk, _part(columns, chunk))
-        done += len(chunk)
+        start = perf_counter()
+        outcomes = task.run(chunk, _part(columns, chunk))
         point_seconds = (perf_counter() - start) / len(chunk)
-        if workers is None and done > 1 and point_seconds * (len(todo) - done) > WORTH_PROCESSES and _processors() > 1:
+        yield outcomes
+        grown = max(1, min(many, int(PIECE_SECONDS / max(point_seconds, 1e-9)), 8 * size))
+        known, done, size = done > 0 and grown < 2 * size, done + len(chunk), grown
+        remaining = point_seconds * (len(todo) - done)
+        long = workers is None and known and remaining > WORTH_PROCESSES
+        if long and remaining * (1.0 - 1.0 / _processors()) > WORTH_PROCESSES:
             break
-        size = max(1, min(many, int(PIECE_SECONDS / max(point_seconds, 1e-9)), 8 * size))
     if done < len(todo):
         yield from _parallel(task, columns, todo[done:], workers, configured, many)
 

@@ -66,8 +66,8 @@ def scales(design: StudyVariables, variables: Mapping[str, Any], start: Mapping[
         else:
             p = min(max(design.start[name], low), high)
             if np.isnan(design.start[name]):
-                raise ModelError(f"variable '{name}': this argument of plant has no default; give start = "
-                                 f"{{'{name}': ...}}.", element=name, field="start")  # fmt: skip
+                raise ModelError(f"variable '{name}': this argument of plant has no default; add one, or give "
+                                 f"start = {{'{name}': ...}}.", element=name, field="start")  # fmt: skip
         if not low <= p <= high:
             raise ModelError(f"variable '{name}': start = {p:g}; expected a value from {low:g} to {high:g}.",
                              element=name, field="start")  # fmt: skip

@@ -59,7 +59,7 @@ def sweep(
     batched : bool
         Say that functions take a batch and return an axis of points in front.
     workers : int, optional
-        How many processes, 1 for none. Default: as many as processors where it takes seconds, or joblib's own choice
+        How many processes, 1 for none. Default: as many as processors where these save seconds, or joblib's own choice
         within ``parallel_config``.
     file : str or path-like, optional
         Record of the sweep, one line for each computed point. If the file exists, only missing points are computed. The

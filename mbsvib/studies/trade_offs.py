@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.progress import counting
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import DesignPoint, checked
+from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.extremes import largest
 from mbsvib.studies.optimizing import optimize
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Quantity, quantity
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
     from mbsvib.studies.optimizing import Optimum
+    from mbsvib.studies.plants import Plant, PlantFunction
     from mbsvib.studies.quantities import Constraint
 
 # Share of the sum that is added to the largest: of designs with the same largest, the better ones in the others count.
@@ -125,6 +126,7 @@ def trade_off(
     quantities: Mapping[str, Quantity], constraints: Constraint | Iterable[Constraint] = (), *,
     divisions: int | None = None, ties: Ties | None = None, method: str = "SLSQP",
     options: Mapping[str, Any] | None = None, starts: int = 1, seed: int = 0, progress: Progress = False,
+    plant: PlantFunction | None = None,
 ) -> TradeOff:  # fmt: skip
     """Return designs of which none is better in all of several quantities: the Pareto front.
 
@@ -159,6 +161,9 @@ def trade_off(
         Of the points where they start.
     progress : bool or callable
         True: a bar on standard error; a function is called with how many searches are done, and how many there are.
+    plant : callable, optional
+        A function of the system that returns what quantities are those of in its place, such as a closed loop, whose
+        further arguments may be variables; as for ``optimize``.
 
     Returns
     -------
@@ -182,7 +187,7 @@ def trade_off(
 
     def best(objective: Quantity, start: Mapping[str, float] | None) -> Optimum:
         return optimize(model, variables, objective, conditions, ties=ties, start=start, method=method, options=options,
-                        starts=starts, seed=seed, observed=quantities)  # fmt: skip
+                        starts=starts, seed=seed, observed=quantities, plant=plant)  # fmt: skip
 
     with counting(progress, len(names) + len(grid), "trade-off") as tell:
         single = []
@@ -203,7 +208,8 @@ def trade_off(
                 failed += 1
             tell(1)
     rows = np.array([_numbers(optimum) for _, optimum in ends])
-    return _front(model, quantities, ends, rows, span, ideal, _began(model, variables, ties, quantities), failed)
+    began = _began(model, variables, ties, quantities, plant_of(plant, variables))
+    return _front(model, quantities, ends, rows, span, ideal, began, failed)
 
 
 def _range(rows: Sequence[Array]) -> tuple[Array, Array]:
@@ -247,16 +253,14 @@ def _front(
     )  # fmt: skip
 
 
-def _began(model: Model, variables: Iterable[str], ties: Ties | None, quantities: Mapping[str, Quantity]
-           ) -> dict[str, float]:  # fmt: skip
+def _began(
+    model: Model, variables: Mapping[str, Any], ties: Ties | None, quantities: Mapping[str, Quantity], plant: Plant
+) -> dict[str, float]:
     """The quantities of the given model."""
-    first_design = design(model, variables, ties)
-    values = dict(first_design.start)
-    if any(part.needs_equations for part in quantities.values()):
-        equations, changed = checked(in_equilibrium(model)[1]), None
-    else:
-        equations, changed = None, model
-    point = DesignPoint(equations, first_design.rates(values), values, np.ones(len(values)), {}, changed=changed)
+    systems = Systems(model, design(model, variables, ties, plant.gains), plant)
+    values, sizes = dict(systems.design.start), np.ones(len(variables))
+    equations = any(part.needs_equations for part in quantities.values())
+    point = DesignPoint.at(systems, values, sizes, sizes, equations)
     return {name: float(part.at(point).value[0]) for name, part in quantities.items()}
 
 

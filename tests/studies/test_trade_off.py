@@ -60,6 +60,21 @@ def test_quantities_of_the_equations_and_a_constraint():
     assert front.values["mass"][[0, -1]] == pytest.approx([1.0, 4.0], rel=1e-5)
 
 
+def test_quantities_of_a_loop_around_each_system():
+    """A gain c of velocity against damping: that of a plate is c / 2 sqrt(k m), k = 2."""
+    model = plate()
+    model.add_output("plate.vz", "plate", "z", quantity="velocity")
+    model.add_input("force", "plate", "z")
+    quantities = {"gain": studies.variable("c"), "loss": -studies.damping_ratio(1)}
+    front = studies.trade_off(model, {"c": (0.1, 1.0), X: (1.0, 4.0)}, quantities, divisions=4,
+                              plant=lambda system, c=0.5: system.feedback([[-c]], ["plate.vz"], ["force"]))  # fmt: skip
+    assert front.began["loss"] == pytest.approx(-0.5 / (2.0 * np.sqrt(2.0 * 2.0)), rel=1e-12)
+    assert front.variables[X] == pytest.approx(np.ones(5), rel=1e-6)
+    assert front.values["loss"] == pytest.approx(-front.values["gain"] / (2.0 * np.sqrt(2.0)), rel=1e-6)
+    assert front.values["gain"][[0, -1]] == pytest.approx([0.1, 1.0], rel=1e-6)
+    assert front.optima[0].plant.modes().damping_ratios == pytest.approx(-front.values["loss"][0], rel=1e-12)
+
+
 def test_quantities_that_agree_have_one_design():
     x = studies.variable(X)
     front = studies.trade_off(plate(), {X: (1.0, 4.0)}, {"a": x, "b": 2.0 * x}, divisions=3)

@@ -4,13 +4,14 @@ import os
 import signal
 from concurrent.futures import BrokenExecutor
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import joblib
 import numpy as np
 import pytest
 
 from mbsvib.library import quarter_car
-from mbsvib.studies import sweep
+from mbsvib.studies import running, sweep
 
 VALUES = {"tyre.stiffness": np.linspace(1e5, 3e5, 9)}
 
@@ -42,6 +43,37 @@ def test_joblib_says_where():
         result = sweep(quarter_car(), VALUES, where)
     assert set(result["pid"].tolist()) == {os.getpid()}
     assert same(result, expected())
+
+
+@pytest.mark.parametrize(("first", "call", "point", "kind", "points", "processors", "split"), [
+    (0.2, 0.01, 1e-4, "batch", 10_000, 2, False),  # the first piece takes long, as it includes what is computed once
+    (0.2, 0.05, 1e-4, "single", 3000, 8, False),  # calls of few points cost more for each
+    (0.1, 0.0, 5e-3, "variants", 1000, 2, False),  # two processes save less than their start takes
+    (0.1, 0.0, 5e-3, "variants", 1000, 8, True),
+    (0.1, 0.0, 5e-3, "variants", 2000, 2, True),
+    (0.1, 0.0, 5e-3, "variants", 100_000, 1, False),
+    (9.0, 0.0, 10.0, "single", 3, 2, True),
+])  # fmt: skip
+def test_processes_are_started_where_they_save_time(first, call, point, kind, points, processors, split, monkeypatch):
+    """By a clock on which the first piece takes ``first`` seconds more, a piece ``call``, and each of its points
+    ``point``."""
+    clock, left = [0.0], []
+
+    def computed(numbers, columns):
+        clock[0] += call + point * len(numbers) + (first if numbers[0] == 0 else 0.0)
+        return [(number, {}) for number in numbers]
+
+    def parallel(task, columns, todo, *others):
+        left.extend(todo)
+        return iter([[(number, {}) for number in todo]])
+
+    monkeypatch.setattr(running, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(running, "_processors", lambda: processors)
+    monkeypatch.setattr(running, "_parallel", parallel)
+    task = SimpleNamespace(run=computed, kind=kind, dof=6)
+    done = [number for part in running.run(task, {}, range(points), None) for number, _ in part]
+    assert done == list(range(points))
+    assert bool(left) == split
 
 
 @pytest.mark.slow
