@@ -165,23 +165,37 @@ def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[S
     """Stiffness, damping and preload of bushings about the pose with the deflections d and rho."""
     k, c = (np.array([matrix6(value) for value in values]) for values in (
         [part.stiffness for part in bushings], [part.damping for part in bushings]))  # fmt: skip
-    wrench = np.array([part.preload or ZERO for part in bushings])
-    wrench -= (k @ np.concatenate((d, rho), axis=1)[..., None])[..., 0]
-    rotated = np.asarray(rho.any(axis=1))
-    has_moment = rotated & (wrench[:, 3:].any(axis=1) | k[:, 3:].any(axis=(1, 2)))
-    damps_rotation = rotated & c[:, 3:].any(axis=(1, 2))
-    for i in (has_moment & (np.square(rho).sum(axis=1) > LARGEST_ANGLE**2)).nonzero()[0].tolist():
-        raise _angle_error(bushings[i], rho[i])
-    jacobian = np.tile(_SIX, (len(rho), 1, 1))  # d(d, rho) / d(displacement, rotation)
-    jacobian[:, 3:, 3:] = inverse_jacobian(rho)
+    preload = np.array([part.preload or ZERO for part in bushings])
+    tangent, slope, wrench, has_moment = about(k, c, preload, d, rho)
+    check_angles(bushings, rho, has_moment)
+    damps_rotation = rho.any(axis=1) & c[:, 3:].any(axis=(1, 2))
+    stiffness = _finite(tangent, bushings, "stiffness", has_moment)
+    damping = _finite(slope, bushings, "damping", damps_rotation)
+    return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))
+            for i, (part, values) in enumerate(zip(bushings, wrench.tolist(), strict=True))]
+
+
+def about(k: Array, c: Array, preload: Array, d: Array, rho: Array) -> tuple[Array, Array, Array, Mask]:
+    """Return stiffness, damping (..., n, 6, 6) and preload (..., n, 6) of bushings about a pose, in their axes there.
+
+    ``k``, ``c`` (..., n, 6, 6) and ``preload`` (..., n, 6) as described; ``d`` [m], ``rho`` [rad] (..., n, 3): the
+    deflections. The last array (..., n) tells which have turned and have a moment.
+    """
+    wrench = preload - (k @ np.concatenate((d, rho), axis=-1)[..., None])[..., 0]
+    has_moment = rho.any(axis=-1) & (wrench[..., 3:].any(axis=-1) | k[..., 3:, :].any(axis=(-1, -2)))
+    jacobian = np.zeros((*rho.shape[:-1], 6, 6))  # d(d, rho) / d(displacement, rotation)
+    jacobian[..., :3, :3], jacobian[..., 3:, 3:] = _SIX[:3, :3], inverse_jacobian(rho)
     transposed = jacobian.swapaxes(-1, -2)
     tangent = transposed @ k @ jacobian
-    tangent[:, 3:, 3:] -= second_order(rho, wrench[:, 3:])
-    stiffness = _finite(tangent, bushings, "stiffness", has_moment)
-    damping = _finite(transposed @ c @ jacobian, bushings, "damping", damps_rotation)
-    wrenches = (transposed @ wrench[..., None])[..., 0].tolist()
-    return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))
-            for i, (part, values) in enumerate(zip(bushings, wrenches, strict=True))]
+    tangent[..., 3:, 3:] -= second_order(rho, wrench[..., 3:])
+    return tangent, transposed @ c @ jacobian, (transposed @ wrench[..., None])[..., 0], np.asarray(has_moment)
+
+
+def check_angles(bushings: Sequence[Any], rho: Array, has_moment: Mask) -> None:
+    """Refuse bushings with a moment (..., n) that are turned by rotation vectors ``rho`` (..., n, 3) close to pi."""
+    beyond = np.argwhere(has_moment & (np.square(rho).sum(axis=-1) > LARGEST_ANGLE**2)).tolist()
+    if beyond:
+        raise _angle_error(bushings[beyond[0][-1]], rho[tuple(beyond[0])])
 
 
 def matrix6(value: Six | Matrix6) -> Array:

@@ -14,7 +14,7 @@ Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, degrees, hypot, sqrt
+from math import atan2, degrees, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -94,9 +94,12 @@ class TorsionSpring(Connection):
         first, second = (pose.rotations.take([pose.number[body] for body in bodies], axis=0) for bodies in (
             [part.first for part in moved.values()], [part.second for part in moved.values()]))  # fmt: skip
         axes = np.array([check.frame_along(part.axis) for part in moved.values()])
-        scalar, vector = quaternion((first @ axes).swapaxes(-1, -2) @ (second @ axes))
-        turns = dict(zip(moved, zip(scalar.tolist(), vector.tolist(), strict=True), strict=True))
-        return [_twisted(part, pose, *turns[part.name]) if part.name in moved else part for part in parts]
+        k, c, preload = (np.array([getattr(part, field) or 0.0 for part in moved.values()])
+                         for field in ("stiffness", "damping", "preload"))  # fmt: skip
+        about_pose = about(list(moved.values()), k, c, preload, (first @ axes).swapaxes(-1, -2) @ (second @ axes))
+        in_pose = {part.name: _twisted(part, pose, *arrays)
+                   for part, *arrays in zip(moved.values(), *about_pose, strict=True)}  # fmt: skip
+        return [in_pose.get(part.name, part) for part in parts]
 
 
 def make(
@@ -120,26 +123,48 @@ def _turned(part: TorsionSpring, pose: Pose) -> dict[str, Any]:
     return part.constructor_kwargs() | {"axis": pose.rotated_vector(part.first, part.axis)}
 
 
-def _twisted(part: TorsionSpring, pose: Pose, w: float, vector: Sequence[float]) -> Part | dict[str, Any]:
-    """The spring after a relative rotation by the quaternion (w, vector), in axes with z along its own."""
-    x, y, z = vector
-    square, angle = w * w + z * z, 2.0 * atan2(z, w)
-    if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
-        who, swing = f"torsion spring '{part.name}'", degrees(2.0 * atan2(hypot(x, y), sqrt(square)))
-        raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
-                         f"{swing:.0f} across it, where its angle is not unique. Describe the model in a nearer "
+def about(
+    parts: Sequence[Any], stiffness: Array, damping: Array, preload: Array, relative: Array
+) -> tuple[Array, Array, Array]:
+    """Return stiffness, damping (..., n, 6, 6) and preload (..., n, 6) of springs about a pose, in axes with z along
+    their own on the first body.
+
+    ``stiffness``, ``damping`` and ``preload`` (..., n) as described, ``relative`` (..., n, 3, 3) the rotations of the
+    second bodies in these axes. ``parts`` (n,) are named where their angles are not unique.
+    """
+    w, vector = quaternion(relative)
+    x, y, z = np.moveaxis(vector, -1, 0)
+    square, swing = w * w + z * z, np.hypot(x, y)
+    angle = 2.0 * np.arctan2(z, w)
+    lost = np.argwhere((square < LARGEST_SWING) | (np.abs(angle) > bushing.LARGEST_ANGLE))
+    if len(lost):
+        at = tuple(lost[0].tolist())
+        who, across = f"torsion spring '{parts[at[-1]].name}'", degrees(2.0 * atan2(swing[at], sqrt(square[at])))
+        raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle[at])):.0f} degrees about its axis and by "
+                         f"{across:.0f} across it, where its angle is not unique. Describe the model in a nearer "
                          f"pose.", element=who, field="stiffness")  # fmt: skip
-    moment = (part.preload or 0.0) - part.stiffness * angle
-    if hypot(x, y) <= SWING:
+    moment = preload - stiffness * angle
+    g, h = np.zeros((2, *relative.shape[:-1]))
+    g[..., 2] = 1.0
+    swings = swing > SWING
+    g[..., 0], g[..., 1] = (np.where(swings, entry / square, 0.0) for entry in (w * y + z * x, z * y - w * x))
+    h[..., 0], h[..., 1] = g[..., 1], -g[..., 0]
+    squares, mixed = (a[..., :, None] * b[..., None, :] for a, b in ((g, g), (g, h)))
+    result = np.zeros((2, *np.shape(moment), 6, 6))
+    result[0, ..., 3:, 3:] = np.asarray(stiffness)[..., None, None] * squares
+    result[0, ..., 3:, 3:] += 0.5 * moment[..., None, None] * (mixed + mixed.swapaxes(-1, -2))
+    result[1, ..., 3:, 3:] = np.asarray(damping)[..., None, None] * squares
+    wrench = np.concatenate((np.zeros_like(g), moment[..., None] * g), axis=-1)
+    return result[0], result[1], wrench
+
+
+def _twisted(part: TorsionSpring, pose: Pose, stiffness: Array, damping: Array, wrench: Array) -> Part | dict[str, Any]:
+    """The spring in a pose with this stiffness and damping (6, 6) and this preload (6,): a bushing if it swings."""
+    moment = float(wrench[5])
+    if not wrench[3:5].any() and not stiffness[3:5].any() and not damping[3:5].any():
         return _turned(part, pose) | ({"preload": moment} if moment or part.preload is not None else {})
-    a, b = (w * y + z * x) / square, (z * y - w * x) / square
-    g, h = np.array((a, b, 1.0)), np.array((b, -a, 0.0))
-    stiffness, damping = np.zeros((2, 6, 6))
-    stiffness[3:, 3:] = part.stiffness * np.outer(g, g) + 0.5 * moment * (np.outer(g, h) + np.outer(h, g))
-    damping[3:, 3:] = part.damping * np.outer(g, g)
     return bushing.make(part.name, part.first, part.second, NOWHERE, stiffness, damping,
-                        pose.rotated_axes(part.first, check.frame_along(part.axis)),
-                        (*NOWHERE, *(moment * g)))  # fmt: skip
+                        pose.rotated_axes(part.first, check.frame_along(part.axis)), wrench)  # fmt: skip
 
 
 def expand(part: TorsionSpring, *_: Any) -> ExpandedPart:

@@ -152,10 +152,10 @@ def load_stiffness(
     rows, stiffness = squares_of_products(identity[..., used, :], second)
     circulatory = None
     if result.antisymmetric is not None:
-        projected = _projected(result.antisymmetric, reduction)
-        circulatory = 0.5 * (projected - projected.swapaxes(-1, -2)) if projected.any() else None
-    projected = _projected(matrix, reduction)
-    return LoadStiffness(0.5 * (projected + projected.swapaxes(-1, -2)), rows, stiffness, circulatory)
+        part = projected(result.antisymmetric, reduction)
+        circulatory = 0.5 * (part - part.swapaxes(-1, -2)) if part.any() else None
+    symmetric = projected(matrix, reduction)
+    return LoadStiffness(0.5 * (symmetric + symmetric.swapaxes(-1, -2)), rows, stiffness, circulatory)
 
 
 def all_pairs(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> tuple[Pairs, Array]:
@@ -195,8 +195,18 @@ def rounding(twists: TwistsAt, pairs: Pairs) -> Array:
     return np.asarray(ZERO_FORM * (force * (mixed + mixed.swapaxes(-1, -2) + reach * both) + moment * both))
 
 
-def _projected(matrix: Array, reduction: Reduction) -> Array:
-    """A matrix (..., n, n) in minimal coordinates, zero where its terms cancel."""
+def load_tangent(scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array) -> Array:
+    """Return the stiffness (m, m) of the forces at the pose, its antisymmetric part included; see ``load_stiffness``.
+    """
+    joined, motion = all_pairs(scene, loaded, multipliers)
+    result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
+    matrix = result.symmetric
+    matrix[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
+    return projected(matrix if result.antisymmetric is None else matrix + result.antisymmetric, reduction)
+
+
+def projected(matrix: Array, reduction: Reduction) -> Array:
+    """Return a matrix (..., n, n) in minimal coordinates, zero where its terms cancel."""
     if reduction.matrix is None:
         return matrix
     left, magnitude = reduction.matrix.swapaxes(-1, -2), np.abs(reduction.matrix)

@@ -74,20 +74,27 @@ class Reactions:
         # unbalanced forces along the free directions of joints of the open tree; the last ones, of floating bodies, are
         # never dependent
         unbalanced = np.add.reduce(twists[:, :, None] * tree.take(joint_of, axis=1))
-        result = np.zeros((len(self.cuts.names), tree.shape[2]))
-        dependent = np.ones(len(joint_of), dtype=bool)
-        dependent[self.reduction.independent] = False
-        for group in self.reduction.groups:
-            columns = group.columns[dependent[group.columns]]
-            if not len(columns):
-                continue
-            matrix = self.phi.take(group.rows, axis=0).take(columns, axis=1).T
-            if matrix.shape[0] == matrix.shape[1]:
-                result[group.rows] = lapack.dgesv(matrix, unbalanced.take(columns, axis=0))[2]
-                continue
-            scale = group.length * self.cuts.row_scale(group.length)[group.rows]
-            result[group.rows] = np.linalg.lstsq(matrix * scale, unbalanced[columns], rcond=None)[0] * scale[:, None]
-        return result
+        return loop_multipliers(self.cuts, self.reduction, self.phi, unbalanced)
+
+
+def loop_multipliers(cuts: Cuts, reduction: Reduction, phi: Array, forces: Array) -> Array:
+    """Return lambda (locked rows, columns) with Phi^T lambda = forces (n, columns) in the dependent coordinates; not
+    unique where constraints are redundant.
+    """
+    result = np.zeros((len(cuts.names), forces.shape[1]))
+    dependent = np.ones(len(forces), dtype=bool)
+    dependent[reduction.independent] = False
+    for group in reduction.groups:
+        columns = group.columns[dependent[group.columns]]
+        if not len(columns):
+            continue
+        matrix = phi.take(group.rows, axis=0).take(columns, axis=1).T
+        if matrix.shape[0] == matrix.shape[1]:
+            result[group.rows] = lapack.dgesv(matrix, forces.take(columns, axis=0))[2]
+            continue
+        scale = group.length * cuts.row_scale(group.length)[group.rows]
+        result[group.rows] = np.linalg.lstsq(matrix * scale, forces[columns], rcond=None)[0] * scale[:, None]
+    return result
 
 
 def reactions(

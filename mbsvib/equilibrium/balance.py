@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.draft import first_draft
+from mbsvib.equations.coupler_curvature import curvature_stiffness
+from mbsvib.equations.expansion import expanded
+from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
+from mbsvib.equations.posed_scene import of_parts
+from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.equations.scene import scene
+from mbsvib.equations.spin_terms import cross_couplings
+from mbsvib.equations.statics import balance as sums
 from mbsvib.equations.statics import shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
+from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.errors import NearSingularWarning
+from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.kinematics.loops import reduce
+from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.posed_scene import PosedScene
+    from mbsvib.equations.scene import Scene
+    from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.equilibrium.motion import PosedModel
     from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 # Positions are rounded by eps of the mechanism's size: forces of which this share is that rounding count as resolved.
@@ -79,26 +93,81 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
 
     ``independent``: joint coordinates that shall be among the minimal ones.
     """
+    numbers, axes, crossed = _scene_in(at)
+    shared, springs, locked = numbers.shared, numbers.springs, numbers.locked
+    relative = numbers.relative_of(springs.rows, *(() if shared is None else shared.base))
+    phi = numbers.closure(relative)
+    arms = partial(arm, numbers.topology, at.kinematics.described.centre[:-1])
+    reduction = reduce(numbers.coordinates, numbers.cuts, phi, independent, arms)
+    count = len(springs.owner)
+    rows, k = reduction.apply_exactly(relative.dense(locked, relative.shape[0]), count), springs.stiffness
+    if shared is not None:
+        rows, k, *_ = shared.elastic_rows(rows[count:], rows[:count], k, springs.damping, springs.owner)
+    stiffness = weighted_gram(rows, k)
+    for part in crossed:
+        motion = part.relative(numbers.coordinates, reduction)
+        stiffness = stiffness + motion.T @ part.stiffness @ motion
+    residual = balanced_forces = np.zeros(len(stiffness))
+    if numbers.loads is not None:
+        residual, balanced_forces, of_loads = _loads(numbers, axes, phi, reduction)
+        stiffness = stiffness + of_loads
+    names = tuple([numbers.coordinates.names[i] for i in reduction.independent.tolist()])
+    lengths = at.scale[reduction.independent]
+    size = np.maximum(balanced_forces, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
+    scale = lengths * elastic_scale(at.reference, names, stiffness.diagonal() * lengths**2)
+    return Balance(reduction, names, residual, balanced_forces, size, stiffness, scale)
+
+
+def _scene_in(at: PosedModel) -> tuple[Scene, Mapping[str, Array], Sequence[CrossCoupling]]:
+    """The arrays of a model in a pose, the axes of its joints there as far as they differ from those described, and
+    its elements with unsymmetric stiffness.
+
+    Parts are made anew where they are bent, or have a stiffness without potential, or joints whose axes bend.
+    """
+    posed = at.reference.derived(_posed, at.cut)
+    if posed is not None:
+        described, in_pose = posed
+        if at.pose.as_described:
+            return described, {}, ()
+        return in_pose.at(described, at.pose, rows=(at.coordinates, at.cuts)), in_pose.joint_axes(at.pose), ()
     model = expanded_articulation(at.reference if at.pose.as_described else model_in_pose(at.reference, at.pose))
     numbers = scene(model, at.cut)
-    with warnings.catch_warnings():  # an intermediate pose, not the requested one
-        warnings.simplefilter("ignore", NearSingularWarning)
-        draft = first_draft(model, numbers, independent, checked=False)
-    residual = balanced_forces = np.zeros(len(draft.minimal))
-    if numbers.loads is not None:
-        from mbsvib.equations.loaded import with_loads
+    return numbers, {}, cross_couplings(model.with_parts(rotors={}), numbers.bodies, numbers.elements)
 
-        draft = with_loads(draft)
-        assert draft.statics is not None
-        residual, balanced_forces = draft.statics.residual, draft.statics.size
-    if any(part.cross_coupling is not None for part in model.springs.values()):
-        from mbsvib.equations.spin_terms import with_spin
 
-        draft = with_spin(replace(draft, model=model.with_parts(rotors={})))
-    lengths, stiffness = at.scale[draft.reduction.independent], draft.terms.K
-    size = np.maximum(balanced_forces, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
-    scale = lengths * elastic_scale(at.reference, draft.names, stiffness.diagonal() * lengths**2)
-    return Balance(draft.reduction, draft.names, residual, balanced_forces, size, stiffness, scale)
+def _posed(model: Mechanism, cut: tuple[str, ...]) -> tuple[Scene, PosedScene] | None:
+    """The arrays of a mechanism as described, and how they follow from poses; None where that is not stated."""
+    if model.composed or any(part.cross_coupling is not None for part in model.springs.values()):
+        return None
+    plain = expanded(model)
+    numbers = scene(plain, cut)
+    used = {*numbers.topology.cut_joints, *(name.rpartition(".")[0] for part in model.couplers.values()
+                                            for name, _ in part.terms)}  # fmt: skip
+    if any(joint.successive and joint.free is not None and joint.name in used for joint in numbers.topology.joints):
+        return None
+    return numbers, of_parts(plain, numbers, kinematics_of(model, cut), model)
+
+
+def _loads(
+    numbers: Scene, axes: Mapping[str, Array], phi: Array, reduction: Reduction
+) -> tuple[Array, Array, Array]:
+    """The residual of the forces, the size of those that should cancel (m,), and their stiffness (m, m)."""
+    assert numbers.loads is not None
+    applied, _ = numbers.loads
+    wrench, sizes = applied.on_bodies(np.concatenate((numbers.position, np.zeros((1, 3)))).T)
+    points = (applied.pairs.start, numbers.position, numbers.coordinates.point)
+    reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
+    motion = reduction.apply_to_bodies(body_motion(numbers.coordinates, numbers.position))
+    residual, size = sums(wrench[:, :-1], sizes[:, :-1], motion, reach)
+    loaded = loaded_pairs(numbers, axes)
+    multipliers = np.zeros(0)
+    if numbers.cuts is not None:
+        multipliers = loop_multipliers(numbers.cuts, reduction, phi, -loaded.gradient[:, None])[:, 0]
+    stiffness = load_tangent(numbers, reduction, loaded, multipliers)
+    if any(coupler.curvatures for coupler in numbers.couplers):
+        rows, values, _ = curvature_stiffness(numbers, reduction, -multipliers)
+        stiffness = stiffness + weighted_gram(rows, values)
+    return residual, size, stiffness
 
 
 def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:
