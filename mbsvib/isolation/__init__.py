@@ -11,6 +11,7 @@ collocation, root_locus, force_feedback_optimum, structured_singular_values     
 passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
 unfolded   relaxation legs as springs, dampers and nodes, whose derivatives are known
 struts, ring      ideal legs J^T k J, and their ends as variables
+placement         sets of sensors and actuators, ranked
 platform          radius, height, spread and angle of both rings of ends as variables, legs with bodies following
 """
 
@@ -23,6 +24,7 @@ from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimu
 from mbsvib.isolation.isolation_study import Isolation, study
 from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.passive import Passive, passive
+from mbsvib.isolation.placement import PlacedSet, Placement, placement
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.structured import structured_singular_values
@@ -38,11 +40,12 @@ from mbsvib.responses.densities import Shaped, Table, shaped, table, white
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Integrated", "Isolation",
-    "Margins", "Pair", "Passive", "Platform", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration",
-    "Window", "actuated", "collocation", "controller", "force_feedback", "force_feedback_optimum", "hinf",
-    "integrated", "iso_2631", "lqg", "moving_average", "moving_deviation", "passive", "platform", "ring",
-    "road_spectrum", "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts",
-    "study", "table", "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
+    "Margins", "Pair", "Passive", "PlacedSet", "Placement", "Platform", "RootLocus", "SampledLoop", "Shaped",
+    "Struts", "Table", "Vibration", "Window", "actuated", "collocation", "controller", "force_feedback",
+    "force_feedback_optimum", "hinf", "integrated", "iso_2631", "lqg", "moving_average", "moving_deviation",
+    "passive", "placement", "platform", "ring", "road_spectrum", "root_locus", "seismic_spectrum", "shaped",
+    "skyhook", "structured_singular_values", "struts", "study", "table", "unfolded", "vc_curve", "vc_spectrum",
+    "velocity_feedback", "white",
 ]  # fmt: skip
 
 

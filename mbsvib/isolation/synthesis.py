@@ -57,8 +57,8 @@ def lqg(
     _check_positive("lqg", effort=effort, base=base, noise=noise)
     a, b, bw, c, d, dw, z, zd, _, rate = _weighted(plant, sensors, performance)
     m, n = b.shape[1], len(c)
-    back = _feedback(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)
-    inject = _feedback(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T).T
+    back = riccati(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)[1]
+    inject = riccati(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T)[1].T
     law = a - b @ back - inject @ c + inject @ d @ back
     return Controller("LQG", law * rate, inject * rate, -back, np.zeros((m, n)), tuple(sensors),
                       plant.names("actuator")).for_plant(plant.system)  # fmt: skip
@@ -126,8 +126,8 @@ def _check_positive(who: str, **weights: float) -> None:
             raise ResponseError(f"{who}: {name} = {value!r}; expected a positive number.")
 
 
-def _feedback(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> Array:
-    """The gain R^-1 (B^T X + S^T) of Riccati's stabilising solution X for the weights Q, R and S.
+def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tuple[Array, Array]:
+    """Return Riccati's stabilising solution X for the weights Q, R and S, and the gain R^-1 (B^T X + S^T).
 
     X = U2 U1^-1 from the decaying invariant subspace (U1, U2) of the Hamiltonian matrix. Its complex Schur form is
     ordered whatever eigenvalues coincide, as those of a symmetric platform do; the real one of
@@ -149,12 +149,13 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> 
         cost = size * np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T).real
     except np.linalg.LinAlgError as error:
         raise none from error
-    gain = drive @ (0.5 * (cost + cost.T)) + direct
+    cost = 0.5 * (cost + cost.T)
+    gain = drive @ cost + direct
     poles = np.linalg.eigvals(a - b @ gain)
     # rounding moves uncontrollable poles to either side of the imaginary axis
     if count != n or not (poles.real < -UNDAMPED * np.abs(poles).max()).all():
         raise none
-    return np.asarray(gain)
+    return cost, np.asarray(gain)
 
 
 class _Weighted(NamedTuple):

@@ -189,6 +189,15 @@ UNIT_CORRELATION = 1e-12
 ZERO_MARKOV = 1e-12
 # Singular values of the change by a parameter below this share of the largest are rounding: it enters by no more.
 ZERO_BLOCK = 1e-10
+# A mode of which a sensor shows, or that an actuator moves by, less than this share of the sum of its terms'
+# magnitudes has a node there: vectors of close eigenvalues lose some digits.
+AT_NODE = 1e-9
+# The least eigenvalue of information, scaled to ones on its diagonal, below which directions are not told apart.
+NO_INFORMATION = 1e-11
+# Sets whose figures differ by less than this share are equal: Riccati's equations are solved to some digits less.
+SAME_FIGURE = 1e-6
+# Damping ratio below which modes count as equally damped, which then drops out of shares.
+LEAST_DAMPING = 1e-6
 # An output that misses being the rate of a combination of states by more than this share of its size is none.
 ZERO_RATE = 1e-9
 # Equations that leave a straight line between the limits of a parameter by more than this share of the change are not
