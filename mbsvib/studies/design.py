@@ -1,8 +1,9 @@
-"""Variables of a study: parameters by name or pattern, or functions that move several."""
+"""Variables of a study: parameters by name or pattern, joint coordinates, or functions that move several."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
+from mbsvib.equilibrium.posed_variants import pose_coordinates
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.changes import resolved, to_angular_velocities
 from mbsvib.studies.parameter_maps import LinearMap, Tie, started
@@ -30,7 +32,8 @@ START_TOLERANCE = 1e-9  # difference of a tie from the model at its start, in pa
 @dataclass(frozen=True, slots=True)
 class StudyVariables:
     """The ``variables`` of a study, their values at the given model (``start``), and the ``ties`` that map them to
-    ``parameters``, each with its variables. Changes of several ties to one parameter are added. ``known`` caches the
+    ``parameters``, each with its variables. Changes of several ties to one parameter are added. ``pose`` has the
+    joint coordinates of variables that are displacements, which are ``relaxed`` as of ``moved``. ``known`` caches the
     names that match each pattern.
     """
 
@@ -39,6 +42,8 @@ class StudyVariables:
     units: Mapping[str, str]
     ties: tuple[Bound, ...]
     parameters: Parameters
+    pose: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    relaxed: bool = False
     known: dict[str, list[str]] = field(default_factory=dict, repr=False, compare=False)
 
     def values(self, columns: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,9 +54,13 @@ class StudyVariables:
                 result[name] = result[name] + (value - self.parameters[name]) if name in result else value
         return result
 
+    def displacements(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the displacements of joint coordinates for values of the variables."""
+        return {name: columns[variable] for variable, names in self.pose.items() for name in names}
+
     def rates(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
         """Return the derivatives of parameters with respect to the variables, for sensitivities of the system at these
-        values: rotations are relative to the orientations there.
+        values: rotations are relative to the orientations there. Displacements have none.
         """
         result: dict[str, dict[str, float]] = {name: {} for name in self.variables}
         for tie, names in self.ties:
@@ -61,8 +70,8 @@ class StudyVariables:
                     slopes[name] = slopes.get(name, 0.0) + rate
         parameter_values = self.values(values)
         to_angular_velocities(result.values(), parameter_values)
-        for slopes in result.values():
-            slopes.update({} if slopes else {next(iter(parameter_values or self.parameters)): 0.0})
+        for name, slopes in result.items():
+            slopes.update({} if slopes or name in self.pose else {next(iter(parameter_values or self.parameters)): 0.0})
         return result
 
     def _expanded(self, by_pattern: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -108,14 +117,16 @@ def rates_at(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, f
 
 
 def design(
-    model: Model, names: Iterable[str], ties: Ties | None = None, gains: Mapping[str, float] | None = None
-) -> StudyVariables:
+    model: Model, names: Iterable[str], ties: Ties | None = None, gains: Mapping[str, float] | None = None,
+    relaxed: bool | None = None,
+) -> StudyVariables:  # fmt: skip
     """Return the variables of a study.
 
     ``names``: names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
     ``ties``: for each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with
     it: parameter = value of the model + rate x variable. For others an object with ``values`` and ``rates``, the same
     for all variables that it takes. ``gains``: variables that are arguments of the plant of a study, with their start.
+    ``relaxed``: as of ``moved``, for names that are joint coordinates; None: they are refused.
     """
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "
@@ -127,10 +138,14 @@ def design(
             raise ModelError(f"ties: '{name}' is not one of the variables.{nearest(str(name), variables)} Variables "
                              f"are: {', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
     gains = gains or {}
-    direct = _direct(parameters, [name for name in variables if name not in maps and name not in gains])
+    own = [name for name in variables if name not in maps and name not in gains]
+    pose = {} if relaxed is None else posed_names(model, own)
+    direct = _direct(parameters, [name for name in own if name not in pose])
     linear, bound = _linear(parameters, maps), _bound(maps, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
-    start, units = dict(direct.start) | dict(linear.start) | dict(gains), _units(direct, parameters)
+    start = dict(direct.start) | dict(linear.start) | dict(gains) | dict.fromkeys(pose, 0.0)
+    units = _units(direct, parameters) | {name: "rad" if coordinates[0].rpartition(".")[2].startswith("r") else "m"
+                                          for name, coordinates in pose.items()}  # fmt: skip
     for tie, tied in bound:
         start |= {name: started(tie, name) for name in tied}
         units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in tied}
@@ -140,7 +155,19 @@ def design(
         if name in direct.origin:
             raise ModelError(f"variable '{variable}': it moves '{name}', which has values of its own; leave one of "
                              f"both out.", element=name, field="ties")  # fmt: skip
-    return StudyVariables(variables, start, units, result, parameters)
+    return StudyVariables(variables, start, units, result, parameters, pose, bool(relaxed))
+
+
+def posed_names(model: Model, names: list[str]) -> dict[str, tuple[str, ...]]:
+    """Joint coordinates by the names and patterns that pick no parameter."""
+    result: dict[str, tuple[str, ...]] = {}
+    for name in names:
+        try:
+            model.parameters.matching(name)
+        except ModelError:
+            with suppress(ModelError):
+                result[name] = pose_coordinates(model, name)
+    return result
 
 
 def _direct(parameters: Parameters, names: list[str]) -> LinearMap:

@@ -14,7 +14,7 @@ from mbsvib.common.expected import kind_of
 from mbsvib.errors import ModelError
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
-from mbsvib.studies.derivatives import OfLoop, OfSystem
+from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.plants import PlantPoint
 
@@ -69,9 +69,10 @@ class DesignPoint:
         """Return the point of a study at values of its variables; ``sizes`` (variables,) are those of the variables."""
         rates = systems.design.rates(values)
         if not equations:
-            return cls(None, rates, values, scale, {}, changed=systems.model.with_values(systems.design.values(values)))
+            return cls(None, rates, values, scale, {}, changed=systems.described(values))
         system = checked(systems.at(values))
-        plant = PlantPoint(systems, system, values, rates, sizes) if systems.plant.function is not None else None
+        around = systems.plant.function is not None or systems.design.pose
+        plant = PlantPoint(systems, system, values, rates, sizes) if around else None
         return cls(system, rates, values, scale, {}, plant=plant)
 
     @property
@@ -135,6 +136,11 @@ class DesignPoint:
         if self.plant is not None:
             return self.plant.derivatives
         return (OfLoop if kind_of(self.system) == "closed loop" else OfSystem)(self.system, self.rates)
+
+    @property
+    def of_parameters(self) -> bool:
+        """Whether derivatives to the variables are those to parameters of the system, which the plant has, too."""
+        return self.plant is None or not (self.plant.plant.gains or isinstance(self.derivatives, Differences))
 
     def by_differences(self, function: Callable[[Any], Any]) -> Array:
         """Return the differences of numbers (k,) of the plant, (k, variables)."""

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.api.running import compiled_for, cycle_of
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
-from mbsvib.errors import nearest
+from mbsvib.errors import ModelError, nearest
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.quantities import Leaf, Quantity, quantity
 
@@ -172,6 +172,10 @@ class _Evaluated:
 
 def _evaluated(kwargs: Mapping[str, Any], point: DesignPoint, last: _Evaluated | None) -> _Evaluated:
     """The cycle at a point; equations compiled at the last one serve again where only their symbols differ."""
+    for variable, rates in point.rates.items():
+        if not rates:
+            raise ModelError(f"cycle: variable '{variable}' displaces joints, to which cycles have no derivatives; "
+                             f"leave it out, or search in a model moved there.", element=variable)  # fmt: skip
     names = tuple(dict.fromkeys(name for rates in point.rates.values() for name in rates))
     if not names:
         return _Evaluated(point, point.model.cycle(**kwargs), None)

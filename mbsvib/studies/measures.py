@@ -204,8 +204,14 @@ def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[
     Quantity
         The numbers.
     """
+    def of(system: Any) -> Array:
+        return np.atleast_1d(np.asarray(function(system, {})[0], dtype=float))
+
     def at(point: DesignPoint) -> Dual:
-        value, slope = function(point.system, point.rates)
+        if point.of_parameters:
+            value, slope = function(point.system, point.rates)
+        else:
+            value, slope = of(point.system), point.by_differences(of)
         value = np.atleast_1d(np.asarray(value, dtype=float))
         return point.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(point.rates)))
 

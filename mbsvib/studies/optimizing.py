@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
@@ -131,7 +130,7 @@ def optimize(
     constraints: Constraint | Iterable[Constraint] = (), *, ties: Ties | None = None,
     start: Mapping[str, float] | None = None, method: str = "SLSQP", options: Mapping[str, Any] | None = None,
     starts: int = 1, seed: int = 0, observed: Mapping[str, Quantity] | None = None,
-    plant: Callable[..., Any] | None = None,
+    plant: Callable[..., Any] | None = None, relaxed: bool = False,
 ) -> Optimum:  # fmt: skip
     """Return the values of some parameters at which a quantity is smallest, by its exact gradient.
 
@@ -148,8 +147,9 @@ def optimize(
         The mechanism.
     variables : mapping of str to (float, float) or None
         Lower and upper bound of each variable, None for none: a parameter, a pattern that ties several to one value
-        (``"leg*.k.stiffness"``), or a name that ``ties`` explains. Those with positive bounds are searched for by their
-        logarithm.
+        (``"leg*.k.stiffness"``), a joint coordinate (its displacement from the described pose [m, rad], as of
+        ``moved``; derivatives are then differences of fourth order), or a name that ``ties`` explains. Those with
+        positive bounds are searched for by their logarithm.
     objective : Quantity
         The quantity to be minimised; the negative of a quantity to be maximised.
     constraints : Constraint or iterable of Constraint
@@ -178,6 +178,8 @@ def optimize(
         which start at their defaults. Derivatives are exact for continuous loops around the system whose controller
         does not depend on the parameters; those of its matrices to gains, and all of other plants, such as sampled
         loops and controllers that are designed for each system, are differences of fourth order.
+    relaxed : bool
+        Whether springs keep their forces where joints are displaced, as for ``sweep``.
 
     Returns
     -------
@@ -201,7 +203,7 @@ def optimize(
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
     around = plant_of(plant, variables)
-    variables_design = design(model, variables, ties, around.gains)
+    variables_design = design(model, variables, ties, around.gains, relaxed)
     search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list,
                     _watched(observed), around)  # fmt: skip
     ends: list[Optimum] = []
@@ -311,16 +313,15 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     parameters, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
-    model = search.model.with_values(parameters)
-    if search.needs_equations:
-        model = in_equilibrium(model)[0]
+    model = (search.systems.balanced(point.values)[0] if search.needs_equations
+             else search.systems.described(point.values))  # fmt: skip
     return Optimum(
         model, values, parameters, descent.start, objective, began,
         search.objective.label,
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)},
         search.observations(z), violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
-        None if point.plant is None else point.plant.asked,
+        None if search.systems.plant.function is None else point.system,
     )  # fmt: skip
 
 

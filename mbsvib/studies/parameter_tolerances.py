@@ -12,7 +12,7 @@ from mbsvib.common.expected import a_model
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import resolved
-from mbsvib.studies.design import design
+from mbsvib.studies.design import design, posed_names
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
@@ -25,12 +25,12 @@ DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
 def parameter_tolerances(
-    model: Model, tolerances: Mapping[str, Any], ties: Ties | None, gains: Mapping[str, float]
+    model: Model, tolerances: Mapping[str, Any], ties: Ties | None, gains: Mapping[str, float], relaxed: bool
 ) -> tuple[StudyVariables, dict[str, float]]:
     """Return the variables and their tolerances.
 
     ``tolerances``: by name or pattern, in the unit of the parameter, or as a share of its value, "2 %". Names of
-    ``ties`` and ``gains`` may be among them; these are as of ``design``.
+    ``ties`` and ``gains`` may be among them; these and ``relaxed`` are as of ``design``.
     """
     if not isinstance(tolerances, Mapping) or not tolerances:
         raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
@@ -41,10 +41,12 @@ def parameter_tolerances(
     mapped = {name: value for name, value in tolerances.items() if name in used or name in gains}
     unmapped = {name: value for name, value in tolerances.items() if name not in mapped}
     parameters = a_model(model, "study").parameters
-    known = resolved(parameters, unmapped) | mapped
+    picked = {name: (name,) for name in mapped} | posed_names(model, list(unmapped))
+    known = resolved(parameters, {name: value for name, value in unmapped.items() if name not in picked})
+    known |= {name: tolerances[pattern] for pattern, names in picked.items() for name in names}
     values = {name: known[name] for pattern in tolerances
-              for name in ([pattern] if pattern in mapped else parameters.matching(pattern))}  # fmt: skip
-    variables = design(model, values, used or None, gains)
+              for name in picked.get(pattern) or parameters.matching(pattern)}  # fmt: skip
+    variables = design(model, values, used or None, gains, relaxed)
     return variables, {name: _tolerance(name, value, variables.start[name]) for name, value in values.items()}
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -22,6 +22,7 @@ from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.api.batch import Batch
     from mbsvib.api.model import Model
     from mbsvib.api.plant import Plant as CompiledPlant
     from mbsvib.common.arrays import Array
@@ -90,25 +91,51 @@ class Systems:
         """The compiled model; None where models find their equilibrium, or are large."""
         if not is_small(self.model):
             return None
+        start, pose = self.design.start, self.design.pose
         with catch_warnings(), suppress(MbsvibError):
             simplefilter("ignore")
-            compiled = self.model.compile(list(self.design.values(self.design.start)), independent=self.independent)
+            compiled = self.model.compile(list(self.design.values(start)), independent=self.independent, pose=list(
+                self.design.displacements(start)) if pose else None, relaxed=self.design.relaxed)  # fmt: skip
             if not compiled.loaded and (self.independent is None or compiled.coordinates == tuple(self.independent)):
                 return compiled
         return None
 
     def at(self, values: Mapping[str, float]) -> Any:
         """Return the system at values of the variables."""
-        changed = self.design.values(values)
+        changed = self.design.values(values) | self.design.displacements(values)
         if self._last[1] is None or self._last[0] != changed:  # gains alone change no system
-            self._last = changed, self._system(changed)
+            self._last = changed, self._system(changed, values)
         return self._last[1]
 
-    def _system(self, changed: Mapping[str, float]) -> Any:
+    def _system(self, changed: Mapping[str, float], values: Mapping[str, float]) -> Any:
         if self.compiled is not None:
             with suppress(MbsvibError):  # other coordinates may do, and refusals are those of models
                 return self.compiled.system([changed[name] for name in self.compiled.names])
-        return in_equilibrium(self.model.with_values(changed), independent=self.independent)[1]
+        return self.balanced(values)[1]
+
+    def batch(self, columns: Mapping[str, Any]) -> Batch:
+        """Return the systems at values (n,) of the variables; parameters or a pose are among them."""
+        changed = self.design.values(columns)
+        if not self.design.pose:
+            return self.model.linearize(values=changed)
+        if self.compiled is None:
+            raise ModelError(f"model '{self.model.name}' is not in balance in each pose", field="variables")
+        changed |= self.design.displacements(columns)
+        return cast("Batch", self.compiled(np.column_stack([changed[name] for name in self.compiled.names])))
+
+    def described(self, values: Mapping[str, float]) -> Model:
+        """Return the model at values of the variables, in the pose that these give."""
+        model, pose = self.model.with_values(self.design.values(values)), self.design.displacements(values)
+        return model.moved(pose, relaxed=self.design.relaxed) if pose else model
+
+    def balanced(self, values: Mapping[str, float]) -> tuple[Model, Any]:
+        """Return the model at values of the variables with its system: in equilibrium, or in the pose that these give,
+        where it has to balance.
+        """
+        model = self.described(values)
+        if self.design.pose:
+            return model, model.linearize(self.independent)
+        return in_equilibrium(model, independent=self.independent)
 
     def asked(self, values: Mapping[str, float]) -> Any:
         """Return what the plant makes of the system at values of the variables."""
@@ -160,6 +187,8 @@ class PlantPoint:
         """Exact derivatives of the system or of a continuous loop around it whose controller does not depend on the
         parameters; else differences. Those of the controller's matrices to gains are differences, if they are smooth.
         """
+        if self.systems.design.pose:
+            return self.differences
         if not self.plant.gains and _selected(self.asked, self.system):
             return OfSystem(self.asked, self.rates)
         law = _law(self.asked)

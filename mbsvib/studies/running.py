@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
@@ -19,8 +18,7 @@ from mbsvib.studies.question import follow
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from mbsvib.api.model import Model
-    from mbsvib.studies.design import StudyVariables
+    from mbsvib.studies.plants import Systems
     from mbsvib.studies.question import Answer, Question
 
 Outcome: TypeAlias = "Answer | str"
@@ -40,8 +38,7 @@ REFUSED = (MbsvibError, np.linalg.LinAlgError)
 class Task:
     """The work at points; ``kind``: "batch" (computed at once), "variants" (linearized at once) or "single"."""
 
-    model: Model
-    design: StudyVariables
+    systems: Systems
     question: Question
     kind: str
     dof: int = 1
@@ -51,8 +48,9 @@ class Task:
         if self.kind == "single":
             return [(number, self._single(_at(columns, i))) for i, number in enumerate(numbers)]
         try:
-            changed = self.design.values(columns)
-            batch: Any = self.model.linearize(values=changed) if changed else [self.model.linearize()] * len(numbers)
+            design, model = self.systems.design, self.systems.model
+            moves = design.pose or design.values(columns)
+            batch: Any = self.systems.batch(columns) if moves else [model.linearize()] * len(numbers)
             if self.kind == "batch":
                 results = self.question.ask_batch(batch)
                 return [(number, {label: value[i] for label, value in results.items()})
@@ -63,9 +61,10 @@ class Task:
 
     def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Run a refused piece without the points with invalid values; these are run separately."""
-        if len(numbers) == 1:
+        changed = self.systems.design.values(columns)
+        if len(numbers) == 1 or not changed:
             return self._halved(numbers, columns)
-        odd = refused(self.model.parameters, self.design.values(columns))
+        odd = refused(self.systems.model.parameters, changed)
         if not odd.any():
             return self._halved(numbers, columns)
         few, many = np.flatnonzero(odd).tolist(), np.flatnonzero(~odd).tolist()
@@ -85,7 +84,7 @@ class Task:
 
     def _single(self, values: Mapping[str, Any]) -> Outcome:
         try:
-            model, system = in_equilibrium(self.model.with_values(self.design.values(values)))
+            model, system = self.systems.balanced(values)
             if self.kind == "batch" and self.question.takes_batch:
                 name, value = next(iter(model.parameters.items()))
                 batch = model.linearize(values={name: np.array([value])})
@@ -101,28 +100,28 @@ class Task:
             return error_text(error)
 
 
-def task(model: Model, design: StudyVariables, question: Question) -> Task:
+def task(systems: Systems, question: Question) -> Task:
     """Return the work at each point, after a check at the given model."""
+    model, design = systems.model, systems.design
     try:
         system = model.linearize()
     except MbsvibError:
-        return Task(model, design, question, "single")
+        return Task(systems, question, "single")
     for item in question.items.values():
         if isinstance(item, str) and question.plant.function is None:
             follow(system, item)
     if not isinstance(system, System):
-        return Task(model, design, question, "single")
+        return Task(systems, question, "single")
     if system.provenance.statics is not None and not question.batched:  # the pose is computed point by point
-        return Task(model, design, question, "single", system.dof)
-    affected = set(design.values(design.start))
+        return Task(systems, question, "single", system.dof)
     try:
-        if affected:
-            batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in affected})
+        if design.pose or design.values(design.start):
+            batch = systems.batch({name: np.repeat(value, 2) for name, value in design.start.items()})
     except REFUSED:
-        return Task(model, design, question, "single")
+        return Task(systems, question, "single")
     if question.batched:
         question.ask_batch(batch)
-    return Task(model, design, question, "batch" if question.batched else "variants", system.dof)
+    return Task(systems, question, "batch" if question.batched else "variants", system.dof)
 
 
 def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:

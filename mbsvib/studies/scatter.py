@@ -189,7 +189,7 @@ def tolerances(
     model: Model, tolerances: Mapping[str, Any], of: Quantity | Mapping[str, Quantity] | None = None, *,
     samples: int = 10_000, distribution: str = "normal", seed: int | None = 0, ties: Ties | None = None,
     derivatives: bool = True, workers: int | None = None, file: str | PathLike[str] | None = None,
-    progress: Progress = None, plant: PlantFunction | None = None,
+    progress: Progress = None, plant: PlantFunction | None = None, relaxed: bool = False,
 ) -> Tolerances:  # fmt: skip
     """Return what scatter of parameters does to quantities, to first order and by random samples.
 
@@ -202,6 +202,7 @@ def tolerances(
     tolerances : mapping of str to float or str
         How far each parameter may be off, up and down: a number in its unit, or a share of its value, "2 %". A pattern
         gives all that it picks the same tolerance; each is off by itself. What is off together is a name in ``ties``.
+        Joint coordinates are off by displacements from the described pose [m, rad].
     of : Quantity or mapping of str to Quantity, optional
         The quantities of interest, as for ``optimize``. Default: all natural frequencies and damping ratios.
     samples : int
@@ -225,6 +226,8 @@ def tolerances(
         A function of the system that returns what quantities are those of in its place, such as a closed loop. Its
         further arguments, such as gains, may be among the tolerances by their names; their nominal values are their
         defaults. Derivatives are as of ``optimize``.
+    relaxed : bool
+        Whether springs keep their forces where joints are displaced, as for ``sweep``.
 
     Returns
     -------
@@ -239,7 +242,7 @@ def tolerances(
     """
     quantities = _quantities(of)
     around = plant_of(plant, tolerances)
-    variables, width = parameter_tolerances(model, tolerances, ties, around.gains)
+    variables, width = parameter_tolerances(model, tolerances, ties, around.gains, relaxed)
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
     centre = {name: variables.start[name] for name in width}
     sizes = [abs(value) or width[name] for name, value in centre.items()]
@@ -253,7 +256,7 @@ def tolerances(
     indices = {label: quantity.of(point.modes) for label, quantity in quantities.items() if isinstance(quantity, Modal)}
     ask = _Ask(quantities, indices, plant is None and len(indices) == len(quantities))
     swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,
-                  workers=workers, file=file, progress=progress, plant=plant)  # fmt: skip
+                  workers=workers, file=file, progress=progress, plant=plant, relaxed=relaxed)  # fmt: skip
     sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
     return Tolerances(model.name, _labels(quantities, linear.counts, ask), linear.nominal, linear.deviation,
                       linear.worst, linear.shares, width, distribution, swept, sampled, linear.linear,

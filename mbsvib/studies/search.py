@@ -57,7 +57,7 @@ class Search:
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
-        self._systems = Systems(model, design, plant)
+        self.systems = Systems(model, design, plant)
         self._references: list[tuple[Array, Reference]] = []
         self._frame: Array | Complex | None = None
         self._point: tuple[Array, DesignPoint] | None = None
@@ -73,7 +73,7 @@ class Search:
         if self.needs_equations:
             if start.plant is None:
                 check_variables(start.system, start.rates)
-            self._systems = Systems(model, design, plant, start.equations.coordinates)
+            self.systems = Systems(model, design, plant, start.equations.coordinates)
         true = {item: float(item.true(start).value[0]) for item in self.largest}
         self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
         self._active = {item: item.seeds(start) for item in self.largest}
@@ -96,7 +96,7 @@ class Search:
             self.evaluations += 1
             values, scale = self._values(x), self.scales.rates(self.scales.values(x))
             try:
-                point = DesignPoint.at(self._systems, values, scale, scale, self.needs_equations)
+                point = DesignPoint.at(self.systems, values, scale, scale, self.needs_equations)
                 order = self._followed(x, point) if self._follows else None
             except MbsvibError as error:
                 error.add_note(f"at {_text(values)}")
@@ -217,7 +217,7 @@ class Search:
 
         def between(share: float) -> Station:
             inside = origin + share * (x - origin)
-            return framed(station(self._systems.asked(self._values(inside)), share), self._frame)
+            return framed(station(self.systems.asked(self._values(inside)), share), self._frame)
 
         target = framed(replace(target, at=1.0), self._frame)
         number, tracks = match_next(known, 0.0, target, between)

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import warnings
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from mbsvib.common.progress import counting
 from mbsvib.studies.design import design
-from mbsvib.studies.plants import plant_of
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.question import question
 from mbsvib.studies.results import Sweep, gathered
 from mbsvib.studies.running import run, task
 from mbsvib.studies.sweep_points import points
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from os import PathLike
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
     from mbsvib.common.progress import Progress
-    from mbsvib.studies.design import StudyVariables, Ties
+    from mbsvib.studies.design import Ties
     from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.question import Asked
     from mbsvib.studies.running import Outcome
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
 def sweep(
     model: Model, values: Mapping[str, ArrayLike], of: Asked, *, how: str = "grid", ties: Ties | None = None,
     batched: bool = False, workers: int | None = None, file: str | PathLike[str] | None = None, retry: bool = False,
-    progress: Progress = None, plant: PlantFunction | None = None,
+    progress: Progress = None, plant: PlantFunction | None = None, relaxed: bool = False,
 ) -> Sweep:  # fmt: skip
     """Ask one question at many points of a model's parameters.
 
@@ -46,8 +44,9 @@ def sweep(
     model : Model
         The mechanism.
     values : mapping of str to array-like, shape (k,) or ()
-        Values of each variable: a parameter, a pattern that ties several to one value (``"leg*.k.stiffness"``), or a
-        name that ``ties`` explains.
+        Values of each variable: a parameter, a pattern that ties several to one value (``"leg*.k.stiffness"``), a
+        joint coordinate (``"knee.rz"``) whose values are displacements from the described pose [m, rad], as of
+        ``moved``, or a name that ``ties`` explains.
     of : str, callable or mapping of str to str or callable
         A result of systems by its path ("modes.frequencies", "poles", "K"), a function of a system that returns
         numbers, an array or a mapping of these, or several by label.
@@ -72,6 +71,8 @@ def sweep(
         A function of the system of each point that returns what is asked in its place, such as the loop
         ``lambda system: system.feedback(controller, noise=True)``. Its further arguments may be variables by their
         names, such as gains.
+    relaxed : bool
+        As of ``moved``: whether springs and bushings keep their forces where joints are displaced.
 
     Returns
     -------
@@ -85,22 +86,24 @@ def sweep(
         file is the record of another sweep.
     """
     sweep_points = points(values, how)
-    around = plant_of(plant, sweep_points.columns)
-    variables = design(model, sweep_points.columns, ties, around.gains)
+    columns = sweep_points.columns
+    around = plant_of(plant, columns)
+    variables = design(model, columns, ties, around.gains, relaxed)
     quantities = question(of, batched, around)
-    work = task(model, variables, quantities)
+    work = task(Systems(model, variables, around), quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
         from mbsvib.studies.record import Record, head
 
-        moved = _moved(variables, around.gains, sweep_points.columns)
-        record = Record(file, head(model, sweep_points, moved, quantities))
+        varied = variables.values(columns) | variables.displacements(columns)
+        varied |= {name: columns[name] for name in around.gains} | ({"relaxed": relaxed} if variables.pose else {})
+        record = Record(file, head(model, sweep_points, varied, quantities))
         outcomes.update((i, outcome) for i, outcome in record.known.items()
                         if not (retry and isinstance(outcome, str)))  # fmt: skip
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
     with (record if file is not None else nullcontext()) as book, \
             counting(progress, len(sweep_points), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip
-        for chunk in run(work, sweep_points.columns, todo, workers):
+        for chunk in run(work, columns, todo, workers):
             outcomes.update(chunk)
             if book is not None:
                 book.add(chunk)
@@ -113,9 +116,4 @@ def sweep(
     answers = {i: outcome for i, outcome in by_point.items() if not isinstance(outcome, str)}
     results = gathered(len(sweep_points), answers)
     units = dict(variables.units) | quantities.units
-    return Sweep(model.name, sweep_points.axes, sweep_points.columns, sweep_points.shape, results, errors, units)
-
-
-def _moved(variables: StudyVariables, gains: Iterable[str], columns: Mapping[str, Any]) -> dict[str, Any]:
-    gains = {name: columns[name] for name in gains}
-    return {name: np.asarray(column, dtype=float) for name, column in (variables.values(columns) | gains).items()}
+    return Sweep(model.name, sweep_points.axes, columns, sweep_points.shape, results, errors, units)

@@ -110,7 +110,7 @@ class Tracks(Sweep):
 def track(
     model: Model, values: Mapping[str, ArrayLike], names: Mapping[str, int] | None = None, *, how: str = "grid",
     ties: Ties | None = None, workers: int | None = None, file: str | PathLike[str] | None = None,
-    progress: Progress = None, plant: PlantFunction | None = None,
+    progress: Progress = None, plant: PlantFunction | None = None, relaxed: bool = False,
 ) -> Tracks:  # fmt: skip
     """Follow modes over the points of a sweep by their shapes.
 
@@ -138,6 +138,8 @@ def track(
         True: a progress bar; None: on terminals.
     plant : callable, optional
         A function of the system that returns what has the modes in its place, such as a closed loop, as for ``sweep``.
+    relaxed : bool
+        Whether springs keep their forces where joints are displaced, as for ``sweep``.
 
     Returns
     -------
@@ -150,7 +152,7 @@ def track(
         If a parameter is unknown, a pattern picks nothing, a name is that of no mode, or all points fail.
     """
     swept = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress,
-                  plant=plant)  # fmt: skip
+                  plant=plant, relaxed=relaxed)  # fmt: skip
     good = np.flatnonzero(~swept.failed)
     if not len(good):
         raise ModelError(f"track: all {len(swept)} points failed, the first by {swept.errors[0]}", field="values")
@@ -159,7 +161,8 @@ def track(
                          "as a mass that vanishes, or poles of a loop that meet on the real axis.",
                          field="values")  # fmt: skip
     around = plant_of(plant, swept.parameters)
-    interval = _Interval(Systems(model, design(model, swept.parameters, ties, around.gains), around), swept.parameters)
+    variables = design(model, swept.parameters, ties, around.gains, relaxed)
+    interval = _Interval(Systems(model, variables, around), swept.parameters)
     first = int(good[0])
     asked = interval.asked(first)
     titles = _titles(asked.modes(), names)

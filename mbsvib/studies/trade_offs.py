@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
     from mbsvib.studies.optimizing import Optimum
-    from mbsvib.studies.plants import Plant, PlantFunction
+    from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.quantities import Constraint
 
 # Share of the sum that is added to the largest: of designs with the same largest, the better ones in the others count.
@@ -126,7 +126,7 @@ def trade_off(
     quantities: Mapping[str, Quantity], constraints: Constraint | Iterable[Constraint] = (), *,
     divisions: int | None = None, ties: Ties | None = None, method: str = "SLSQP",
     options: Mapping[str, Any] | None = None, starts: int = 1, seed: int = 0, progress: Progress = False,
-    plant: PlantFunction | None = None,
+    plant: PlantFunction | None = None, relaxed: bool = False,
 ) -> TradeOff:  # fmt: skip
     """Return designs of which none is better in all of several quantities: the Pareto front.
 
@@ -164,6 +164,8 @@ def trade_off(
     plant : callable, optional
         A function of the system that returns what quantities are those of in its place, such as a closed loop, whose
         further arguments may be variables; as for ``optimize``.
+    relaxed : bool
+        Whether springs keep their forces where joints are displaced, as for ``sweep``.
 
     Returns
     -------
@@ -187,7 +189,8 @@ def trade_off(
 
     def best(objective: Quantity, start: Mapping[str, float] | None) -> Optimum:
         return optimize(model, variables, objective, conditions, ties=ties, start=start, method=method, options=options,
-                        starts=starts, seed=seed, observed=quantities, plant=plant)  # fmt: skip
+                        starts=starts, seed=seed, observed=quantities, plant=plant,
+                        relaxed=relaxed)  # fmt: skip
 
     with counting(progress, len(names) + len(grid), "trade-off") as tell:
         single = []
@@ -208,7 +211,8 @@ def trade_off(
                 failed += 1
             tell(1)
     rows = np.array([_numbers(optimum) for _, optimum in ends])
-    began = _began(model, variables, ties, quantities, plant_of(plant, variables))
+    around = plant_of(plant, variables)
+    began = _began(Systems(model, design(model, variables, ties, around.gains, relaxed), around), quantities)
     return _front(model, quantities, ends, rows, span, ideal, began, failed)
 
 
@@ -253,12 +257,9 @@ def _front(
     )  # fmt: skip
 
 
-def _began(
-    model: Model, variables: Mapping[str, Any], ties: Ties | None, quantities: Mapping[str, Quantity], plant: Plant
-) -> dict[str, float]:
+def _began(systems: Systems, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """The quantities of the given model."""
-    systems = Systems(model, design(model, variables, ties, plant.gains), plant)
-    values, sizes = dict(systems.design.start), np.ones(len(variables))
+    values, sizes = dict(systems.design.start), np.ones(len(systems.design.start))
     equations = any(part.needs_equations for part in quantities.values())
     point = DesignPoint.at(systems, values, sizes, sizes, equations)
     return {name: float(part.at(point).value[0]) for name, part in quantities.items()}

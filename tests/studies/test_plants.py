@@ -9,7 +9,8 @@ from mbsvib.errors import ModelError
 from mbsvib.library import quarter_car
 from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
 from mbsvib.studies.design import design
-from mbsvib.studies.plants import plant_of
+from mbsvib.studies.evaluation import DesignPoint
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.scales import scales
 from mbsvib.studies.search import Search
 from tests.studies.test_optimize import two
@@ -192,6 +193,16 @@ def test_gradients_of_a_loop_alone():
     value = CAR.parameters[name]
     ends = [quantity(filtered(CAR.with_values({name: value * (1 + side)}).linearize())) for side in (-1e-4, 1e-4)]
     assert quantity.gradient(loop, name)[0, 0] == pytest.approx((ends[1] - ends[0]) / (2e-4 * value), rel=1e-6)
+
+
+def test_quantities_of_ones_own_have_derivatives_to_gains():
+    """They had the derivative 0: what the function returns is that to parameters of the mechanism."""
+    names = ("g", "body.mass")
+    around = plant_of(filtered, names)
+    point = DesignPoint.at(Systems(CAR, design(CAR, names, None, around.gains), around),
+                           {"g": 3e3, "body.mass": 300.0}, np.ones(2), np.array([3e3, 300.0]))  # fmt: skip
+    own = st.given(lambda loop, rates: (loop.modes().frequencies, np.zeros((len(loop.modes()), len(rates)))), "own")
+    assert own.at(point).slope == pytest.approx(st.frequency(range(1, len(point.modes) + 1)).at(point).slope, rel=1e-6)
 
 
 def test_what_cannot_be_asked_is_refused():
