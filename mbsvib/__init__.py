@@ -22,6 +22,7 @@ from mbsvib.version import __version__
 
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, report, studies
+    from mbsvib.api.assembling import assemble
     from mbsvib.api.linearize import linearize
     from mbsvib.api.model import Model
     from mbsvib.api.modes import Modes
@@ -60,6 +61,7 @@ __all__ = [
     "System",
     "UndeterminedForceWarning",
     "__version__",
+    "assemble",
     "compare",
     "from_dh",
     "goals",
@@ -90,6 +92,7 @@ _HOMES = {
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.system",
+    "assemble": "mbsvib.api.assembling",
     "compare": "mbsvib.measurement.comparing",
     "from_dh": "mbsvib.library",
     "goals": "mbsvib.tuning",

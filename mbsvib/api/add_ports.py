@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.elements import ports as _ports
 from mbsvib.elements import strain_output as _strain
@@ -97,6 +99,44 @@ class PortedMechanism(Mechanism):
         b = self._body_name(relative_to, "output", name, "relative_to")
         part = _ports.make_output(name, a, direction, position, b, quantity, absolute)
         return self._keep(self._outputs, part)
+
+    def add_port(
+        self, name: str, body: str | Body, position: ArrayLike | None = None, orientation: ArrayLike | None = None
+    ) -> tuple[str, ...]:
+        """Add six collocated inputs and outputs at one point: where ``mv.assemble`` joins this part to others.
+
+        Parameters
+        ----------
+        name : str
+            Name P of the port; inputs and outputs are P.x, P.y, P.z, P.rx, P.ry and P.rz.
+        body : str or Body
+            The body that carries it.
+        position : array-like, shape (3,), optional
+            The point [m], world axes; default: the body's centre of mass.
+        orientation : array-like, shape (3, 3), optional
+            Axes of the port as columns, world axes; default: those of the world.
+
+        Returns
+        -------
+        tuple of str
+            The six names.
+
+        Raises
+        ------
+        ModelError
+            If the body is unknown, a name is taken, or the axes are no rotation.
+        """
+        axes = np.eye(3) if orientation is None else np.array(check.orientation(orientation, f"port '{name}'"))
+        names = tuple([f"{name}.{direction}" for direction in check.DIRECTIONS])
+        for each in names:
+            check_name(each, "input", self._inputs)
+            check_name(each, "output", self._outputs)
+        sixes = np.kron(np.eye(2), axes).T
+        for each, direction, six in zip(names, check.DIRECTIONS, sixes, strict=True):
+            along = direction if orientation is None else six
+            self.add_input(each, body, along, position)
+            self.add_output(each, body, along, position)
+        return names
 
     def add_base_motion(
         self, name: str, direction: str | ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)

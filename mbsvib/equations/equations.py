@@ -84,6 +84,29 @@ class Truncation:
     error_bound: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Connection:
+    """Two ports ``first`` and ``second`` of assembled parts, joined along ``directions`` (d,).
+
+    ``stiffness`` and ``damping`` (d, d) [N/m, N m/rad, ...] are None where they are joined rigidly. ``distance`` [m] is
+    that of their places, None where these are not known.
+    """
+
+    first: str
+    second: str
+    directions: tuple[str, ...]
+    stiffness: Array | None
+    damping: Array | None
+    distance: float | None
+
+    @property
+    def explained(self) -> str:
+        """What was joined, how, and how far apart it is."""
+        how = "rigidly" if self.stiffness is None else "by a spring-damper"
+        apart = "" if self.distance is None else f", {1e3 * self.distance:.3g} mm apart"
+        return f"{self.first} and {self.second}: joined {how} along {' '.join(self.directions)}{apart}"
+
+
 @fast_init
 @dataclass(frozen=True, slots=True)
 class Provenance:
@@ -95,7 +118,8 @@ class Provenance:
     ``undetermined`` the forces in joints that redundant constraints do not determine, ``truncation`` the reduction of
     the order. ``origin`` is the model; its pose was not in equilibrium, and the system is that of another pose, if
     ``moved_to_equilibrium``. If ``planar``, loops are redundant in every pose, as planar ones are. If ``closed_loop``,
-    a controller acts on the mechanism. If ``from_matrices``, there is no mechanism.
+    a controller acts on the mechanism. If ``from_matrices``, there is no mechanism; ``connections`` joined the parts of
+    an assembly.
     """
 
     topology: Topology
@@ -114,12 +138,14 @@ class Provenance:
     truncation: Truncation | None = None
     closed_loop: bool = False
     from_matrices: bool = False
+    connections: tuple[Connection, ...] = ()
 
     def check_mechanism(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism."""
         if self.from_matrices:
-            raise ModelError(f"{request}: '{name}' was made of matrices and has no bodies, joints and elements; this "
-                             f"needs a mechanism: build a Model and linearize it.")  # fmt: skip
+            origin = "assembled of parts" if self.connections else "made of matrices"
+            raise ModelError(f"{request}: '{name}' was {origin} and has no joints and elements of its own; this needs "
+                             f"a mechanism: build one Model and linearize it.")  # fmt: skip
 
     def check_parameters(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism without controllers."""

@@ -69,8 +69,10 @@ def _reduced(system: Equations, truncation: Truncation) -> str:
 
 
 def _of_matrices(system: Equations, basis: Basis | None) -> str:
-    """Description of a system that was made of matrices."""
-    lines = [f"{system.name}: {system.dof} DOF, made of matrices; there is no mechanism to be explained",
+    """Description of a system that was made of matrices, or assembled of parts."""
+    connections = system.provenance.connections
+    origin = "assembled of parts" if connections else "made of matrices; there is no mechanism to be explained"
+    lines = [f"{system.name}: {system.dof} DOF, {origin}", *(f"  {one.explained}" for one in connections),
              f"  coordinates: {listed(system.coordinates) or 'none'}"]  # fmt: skip
     if system.gyroscopic is not None:
         lines.append("  C has an antisymmetric part: modes have right and left vectors")

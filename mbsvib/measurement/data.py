@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -82,12 +82,12 @@ class Measurement(Doors, Displayed):
         Modes that were found from the data.
     lines : sequence of tuple of int, optional
         Connected nodes, for pictures.
-    left_out : sequence of str, optional
-        What a file holds beside these.
     noise_variance : array-like, shape (outputs, inputs, n), optional
         The part of the variance that changes from period to period; the rest of it is nonlinear distortion.
-    notes : sequence of str, optional
-        How the responses were estimated.
+    left_out, notes : sequence of str, optional
+        What a file holds beside these; how the responses were estimated.
+    consistency : dict of str to float, optional
+        Of channels that ``virtual_point`` used, the share that a rigid motion explains.
 
     Raises
     ------
@@ -100,6 +100,7 @@ class Measurement(Doors, Displayed):
     Bendat, J. S., Piersol, A. G., Random Data (2010), 9.2.3 (variance of H1).
     """
 
+    by_line: ClassVar[tuple[str, ...]] = ("omega", "responses", "variance", "coherence", "covariance", "noise_variance")
     omega: Array
     responses: Complex
     outputs: tuple[str, ...]
@@ -119,6 +120,7 @@ class Measurement(Doors, Displayed):
     left_out: tuple[str, ...] = ()
     noise_variance: Array | None = None
     notes: tuple[str, ...] = ()
+    consistency: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
@@ -248,8 +250,7 @@ class Measurement(Doors, Displayed):
         if not lines.any():
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {_range(self)}.")
         arrays: dict[str, Any] = {
-            name: None if (array := getattr(self, name)) is None else array[..., lines]
-            for name in ("omega", "responses", "variance", "coherence", "covariance", "noise_variance")}  # fmt: skip
+            name: None if (array := getattr(self, name)) is None else array[..., lines] for name in self.by_line}
         return replace(self, **arrays)
 
     def smoothed(self, lines: int = 15) -> Measurement:

@@ -312,6 +312,40 @@ class Doors:
         return write_atomic(path, lambda stream: np.savez_compressed(stream, **arrays), ResponseError)  # type: ignore[arg-type]
 
 
+    def virtual_point(self, name: str, position: ArrayLike, outputs: Any = None, inputs: Any = None) -> Self:
+        """Return the measurement with six displacements and forces at one point of a rigid part, for ``mv.assemble``.
+
+        q = (R^T R)^-1 R^T u, with a row e, (r - p) x e of R for a channel at r along e; forces alike
+
+        Parameters
+        ----------
+        name : str
+            Name P of the point: the channels become P.x ... P.rz, as far as they tell these.
+        position : array-like, shape (3,)
+            The point p [m], world axes.
+        outputs, inputs : str or sequence of str, optional
+            Channels of sensors and impacts on the rigid part, names or patterns, with known places; default: none.
+            Nine of each are better than the six that are needed.
+
+        Returns
+        -------
+        Measurement
+            All other channels, then those of the point; ``consistency`` has for each channel that was used how much of
+            it the rigid motion explains. Variances are those of independent errors.
+
+        Raises
+        ------
+        ResponseError
+            If a place is not known, quantities differ, or the channels tell no direction.
+
+        Source: van der Seijs, van den Bosch, Rixen & de Klerk, COMPDYN 2013.
+        """
+        from mbsvib.measurement.virtual_point import with_virtual_point
+
+        result: Self = with_virtual_point(self, name, position, outputs, inputs)
+        return result
+
+
 def _arrays(path: Path, wanted: set[str]) -> dict[str, Any]:
     """The arrays of a file by name; None for those that are not ``wanted``."""
     raw = BytesIO(content_of(path, ResponseError, "a file of arrays"))

@@ -1,0 +1,78 @@
+"""The verb: parts joined at ports, as equations, or as responses where some parts are measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.assembly.connections import WHO, connections_of, part_of
+from mbsvib.assembly.responses import assembled_responses
+from mbsvib.assembly.systems import assembled_system
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import names, real
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from mbsvib.api.system import System
+    from mbsvib.assembly.responses import AssembledMeasurement
+
+
+def assemble(
+    parts: Mapping[str, Any], connect: Iterable[tuple[Any, ...]], *, remove: str | Iterable[str] = (),
+    distance: float = 1e-3, name: str = "assembly",
+) -> System | AssembledMeasurement:  # fmt: skip
+    """Return parts that are joined at their ports.
+
+    Equations: (M, C, K) of all parts with L q = 0 along rigid connections, K + L^T k L, C + L^T c L of others
+
+    Responses: G = G0 - G0 L^T (L G0 L^T + (k + i w c)^-1)^+ L G0, L: relative displacements of the ports
+
+    Parameters
+    ----------
+    parts : mapping of str to Model, System or Measurement
+        By name. Each is in balance by itself: connections carry no force at rest.
+    connect : iterable of (str, str, how) or (str, str, how, directions)
+        Two ports PART.PORT, as ``model.add_port`` makes them: inputs and outputs PORT.x ... PORT.rz. ``how`` is
+        "rigid", a stiffness (d,) or (d, d) [N/m, N m/rad], or a pair of stiffness and damping. ``directions`` (d,):
+        those that are joined; default: all of the ports, which must be the same. Patterns join ports by position.
+    remove : str or iterable of str
+        Parts that are taken away: the measurement of a whole without them is what remains.
+    distance : float
+        How far ports that are joined may be apart [m], where their places are known.
+    name : str
+        Name of the system.
+
+    Returns
+    -------
+    System or AssembledMeasurement
+        A system, where no part is measured or taken away; names are PART.NAME, motions of the ground have one input.
+        Else responses at the measured lines with ``variance``, ``condition`` and ``kept``, printed as a table.
+
+    Raises
+    ------
+    ModelError
+        If a port is unknown, ports are apart or have other directions, outputs and inputs are not collocated, a part
+        to be joined rigidly has motions without mass, or grounds move differently.
+    ResponseError
+        If lines of measurements differ, or the response of a part is infinite at one.
+
+    Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169.
+    """
+    if not hasattr(parts, "items") or len(parts) < 2:
+        raise ModelError(f"{WHO}: parts = {shown(parts)}; expected two or more by name, "
+                         f"{{\"base\": system, \"payload\": other}}.")  # fmt: skip
+    held = {key: part_of(key, given) for key, given in parts.items()}
+    apart = real(distance, WHO, "distance", "a distance [m], 0 or more", least=0.0)
+    connections = connections_of(held, connect, apart)
+    gone = names(remove, WHO, "remove", ModelError)
+    for one in gone:
+        if one not in held:
+            raise ModelError(f"{WHO}: remove has {shown(one)}; expected names of parts.{nearest(one, list(held))}")
+    listed = list(held.values())
+    if not any(part.is_measured for part in listed):
+        if gone:
+            raise ModelError(f"{WHO}: remove = {', '.join(gone)}, but no part is measured; expected a measurement, "
+                             f"whose lines the result has. Of systems, leave the part out.")  # fmt: skip
+        return assembled_system(listed, connections, name)  # type: ignore[no-any-return]
+    return assembled_responses(listed, connections, gone)

@@ -1,0 +1,215 @@
+"""Which ports of which parts are joined: names, patterns by position, stiffness, and distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.arguments import DIRECTIONS, shown
+from mbsvib.common.expected import kind_of, way_to_system
+from mbsvib.equations.equations import Connection
+from mbsvib.errors import ModelError, nearest
+from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.points import model_places
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.measurement.points import Place
+
+WHO = "assemble"
+# Directions of a port are those of its partner up to this cosine (3 degrees).
+SAME_DIRECTION = 0.9986
+# Stiffness matrices are symmetric up to rounding, and have no eigenvalue below this share of the largest.
+ROUNDED = 1e-12
+EXPECTED = '("base.tip", "payload.root", "rigid")'
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part by its ``name``: a ``linear`` system or a measurement, with the ``ports`` {port: directions} and places
+    of its channels.
+    """
+
+    name: str
+    linear: Any
+    ports: Mapping[str, tuple[str, ...]]
+    places: Mapping[tuple[str, str], Place]
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it is measured."""
+        return isinstance(self.linear, Measurement)
+
+    def channels(self, port: str, directions: Iterable[str]) -> tuple[list[int], list[int]]:
+        """Return the numbers of the outputs and of the inputs of a port."""
+        names = [f"{port}.{direction}" for direction in directions]
+        return [self.linear.outputs.index(name) for name in names], [self.linear.inputs.index(name) for name in names]
+
+    def position(self, port: str) -> Array | None:
+        """Return where a port is (3,) [m]; None where that is not known."""
+        found = [place for direction in self.ports[port]
+                 if (place := self.places.get(("output", f"{port}.{direction}"))) is not None]  # fmt: skip
+        return found[0].position if found else None
+
+
+def part_of(name: Any, given: Any) -> Part:
+    """Return a part that is a model, a system or a measurement."""
+    if not isinstance(name, str) or not name:
+        raise ModelError(f"{WHO}: a part has the name {shown(name)}; expected a text that is not empty.")
+    linear = given.linearize() if kind_of(given) == "model" else given
+    if not isinstance(linear, Measurement) and kind_of(linear) != "system":
+        hint = way_to_system(linear) if kind_of(linear) == "sparse system" else "Of a state space, give the responses."
+        raise ModelError(f"{WHO}: part '{name}' is a {kind_of(linear) or type(linear).__name__}; expected a Model, a "
+                         f"System or a Measurement. {hint}", element=name)  # fmt: skip
+    known, ports = set(linear.inputs), dict[str, tuple[str, ...]]()
+    for output in linear.outputs:
+        port, _, direction = output.rpartition(".")
+        if port and direction in DIRECTIONS and output in known:
+            ports[port] = (*ports.get(port, ()), direction)
+    ordered = {port: tuple(d for d in DIRECTIONS if d in directions) for port, directions in ports.items()}
+    return Part(name, linear, ordered, model_places(linear))
+
+
+def connections_of(parts: Mapping[str, Part], connect: Iterable[Any], distance: float) -> list[Connection]:
+    """Return all pairs of ports that are joined; ``distance`` [m]: what places that are the same may be apart."""
+    result = []
+    for given in connect:
+        if not isinstance(given, (tuple, list)) or len(given) not in (3, 4) or not all(
+            isinstance(name, str) for name in given[:2]
+        ):
+            raise ModelError(f"{WHO}: connect has {shown(given)}; expected two ports and how they are joined, "
+                             f"{EXPECTED}, and directions where these are not all.")  # fmt: skip
+        first, second = (_ports(parts, name) for name in given[:2])
+        pairs = [(first[0], second[0])] if len(first) == len(second) == 1 else _by_position(first, second, given)
+        for one, other in pairs:
+            result.append(_connection(one, other, given[2], given[3] if len(given) == 4 else None, distance))
+    if not result:
+        raise ModelError(f"{WHO}: connect is empty; expected pairs of ports, such as [{EXPECTED}].")
+    return result
+
+
+def _ports(parts: Mapping[str, Part], name: str) -> list[tuple[Part, str]]:
+    """The ports that a name or a pattern means."""
+    found = [(part, port) for part in parts.values() for port in part.ports if f"{part.name}.{port}" == name]
+    if not found:
+        found = [(part, port) for part in parts.values() for port in part.ports
+                 if fnmatchcase(f"{part.name}.{port}", name)]  # fmt: skip
+    if found:
+        return found
+    part = next((part for part in parts.values() if name.startswith(f"{part.name}.")), None)
+    known = [f"{part.name}.{port}" for part in parts.values() for port in part.ports]
+    why = f"expected one of {', '.join(known)}" if known else "no part has one"
+    about = "" if part is None else (
+        f" Inputs and outputs of a port have the same names, '{name.removeprefix(part.name + '.')}.x' and so on: "
+        f"model.add_port adds them.")  # fmt: skip
+    raise ModelError(f"{WHO}: port {name!r} is unknown; {why}.{nearest(name, known)}{about}", element=name)
+
+
+def _by_position(
+    first: list[tuple[Part, str]], second: list[tuple[Part, str]], given: Any
+) -> list[tuple[tuple[Part, str], tuple[Part, str]]]:
+    """Each port of the shorter list with the nearest one of the other."""
+    swap = len(first) > len(second)
+    few, many = (second, first) if swap else (first, second)
+    places = [[part.position(port) for part, port in ports] for ports in (few, many)]
+    for (part, port), place in zip((*few, *many), (*places[0], *places[1]), strict=True):
+        if place is None:
+            raise ModelError(f"{WHO}: {shown(given[0])} and {shown(given[1])} are matched by position, but that of "
+                             f"'{part.name}.{port}' is not known; name the ports one by one.",
+                             element=f"{part.name}.{port}")  # fmt: skip
+    apart = np.linalg.norm(np.array(places[0])[:, None] - np.array(places[1])[None], axis=2)
+    nearest_ones = apart.argmin(axis=1).tolist()
+    for k, chosen in enumerate(nearest_ones):
+        if nearest_ones.index(chosen) < k:
+            part, port = many[chosen]
+            raise ModelError(f"{WHO}: '{part.name}.{port}' is the nearest of two ports of {shown(given[0])} and "
+                             f"{shown(given[1])}; name the ports one by one.", element=f"{part.name}.{port}")
+    pairs = [(few[k], many[chosen]) for k, chosen in enumerate(nearest_ones)]
+    return [(b, a) for a, b in pairs] if swap else pairs
+
+
+def _connection(
+    one: tuple[Part, str], other: tuple[Part, str], how: Any, directions: Any, distance: float
+) -> Connection:
+    names = (f"{one[0].name}.{one[1]}", f"{other[0].name}.{other[1]}")
+    if one[0] is other[0]:
+        raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' are ports of one part; expected ports of two.",
+                         element=names[0])  # fmt: skip
+    own = [part.ports[port] for part, port in (one, other)]
+    chosen: tuple[str, ...]
+    if directions is None:
+        for name, missing in ((names[0], set(own[1]) - set(own[0])), (names[1], set(own[0]) - set(own[1]))):
+            if missing:
+                both = tuple(d for d in own[0] if d in own[1])
+                listed = ", ".join(d for d in DIRECTIONS if d in missing)
+                raise ModelError(f"{WHO}: port '{name}' has no {listed}; expected the directions of its partner. To "
+                                 f"join those of both alone, write ({names[0]!r}, {names[1]!r}, {shown(how)}, "
+                                 f"{both}).", element=name)  # fmt: skip
+        chosen = own[0]
+    else:
+        chosen = (directions,) if isinstance(directions, str) else tuple(directions)
+        for one_of in chosen:
+            if one_of not in own[0] or one_of not in own[1]:
+                common = ", ".join(d for d in own[0] if d in own[1])
+                raise ModelError(f"{WHO}: direction {shown(one_of)} of '{names[0]}' and '{names[1]}'; expected some "
+                                 f"of {common}, which both have.", element=names[0])  # fmt: skip
+        chosen = tuple(d for d in DIRECTIONS if d in chosen)
+    if not chosen:
+        raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' have no common direction.", element=names[0])
+    stiffness, damping = _coefficients(how, len(chosen), names)
+    return Connection(*names, chosen, stiffness, damping, _apart(one, other, chosen, names, distance))
+
+
+def _coefficients(how: Any, count: int, names: tuple[str, str]) -> tuple[Any, Any]:
+    """Stiffness and damping (count, count), None for rigid connections."""
+    if isinstance(how, str):
+        if how != "rigid":
+            raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' are joined {how!r}; expected 'rigid', a stiffness, "
+                             f"or a stiffness and a damping.", element=names[0])  # fmt: skip
+        return None, None
+    stiffness, damping = how if isinstance(how, tuple) and len(how) == 2 else (how, np.zeros(count))
+    return _matrix(stiffness, count, "stiffness", names), _matrix(damping, count, "damping", names)
+
+
+def _matrix(value: Any, count: int, label: str, names: tuple[str, str]) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros((0, 0))
+    array = np.diag(array) if array.shape == (count,) else array
+    size = np.sqrt(np.abs(np.diagonal(array))) if array.shape == (count, count) else array
+    if array.shape != (count, count) or not np.isfinite(array).all():
+        raise ModelError(f"{WHO}: {label} of '{names[0]}' and '{names[1]}' = {shown(value)}; expected {count} numbers, "
+                         f"or a matrix of {count} x {count}, in the order of the directions.", element=names[0],
+                         field=label)  # fmt: skip
+    unit = np.where(size > 0.0, size, 1.0)
+    scaled = array / unit[:, None] / unit
+    if np.abs(scaled - scaled.T).max() > ROUNDED or np.linalg.eigvalsh(scaled)[0] < -ROUNDED:
+        raise ModelError(f"{WHO}: {label} of '{names[0]}' and '{names[1]}' is not symmetric with eigenvalues of 0 or "
+                         f"more; expected that of a passive connection.", element=names[0], field=label)  # fmt: skip
+    return np.asarray(0.5 * (array + array.T))
+
+
+def _apart(
+    one: tuple[Part, str], other: tuple[Part, str], directions: tuple[str, ...], names: tuple[str, str], distance: float
+) -> float | None:
+    """The distance of two ports [m], None where it is not known; refused if they are apart or point elsewhere."""
+    ends = [part.position(port) for part, port in (one, other)]
+    if ends[0] is None or ends[1] is None:
+        return None
+    apart = float(np.linalg.norm(ends[0] - ends[1]))
+    if apart > distance:
+        raise ModelError(f"{WHO}: '{names[0]}' is at {shown(ends[0])} and '{names[1]}' at {shown(ends[1])} m, "
+                         f"{apart:.3g} m apart; expected at most distance={distance:g} m, in common world axes.",
+                         element=names[0])  # fmt: skip
+    for direction in directions:
+        along = [part.places.get(("output", f"{port}.{direction}")) for part, port in (one, other)]
+        if along[0] is not None and along[1] is not None and along[0].cosine(along[1]) < SAME_DIRECTION:
+            raise ModelError(f"{WHO}: {direction} of '{names[0]}' and of '{names[1]}' are different directions; "
+                             f"expected the same, in common world axes.", element=names[0])  # fmt: skip
+    return apart

@@ -1,0 +1,288 @@
+"""Frequency responses of parts that are joined at ports, some of which are measured.
+
+G = G0 - G0 L^T (L G0 L^T + Z^-1)^+ L G0
+
+with the responses G0 of all parts side by side, L the relative displacements of joined ports and Z = k + i w c of the
+connections, Z^-1 = 0 of rigid ones. Parts that are taken away have -G0. Directions of the interface whose compliance is
+below its noise are not joined. To first order the error of G is A n B with A = 1 - G0 L^T X L and B = 1 - L^T X L G0.
+
+Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169, equation 31; D'Ambrogio & Fregolent, MSSP 45 (2014) 360,
+for parts that are taken away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from mbsvib.assembly.connections import WHO
+from mbsvib.assembly.systems import ends_of
+from mbsvib.elements.ports import QUANTITIES
+from mbsvib.errors import ModelError, ResponseError, counted
+from mbsvib.linalg.rank import EPS
+from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.matching import ORDERS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.assembly.connections import Part
+    from mbsvib.assembly.systems import Ends
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
+    from mbsvib.equations.equations import Connection
+
+# Lines of two measurements are the same up to this share.
+SAME_LINE = 1e-6
+# Numbers that arrays of some lines may hold.
+BLOCK = 4_000_000
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class AssembledMeasurement(Measurement):
+    """Frequency responses of assembled parts, with all that a ``Measurement`` has.
+
+    ``directions`` are those that connections join. ``condition`` (n,) is the condition of the interface compliance,
+    scaled to a unit diagonal; ``kept`` (n,) how many combinations of directions stand above its noise and are joined.
+    ``connections`` are the ports that were joined, with their distances.
+    """
+
+    by_line: ClassVar[tuple[str, ...]] = (*Measurement.by_line, "condition", "kept")
+
+    directions: tuple[str, ...] = ()
+    condition: Array = field(default_factory=lambda: np.zeros(0))
+    kept: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    connections: tuple[Connection, ...] = ()
+
+    def table(self) -> dict[str, Any]:
+        """Return what was joined and how well, as arguments of ``mbsvib.common.tables.text``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = [(one.first, one.second, " ".join(one.directions), "rigid" if one.stiffness is None else "spring-damper",
+                 "" if one.distance is None else f"{1e3 * one.distance:.3g}") for one in self.connections]  # fmt: skip
+        notes = []
+        if len(self.omega):
+            notes.append(f"Condition of the interface: {np.nanmedian(self.condition):.3g} in the median, "
+                         f"{np.nanmax(self.condition):.3g} at most.")  # fmt: skip
+            less = np.flatnonzero(self.kept < len(self.directions))
+            if len(less):
+                low, high = self.frequencies[less[[0, -1]]]
+                notes.append(f"{counted(len(less), 'line')} of {len(self.omega)}, from {low:.4g} to {high:.4g} Hz: "
+                             f"fewer than the {len(self.directions)} directions are joined, {self.kept.min()} at "
+                             f"least; others are below the noise.")  # fmt: skip
+        return {"title": "Assembled responses", "rows": rows, "notes": notes, "columns": [
+            ("port", "left"), ("port", "left"), ("directions", "left"), ("joined", "left"),
+            ("distance [mm]", "right")]}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Responses G0 (n, outputs, inputs) of all parts side by side with their variance, signs of parts that are taken
+    away in it; ``orders`` (outputs,) of the time derivatives that outputs are.
+    """
+
+    omega: Array
+    responses: Complex
+    variance: Array
+    orders: Index
+
+
+def assembled_responses(
+    parts: Sequence[Part], connections: Sequence[Connection], removed: Sequence[str]
+) -> AssembledMeasurement:  # fmt: skip
+    """Return the responses of parts that are joined, without the channels of those that are taken away."""
+    ends = ends_of(parts, connections)
+    sides = _side_by_side(parts, removed)
+    _check_orders(parts, ends, sides)
+    _check_measured(parts, ends, sides)
+    compliance = _compliance(ends, sides.omega)
+    joined = [_joined(sides, ends, compliance, slice(at, at + _chunk(sides)))
+              for at in range(0, len(sides.omega), _chunk(sides))]  # fmt: skip
+    responses, variance, condition, kept = (np.concatenate(arrays) for arrays in zip(*joined, strict=True))
+    known = any(part.is_measured and part.linear.variance is not None for part in parts)
+    directions = tuple([f"{one.connection.first}.{direction}" for one in ends
+                        for direction in one.connection.directions])  # fmt: skip
+    remaining = np.array([part.name not in removed for part in parts])
+    rows, columns = (np.repeat(remaining, [len(getattr(part.linear, kind)) for part in parts])
+                     for kind in ("outputs", "inputs"))  # fmt: skip
+
+    def shown(array: Any) -> Any:
+        return array[:, rows][:, :, columns].transpose(1, 2, 0)
+
+    whole: dict[str, Any] = {}
+    for kind in ("output", "input"):
+        here = [(part, name) for part, stays in zip(parts, remaining, strict=True) if stays
+                for name in getattr(part.linear, f"{kind}s")]  # fmt: skip
+        whole[f"{kind}s"] = tuple([f"{part.name}.{name}" for part, name in here])
+        whole[f"{kind}_units"] = sum((getattr(part.linear, f"{kind}_units") for part, stays in
+                                      zip(parts, remaining, strict=True) if stays), ())  # fmt: skip
+        whole[f"{kind}_points"] = [None if (place := part.places.get((kind, name))) is None
+                                   else (place.position, place.direction) for part, name in here]  # fmt: skip
+    return AssembledMeasurement(
+        sides.omega, shown(responses), variance=shown(variance) if known else None,
+        quantity=tuple([QUANTITIES[k] if k >= 0 else "" for k in sides.orders[rows].tolist()]), **whole,
+        directions=directions, condition=condition, kept=kept, connections=tuple(connections),
+    )  # fmt: skip
+
+
+def _chunk(sides: _Sides) -> int:
+    """How many lines to compute at once."""
+    return int(max(1, BLOCK // max(1, max(sides.responses.shape[1:]) ** 2)))
+
+
+def _side_by_side(parts: Sequence[Part], removed: Sequence[str]) -> _Sides:
+    measured = [part for part in parts if part.is_measured]
+    omega = measured[0].linear.omega
+    for part in measured[1:]:
+        other = part.linear.omega
+        if other.shape != omega.shape or (np.abs(other - omega) > SAME_LINE * np.maximum(omega, other)).any():
+            raise ResponseError(f"{WHO}: '{measured[0].name}' has {len(omega)} lines and '{part.name}' {len(other)} "
+                                f"others; expected the same frequencies. Measurements are cut by .within(low, high).")
+    shape = [sum(len(getattr(part.linear, kind)) for part in parts) for kind in ("outputs", "inputs")]
+    responses, variance = np.zeros((len(omega), *shape), dtype=complex), np.zeros((len(omega), *shape))
+    row, column, orders = 0, 0, []
+    for part in parts:
+        linear = part.linear
+        values = linear.responses if part.is_measured else linear.frequency_response(omega)
+        at = np.s_[:, row : row + len(linear.outputs), column : column + len(linear.inputs)]
+        responses[at] = (-1.0 if part.name in removed else 1.0) * values.transpose(2, 0, 1)
+        if part.is_measured and linear.variance is not None:
+            variance[at] = np.nan_to_num(linear.variance).transpose(2, 0, 1)
+        orders += [QUANTITIES.index(one) if one else -1 for one in _quantities(part)]
+        row, column = row + len(linear.outputs), column + len(linear.inputs)
+    return _Sides(omega, responses, variance, np.array(orders, dtype=np.intp))
+
+
+def _quantities(part: Part) -> tuple[str, ...]:
+    """The quantity of each output, "" where it is not known or none of these."""
+    if part.is_measured:
+        return tuple(part.linear.quantity)
+    # systems of matrices have no units: the check of ports tells whether outputs are displacements
+    return tuple([QUANTITIES[ORDERS[unit][1]] if unit in ORDERS else "" if unit else QUANTITIES[0]
+                  for unit in part.linear.output_units])  # fmt: skip
+
+
+def _names(parts: Sequence[Part], kind: str) -> list[tuple[Part, str]]:
+    return [(part, f"{part.name}.{name}") for part in parts for name in getattr(part.linear, kind)]
+
+
+def _check_orders(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides) -> None:
+    """Refuse outputs of ports of which it is not known what they measure."""
+    names = _names(parts, "outputs")
+    for row in [row for one in ends for side in one.outputs for row in side]:
+        if sides.orders[row] < 0:
+            name = names[row][1]
+            raise ModelError(f"{WHO}: output '{name}' has neither quantity nor unit; expected a displacement, velocity "
+                             f"or acceleration: give the measurement its quantity.", element=name)  # fmt: skip
+
+
+def _check_measured(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides) -> None:
+    """Refuse ports between whose directions responses are missing."""
+    outputs, inputs = _names(parts, "outputs"), _names(parts, "inputs")
+    rows, columns = ([k for one in ends for side in getattr(one, kind) for k in side] for kind in ("outputs", "inputs"))
+    missing = np.asarray(np.isnan(sides.responses).all(axis=0))
+    for row in rows:
+        for column in columns:
+            if outputs[row][0] is inputs[column][0] and missing[row, column]:
+                raise ModelError(f"{WHO}: the response of '{outputs[row][1]}' to '{inputs[column][1]}' was not "
+                                 f"measured; expected those between all directions that are joined.",
+                                 element=outputs[row][1])  # fmt: skip
+
+
+def _compliance(ends: Sequence[Ends], omega: Array) -> tuple[Complex, Bools]:
+    """Z^-1 (n, d, d) of the connections, and which of the d directions act: those with stiffness or damping."""
+    blocks: list[Complex] = []
+    acts: list[bool] = []
+    for one in ends:
+        k, c = one.connection.stiffness, one.connection.damping
+        count = len(one.connection.directions)
+        block = np.zeros((len(omega), count, count), dtype=complex)
+        which = np.ones(count, dtype=bool)
+        if k is not None and c is not None:
+            which = (k != 0.0).any(axis=1) | (c != 0.0).any(axis=1)
+            dynamic = k + 1j * omega[:, None, None] * c
+            at = np.ix_(np.arange(len(omega)), which, which)
+            block[at] = _inverse(dynamic[at], one)
+        blocks.append(block)
+        acts += which.tolist()
+    total = np.zeros((len(omega), len(acts), len(acts)), dtype=complex)
+    at_row = 0
+    for block in blocks:
+        end = at_row + block.shape[1]
+        total[:, at_row:end, at_row:end] = block
+        at_row = end
+    return total, np.array(acts, dtype=bool)
+
+
+def _inverse(dynamic: Complex, ends: Ends) -> Complex:
+    size = np.sqrt(np.abs(np.einsum("nii->ni", dynamic)).max(axis=0, initial=0.0))
+    scaled = dynamic / size[:, None] / size
+    if len(scaled) and (np.linalg.cond(scaled) * EPS * len(size) > 1.0).any():
+        raise ModelError(f"{WHO}: the stiffness from {ends.name} is singular and not diagonal, or dampers act at 0 Hz "
+                         f"alone; expected one that resists every combination of its directions. Name the directions "
+                         f"that it acts along.", element=ends.connection.first)  # fmt: skip
+    return np.asarray(np.linalg.inv(scaled) / size[:, None] / size)
+
+
+def _joined(
+    sides: _Sides, ends: Sequence[Ends], compliance: tuple[Complex, Bools], lines: slice
+) -> tuple[Complex, Array, Array, Index]:
+    """Responses and variance of joined parts at some lines, condition of the interface and directions kept."""
+    g0, variance = sides.responses[lines], sides.variance[lines]
+    omega, acts = sides.omega[lines], compliance[1]
+    n = len(omega)
+    # displacements L y, and forces L^T f
+    out = np.zeros((n, sum(len(one.connection.directions) for one in ends), g0.shape[1]), dtype=complex)
+    into = np.zeros((g0.shape[2], out.shape[1]))
+    row = 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.array([np.ones(n), 1.0 / (1j * omega), -1.0 / omega**2])
+    for one in ends:
+        for k in range(len(one.connection.directions)):
+            for sign, outputs, inputs in ((-1.0, one.outputs[0], one.inputs[0]), (1.0, one.outputs[1], one.inputs[1])):
+                out[:, row, outputs[k]] = sign * inverse[sides.orders[outputs[k]]]
+                into[inputs[k], row] = sign
+            row += 1
+    out, into = out[:, acts], into[:, acts]
+    used = [k for k in range(g0.shape[1]) if (out[:, :, k] != 0.0).any()]
+    pushes = into.any(axis=1)
+    moved = out[:, :, used] @ g0[:, used]
+    pushed = g0[:, :, pushes] @ into[pushes]
+    interface = moved[:, :, pushes] @ into[pushes]
+    noise = np.abs(out[:, :, used]) ** 2 @ variance[:, used][:, :, pushes] @ np.abs(into[pushes])
+    inverse_interface, condition, kept = _pseudo_inverse(
+        interface + compliance[0][lines][:, acts][:, :, acts], interface, noise)  # fmt: skip
+    responses = g0 - pushed @ inverse_interface @ moved
+    left, right = (np.tile(np.eye(size, dtype=complex), (n, 1, 1)) for size in g0.shape[1:])
+    left[:, :, used] -= pushed @ inverse_interface @ out[:, :, used]
+    right[:, pushes] -= into[pushes] @ inverse_interface @ moved
+    spread = np.nan_to_num(np.abs(left) ** 2) @ variance @ np.nan_to_num(np.abs(right) ** 2)
+    return responses, np.where(np.isnan(responses), np.nan, spread), condition, kept
+
+
+def _pseudo_inverse(matrix: Complex, own: Complex, noise: Array) -> tuple[Complex, Array, Index]:
+    """The inverses of interface compliances (n, d, d) without combinations below their noise; condition and rank.
+
+    ``own`` is what the parts have of them, ``noise`` its variance. Lines with unknown entries are not numbers.
+    """
+    known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
+    size = np.sqrt(np.abs(np.einsum("nii->ni", np.where(known[:, None, None], matrix, 1.0))))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = size[:, :, None] * size[:, None]
+    u, values, vh = np.linalg.svd(np.where(known[:, None, None], matrix / unit, np.eye(matrix.shape[1])))
+    shares = noise / unit**2
+    largest = np.where(known[:, None, None], np.abs(own / unit), 0.0).max(axis=(1, 2), initial=0.0)
+    limit = np.sqrt(shares.sum(axis=1).max(axis=1, initial=0.0)) + np.sqrt(shares.sum(axis=2).max(axis=1, initial=0.0))
+    limit = np.maximum(limit, matrix.shape[1] * EPS * np.maximum(largest, values[:, 0] if values.size else 0.0))
+    stands_out = values > limit[:, None]
+    with np.errstate(divide="ignore"):
+        inverse = np.where(stands_out, 1.0 / values, 0.0)
+        condition = values[:, 0] / values[:, -1]
+    result = (vh.conj().swapaxes(1, 2) * inverse[:, None]) @ u.conj().swapaxes(1, 2) / unit
+    result[~known] = np.nan
+    return result, np.where(known, condition, np.nan), np.where(known, stands_out.sum(axis=1), 0)

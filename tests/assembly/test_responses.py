@@ -1,0 +1,206 @@
+"""Responses of assembled parts of which some are measured: exact ones, noise, decoupling, virtual points."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from tests.assembly.scenes import POINT, RIGID, add_base, apart, fixed, whole
+
+OMEGA = np.linspace(2.0, 300.0, 40)
+SENSORS = ((0.55, 0.1, 0.2), (0.5, 0.0, 0.25), (0.6, -0.1, 0.15))
+
+
+def measured(system, omega=OMEGA, noise=0.0, seed=0, **entries):
+    """Responses of a system as if measured, with noise that is a share of the median of each pair."""
+    responses = system.frequency_response(omega)
+    sd = noise * np.median(np.abs(responses), axis=2, keepdims=True) * np.ones(len(omega))
+    normal = np.random.default_rng(seed).standard_normal((2, *responses.shape)) / np.sqrt(2.0)
+    data = {"output_units": system.output_units, "input_units": system.input_units} | entries
+    return mv.Measurement(omega, responses + sd * (normal[0] + 1j * normal[1]), system.outputs, system.inputs,
+                          variance=sd**2 if noise else None, **data)  # fmt: skip
+
+
+@pytest.mark.parametrize("which", ["base", "payload", "both"])
+@pytest.mark.parametrize("how", ["rigid", ([1e5, 2e5, 3e5, 200, 300, 400.0], [10.0, 0, 30, 0.2, 0, 0])])
+def test_exact_responses_give_those_of_one_model(which, how):
+    parts = {name: model.linearize() for name, model in zip(("base", "payload"), apart(), strict=True)}
+    for name in parts if which == "both" else [which]:
+        parts[name] = measured(parts[name])
+    result = mv.assemble(parts, [(*RIGID[0][:2], how)])
+
+    def join(model):
+        fixed(model) if how == "rigid" else model.add_bushing("w", "link", "pay", POINT, how[0], damping=how[1])
+
+    expected = whole(join).linearize()[["z", "a"], "F"].frequency_response(OMEGA)
+    np.testing.assert_allclose(result[["payload.z", "payload.a"], "base.F"].responses, expected, rtol=1e-11)
+    assert (result.kept == 6).all()
+    assert result.variance is None
+    assert result.output_units[result.outputs.index("payload.z")] == "m"
+
+
+def test_condition_is_that_of_the_interface():
+    base, payload = (model.linearize() for model in apart())
+    result = mv.assemble({"base": measured(base), "payload": payload}, RIGID)
+    ports = [f"{name}.{d}" for name in ("tip", "root") for d in ("x", "y", "z", "rx", "ry", "rz")]
+    interface = sum(system[names, names].frequency_response(OMEGA) for system, names in (
+        (base, ports[:6]), (payload, ports[6:]))).transpose(2, 0, 1)  # fmt: skip
+    size = np.sqrt(np.abs(np.einsum("nii->ni", interface)))
+    scaled = interface / size[:, None] / size[:, :, None]
+    np.testing.assert_allclose(result.condition, np.linalg.cond(scaled), rtol=1e-9)
+    text = str(result)
+    assert "base.tip" in text
+    assert f"{result.condition.max():.3g} at most" in text
+    assert result.directions[3] == "base.tip.rx"
+    few = result.within(5.0, 20.0)
+    assert len(few.kept) == len(few.condition) == len(few.omega) < len(OMEGA)
+
+
+def test_a_mount_acts_along_directions_with_stiffness_alone():
+    """Two masses on rails behind a spring, closed form, of which one is measured by its acceleration."""
+    parts = {}
+    for name, mass in (("a", 3.0), ("b", 2.0)):
+        model = mv.Model(name)
+        model.add_body("m", mass, (1, 1, 1))
+        model.add_joint("rail", "prismatic", "ground", "m", axis=(1, 0, 0))
+        model.add_port("p", "m")
+        parts[name] = model.linearize()
+    w = OMEGA
+    k, c = 5e3, 7.0
+    ports = [f"p.{d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
+    acceleration = mv.Measurement(w, parts["a"].frequency_response(w) * -(w**2), ports, ports, quantity="acceleration")
+    mount = [k, 0, 0, 0, 0, 0], [c, 0, 0, 0, 0, 0]
+    result = mv.assemble({"a": acceleration, "b": parts["b"]}, [("a.p", "b.p", mount)])
+    z = k + 1j * w * c
+    stiffness = np.array([[z - 3.0 * w**2, -z], [-z, z - 2.0 * w**2]]).transpose(2, 0, 1)
+    expected = np.linalg.inv(stiffness)
+    np.testing.assert_allclose(result["b.p.x", "b.p.x"].responses[0, 0], expected[:, 1, 1], rtol=1e-12)
+    np.testing.assert_allclose(result["a.p.x", "b.p.x"].responses[0, 0], -(w**2) * expected[:, 0, 1], rtol=1e-12)
+    assert result.quantity[0] == "acceleration"
+
+
+def test_stated_variance_is_the_scatter():
+    base, payload = (model.linearize() for model in apart())
+    base, payload = base[["tip.*"], ["F", "tip.*"]], payload[["z", "root.*"], "root.*"]
+    runs, stated = [], None
+    for seed in range(40):
+        result = mv.assemble({"base": measured(base, noise=1e-3, seed=seed), "payload": payload}, RIGID)
+        result = result[["payload.z", "base.tip.rx"], ["base.F", "payload.root.z"]]
+        runs.append(result.responses)
+        stated = result.variance if stated is None else stated + result.variance
+    scatter = np.var(np.array(runs), axis=0, ddof=1) / (stated / len(runs))
+    np.testing.assert_allclose(scatter.mean(axis=2), 1.0, atol=0.12)  # 40 runs of 40 lines: 2.5 % of deviation
+
+
+def test_directions_below_the_noise_are_not_joined():
+    base, payload = (model.linearize() for model in apart())
+    noisy = measured(base, noise=0.3, seed=3)
+    result = mv.assemble({"base": noisy, "payload": payload}, RIGID)
+    assert result.kept.min() < 6
+    assert "fewer than the 6 directions are joined" in str(result)
+
+
+def test_a_part_is_taken_away():
+    base, payload = (model.linearize() for model in apart())
+    both = measured(mv.assemble({"base": base, "payload": payload}, RIGID))
+    both = mv.Measurement(OMEGA, both.responses, [name.partition(".")[2] for name in both.outputs],
+                          [name.partition(".")[2] for name in both.inputs], output_units=both.output_units)  # fmt: skip
+    result = mv.assemble({"whole": both, "payload": payload}, [("whole.root", "payload.root", "rigid")],
+                         remove="payload")  # fmt: skip
+    assert not any(name.startswith("payload.") for name in (*result.outputs, *result.inputs))
+    rows, columns = ["tip.z", "tip.rx", "link.force"], ["F", "tip.y"]
+    found = result[[f"whole.{name}" for name in rows], [f"whole.{name}" for name in columns]].responses
+    expected = base[rows, columns].frequency_response(OMEGA)
+    size = np.abs(expected).max(axis=2, keepdims=True)
+    np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-9)
+
+
+def around(noise=0.0, quantity="acceleration"):
+    """Three triaxial sensors and nine impacts on the link around the port."""
+    model = mv.Model("base")
+    add_base(model)
+    outputs, inputs, rng = [], [None], np.random.default_rng(1)
+    for i, at in enumerate(SENSORS):
+        for direction in "xyz":
+            model.add_output(f"s{i}{direction}", "link", direction, at, quantity=quantity)
+            outputs.append((at, direction))
+    for i in range(9):
+        at, along = rng.uniform(-0.1, 0.1, 3) + POINT, rng.standard_normal(3)
+        along /= np.linalg.norm(along)
+        model.add_input(f"h{i}", "link", along, at)
+        inputs.append((at, along))
+    system = model.linearize()
+    return measured(system["s*", :], noise=noise, output_points=outputs, input_points=inputs)
+
+
+def test_sensors_around_a_point_are_a_port():
+    base, payload = apart()
+    virtual = around().virtual_point("tip", POINT, "s*", "h*")
+    ports = [f"tip.{d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
+    assert virtual.outputs == tuple(ports)
+    assert virtual.inputs == ("F", *ports)
+    assert virtual.output_units == ("m/s^2",) * 3 + ("rad/s^2",) * 3
+    assert virtual.input_units == ("N",) * 4 + ("N m",) * 3
+    expected = -(OMEGA**2) * base.linearize()[ports, ["F", *ports]].frequency_response(OMEGA)
+    np.testing.assert_allclose(virtual.responses, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    assert min(virtual.consistency.values()) > 1.0 - 1e-12
+    result = mv.assemble({"base": virtual, "payload": payload}, RIGID)
+    expected = whole(fixed).linearize()["z", "F"].frequency_response(OMEGA)
+    np.testing.assert_allclose(result["payload.z", "base.F"].responses, expected, rtol=1e-9)
+
+
+def test_consistency_finds_the_sensor_that_was_swapped():
+    data = around()
+    rows = list(range(9))
+    rows[3], rows[4] = 4, 3  # s1x and s1y exchanged
+    swapped = mv.Measurement(OMEGA, data.responses[rows], data.outputs, data.inputs, output_units=data.output_units,
+                             output_points=[(at, d) for at in SENSORS for d in "xyz"])  # fmt: skip
+    consistency = swapped.virtual_point("tip", POINT, "s*").consistency
+    assert sorted(consistency, key=consistency.get)[0] in ("s1x", "s1y")
+    assert min(consistency.values()) < 0.9
+
+
+def test_variance_of_a_virtual_point_is_that_of_independent_errors():
+    plain, scale = around(), 1e-3
+    runs = []
+    for seed in range(30):
+        noise = np.random.default_rng(seed).standard_normal((2, *plain.responses.shape)) * scale / np.sqrt(2.0)
+        data = mv.Measurement(OMEGA, plain.responses + noise[0] + 1j * noise[1], plain.outputs, plain.inputs,
+                              variance=np.full(plain.responses.shape, scale**2), output_units=plain.output_units,
+                              output_points=[(at, d) for at in SENSORS for d in "xyz"])  # fmt: skip
+        point = data.virtual_point("tip", POINT, "s*")
+        runs.append(point.responses)
+    scatter = np.var(np.array(runs), axis=0, ddof=1).mean(axis=2)
+    np.testing.assert_allclose(scatter, point.variance.mean(axis=2), rtol=0.1)
+
+
+def test_one_triaxial_sensor_tells_three_directions():
+    data = around()
+    three = data.virtual_point("tip", SENSORS[0], ["s0x", "s0y", "s0z"])
+    assert [name for name in three.outputs if name.startswith("tip")] == ["tip.x", "tip.y", "tip.z"]
+    assert three.outputs[:6] == ("s1x", "s1y", "s1z", "s2x", "s2y", "s2z")
+    assert three.quantity == ("acceleration",) * 9
+    with pytest.raises(ResponseError, match="3 outputs tell no displacement of 'tip' alone"):
+        data.virtual_point("tip", (0.0, 0.4, 0.9), ["s0x", "s1y", "s2z"])
+    with pytest.raises(ResponseError, match="place of input 'F' is not known"):
+        data.virtual_point("tip", POINT, "s*", "F")
+
+
+def test_lines_quantities_and_pairs_must_be_known():
+    base, payload = (model.linearize() for model in apart())
+    other = measured(payload, OMEGA + 1.0)
+    with pytest.raises(ResponseError, match="expected the same frequencies"):
+        mv.assemble({"base": measured(base), "payload": other}, RIGID)
+    bare = mv.Measurement(OMEGA, base.frequency_response(OMEGA), base.outputs, base.inputs)
+    with pytest.raises(ModelError, match=r"'base.tip.x' has neither quantity nor unit"):
+        mv.assemble({"base": bare, "payload": payload}, RIGID)
+    holes = base.frequency_response(OMEGA).copy()
+    holes[base.outputs.index("tip.y"), base.inputs.index("tip.rz")] = np.nan
+    gaps = mv.Measurement(OMEGA, holes, base.outputs, base.inputs, output_units=base.output_units)
+    with pytest.raises(ModelError, match=r"'base.tip.y' to 'base.tip.rz' was not measured"):
+        mv.assemble({"base": gaps, "payload": payload}, RIGID)
+    joined = mv.assemble({"base": gaps, "payload": payload}, [(*RIGID[0], ("x", "z"))])
+    assert np.isfinite(joined["payload.z", "base.F"].responses).all()
+    with pytest.raises(ModelError, match="singular and not diagonal"):
+        mv.assemble({"base": measured(base), "payload": payload},
+                    [(*RIGID[0][:2], [[1e3, -1e3], [-1e3, 1e3]], ("x", "y"))])  # fmt: skip
