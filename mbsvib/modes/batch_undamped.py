@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.undamped import SEPARATE, SMALL_ANGLE, SUSPECT
+from mbsvib.modes.undamped import SEPARATE, SMALL_ANGLE, SUSPECT, shift_by_coupling
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -91,13 +91,13 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     residual = elastic - inertia * square[:, None]
     residual[:, at, at] = 0.0
     shared, gap = np.abs(residual), square[:, None] - square[:, :, None]
-    separated = (shared < SEPARATE * np.abs(gap)) & (gap != 0.0)
-    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=separated)
+    separated = shared <= SEPARATE * np.abs(gap)
+    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=separated & (gap != 0.0))
     value = square + (mixing * gap * mixing).sum(axis=1)
-    unresolved = np.where(separated, 0.0, np.minimum(shared, np.abs(gap)))
+    unresolved = np.where(separated, 0.0, shift_by_coupling(shared, np.abs(gap))).sum(axis=1)
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
-    uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise
+    uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved + noise
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]

@@ -241,17 +241,24 @@ def _off_diagonal(a: Array) -> Array:
 
 
 def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
-    """Return the share of each mode (row) in each other (column), and the largest unresolved coupling, (m,)."""
+    """Return the share of each mode (row) in each other (column), and the sum of unresolved shifts of its square, (m,).
+    """
     gap = square - square[:, None]
-    gap[gap == 0.0] = np.inf
-    mixing = shared / gap
+    together = np.abs(shared) > SEPARATE * np.abs(gap)
     unresolved = np.zeros(len(square))
-    together = np.abs(mixing) >= SEPARATE
     if np.count_nonzero(together):
         row, column = np.nonzero(together)
-        np.maximum.at(unresolved, column, np.minimum(np.abs(shared[row, column]), np.abs(gap[row, column])))
-        mixing[row, column] = 0.0
-    return mixing, unresolved
+        np.add.at(unresolved, column, shift_by_coupling(np.abs(shared[row, column]), np.abs(gap[row, column])))
+        gap[row, column] = np.inf
+    gap[gap == 0.0] = np.inf
+    return shared / gap, unresolved
+
+
+def shift_by_coupling(coupling: Array, gap: Array) -> Array:
+    """Return how far a coupling s >= 0 moves squared frequencies that are g >= 0 apart, (sqrt(g^2 + 4 s^2) - g) / 2.
+    """
+    twice = 2.0 * coupling
+    return np.asarray(coupling * (twice / np.maximum(gap + np.hypot(gap, twice), np.finfo(float).tiny)))
 
 
 def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:

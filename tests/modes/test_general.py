@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mpmath as mp
 import numpy as np
 import pytest
 
@@ -194,6 +195,47 @@ def test_strong_dampers(strength, every):
         assert error <= 1e-12
         assert ratio <= 1.0
         assert modes.errors.max() <= 1e-12
+
+
+# masses, and stiffnesses and dampings of the elements below each, of which the first holds the chain at the ground
+LOOSE_CHAINS = {
+    "like masses": ((1, 1, 1), (0, 1e3, 0), (1e-3, 1, 8.072e7)),
+    "free": ((1.312, 0.943, 1.213, 1.41), (0, 164.138, 104.802, 0), (0, 0, 3.937e12, 1e-3)),
+    "many decades": ((0.01988, 0.06286, 0.03477, 0.0128, 13.95, 0.4196, 47.97),
+                     (28130, 10270, 0, 739, 3445, 3205, 5.012e6), (0, 1, 1e-3, 6.954e8, 1, 0, 1)),
+    "equal relaxations": ((1,) * 5, (0, 1e3, 1e3, 1e3, 1e3), (1e-3, 3.56e10, 1, 0, 3.56e10)),
+    "negative damper": ((1, 2, 3, 1), (1e3, 1e3, 2e3, 1e3), (0.3, 1e9, -0.1, 2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOSE_CHAINS)
+def test_strong_dampers_in_loose_chains(name):
+    """A strong damper locks some parts, others rest or swing: eigenvalues and responses, to many digits."""
+    masses, stiffness, damping = LOOSE_CHAINS[name]
+    model = mv.Model("loose")
+    for i, (mass, k, c) in enumerate(zip(masses, stiffness, damping, strict=True)):
+        model.add_body(f"b{i}", mass, (0.1, 0.1, 0.1), position=(0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        if k or c:
+            model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (0, 0, i), (k, 0, 0, 0, 0, 0),
+                              (c, 0, 0, 0, 0, 0))  # fmt: skip
+        model.add_input(f"F{i}", f"b{i}", "x")
+        model.add_output(f"x{i}", f"b{i}", "x")
+    system = model.linearize()
+    modes = system.modes(rtol=1e-12)
+    error, ratio = worst(modes, eigenvalues(system))
+    assert error <= 1e-12
+    assert ratio <= 1.0
+    assert modes.errors.max() <= 1e-11
+    omega = np.array([3.0, 40.0])
+    n, rows = len(masses), np.eye(len(masses)) - np.eye(len(masses), k=-1)
+    with mp.workdps(40):
+        for k, w in enumerate(omega):
+            dynamic = mp.matrix(rows.T) * mp.diag([mp.mpc(a, w * b) for a, b in zip(stiffness, damping, strict=True)])
+            dynamic = dynamic * mp.matrix(rows) - mp.diag([mp.mpf(w) ** 2 * m for m in masses])
+            exact = np.array((dynamic**-1).tolist(), dtype=complex).reshape(n, n)
+            result = system.frequency_response(omega)[:, :, k]
+            np.testing.assert_allclose(result, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 
 
 @pytest.mark.slow

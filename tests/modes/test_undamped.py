@@ -12,6 +12,7 @@ from mbsvib.linalg.products import single_entries
 from mbsvib.modes import modes
 from mbsvib.modes import undamped as ladder
 from mbsvib.modes.undamped import undamped
+from tests.support.unsymmetric import eigenvalues
 
 
 def network(n, seed=0):
@@ -206,3 +207,29 @@ def test_bounds_of_a_variant_depend_on_no_other(order):
     modes, other = rider(light, heavy), rider(light[order], heavy[order])
     assert_allclose(other.errors, modes.errors[order], rtol=1e-9)
     assert_allclose(other.natural, modes.natural[order], rtol=1e-15)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8])
+@pytest.mark.parametrize(("soft", "stiff", "between"), [(1e4, 1e10, 1e-2), (1e4, 1e10, 1e-1), (1.0, 1e8, 1e-7),
+                                                        (1.0, 1e8, 1e-9)])  # fmt: skip
+def test_errors_of_nearly_equal_frequencies(soft, stiff, between, rtol):
+    """A weak spring decides the modes of two equal chains: bounds hold, to 60 digits, also where the rounding of stiff
+    joints mixes the shapes by any angle, and are close.
+    """
+    model = mv.Model("two chains")
+    for axis, direction in (("x", (1, 0, 0)), ("y", (0, 1, 0))):
+        for i, (mass, share) in enumerate(((1.3, 0.0), (0.7, 1.7), (1.1, 0.6), (0.9, 1.2))):
+            below, k = f"{axis}{i - 1}" if i else "ground", stiff * share if i else soft
+            model.add_body(f"{axis}{i}", mass, (1, 1, 1), position=(i, i, 0))
+            model.add_joint(f"j{axis}{i}", "prismatic", below, f"{axis}{i}", axis=direction)
+            model.add_bushing(f"k{axis}{i}", below, f"{axis}{i}", (i, i, 0), (*(k * np.array(direction)), 0, 0, 0))
+    model.add_spring("c", "x3", "y3", (-1, 0, 0), (0, 1, 0), between)
+    system = model.linearize()
+    exact = np.sort([float(value.imag) for value in eigenvalues(system) if value.imag > 0])
+    batch = model.linearize(values={"c.stiffness": [between] * 2}).modes(rtol)
+    quick = undamped(system, rtol, clean=False)
+    for omega, errors in ((quick.omega, quick.errors), (batch.natural[1], batch.errors[1, ::2])):
+        error = np.abs(omega / exact - 1.0)
+        assert (error <= errors + 1e-15).all()
+        assert errors.max() <= rtol
+        assert errors.max() <= 1e4 * max(error.max(), 1e-14)
