@@ -355,7 +355,7 @@ def compiled(
     plan = batch_plan(model, slots, independent, cut, System)
     if moving:
         posed = PosedVariants.of(model, moving, names, relaxed, cut)
-        plan = replace(plan, posed=posed, poses=posed.poses_of if relaxed and posed.poses is not None else None)
+        plan = replace(plan, posed=posed, poses=None if posed.poses is None else posed.poses_of, relaxed=relaxed)
     entries = [known.entry(name) for name in names]
     nominal = np.array([entry.value for entry in entries] + [0.0] * len(moving))
     nominal.setflags(write=False)

@@ -168,7 +168,7 @@ def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[S
     preload = np.array([part.preload or ZERO for part in bushings])
     tangent, slope, wrench, has_moment = about(k, c, preload, d, rho)
     check_angles(bushings, rho, has_moment)
-    damps_rotation = rho.any(axis=1) & c[:, 3:].any(axis=(1, 2))
+    damps_rotation = np.asarray(rho.any(axis=1) & c[:, 3:].any(axis=(1, 2)))
     stiffness = _finite(tangent, bushings, "stiffness", has_moment)
     damping = _finite(slope, bushings, "damping", damps_rotation)
     return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))

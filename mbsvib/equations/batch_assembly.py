@@ -13,7 +13,12 @@ from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import joint_axes, moved_bodies
-from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
+from mbsvib.equations.batch_loads import (
+    applied_of_variants,
+    loaded_in_variants,
+    preloaded,
+    with_loads_of_variants,
+)  # fmt: skip
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
 from mbsvib.equations.batch_one_by_one import one_by_one, stacked
@@ -84,8 +89,8 @@ class BatchPlan:
     ``user_model`` is the model as described, ``model`` the one with internal bodies and nodes, whose arrays are in
     ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
     ``posed`` takes values and returns the variants by their numbers where these are in other poses; ``poses`` takes
-    values and the number of the first variant and returns their poses, where nothing else moves. ``decided`` lists how
-    many variants got rank decisions of their own, of each call in which some did.
+    values and the number of the first variant and returns their poses, where nothing else moves; ``relaxed`` is that of
+    ``moved``. ``decided`` lists how many variants got rank decisions of their own, of each call in which some did.
     """
 
     user_model: Mechanism
@@ -96,6 +101,7 @@ class BatchPlan:
     slots: Slots
     posed: Callable[[Values], Callable[[int], Mechanism]] | None = None
     poses: Callable[[Values, int], Pose] | None = None
+    relaxed: bool = True
     decided: list[int] = field(default_factory=list, compare=False, repr=False)
 
     @cached_property
@@ -111,9 +117,10 @@ class BatchPlan:
     @cached_property
     def posed_scene(self) -> PosedScene | None:
         """How the arrays of the mechanism follow from poses, None where that is not stated."""
-        if self.loaded or self.geometry.matrices:
+        if self.poses is None or self.geometry.matrices:
             return None
-        return posed_scene(self.user_model, self.model, self.scene, self.nominal)
+        varying = preloaded(self.model, self.slots.complete) if loaded_in_variants(self.model, self.slots.index) else ()
+        return posed_scene(self.user_model, self.model, self.scene, self.relaxed, varying)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,7 +131,8 @@ class BatchPlan:
     @cached_property
     def loaded(self) -> bool:
         """Whether a variant may have gravity, a load or a preload, even if the model has none."""
-        return self.scene.loads is not None or loaded_in_variants(self.model, self.slots.index)
+        return (self.scene.loads is not None or loaded_in_variants(self.model, self.slots.index)
+                or (self.posed_scene is not None and self.posed_scene.forces is not None))  # fmt: skip
 
     @cached_property
     def constant_rows(self) -> tuple[Triplets, Array, MinimalRows] | None:
@@ -160,7 +168,7 @@ class BatchPlan:
         shared = scene.shared is not None and bool(scene.shared.base) and (
             self.loaded or any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs))
         # states of self-stress change with the geometry, and forces of least norm at the pose with them
-        forces = bool(self.stress) and (self.loaded or not self.geometry.constant)
+        forces = bool(self.stress) and (self.loaded or not self.geometry.constant or self.posed is not None)
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         return bool(shared or forces or curved or varies)
@@ -357,6 +365,24 @@ class _Assembled:
         return terms.named() | {"closure": None if reduction is self.plan.pivots.reduction else reduction.matrix}
 
 
+def _scene_of_variants(
+    plan: BatchPlan, values: Values, first: int
+) -> tuple[Scene, tuple[Mapping[str, Array], Mapping[str, Array]], Pose | None]:
+    """The arrays of variants, axes and lengths of joints by name where these vary, and their poses, if they have any.
+    """
+    scene, posed = plan.geometry.at(values), plan.posed_scene
+    forces = None if posed is None else posed.forces
+    if plan.loaded:
+        also = () if forces is None else forces.applied.names
+        applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also)
+        scene = replace(scene, loads=(applied, {}))
+        forces = None if forces is None else forces.of_variants(applied, values)
+    if posed is None or plan.poses is None:
+        return scene, joint_axes(scene.topology.joints, values), None
+    pose = posed.whole(plan.poses(values, first))
+    return posed.at(scene, pose, plan.relaxed, forces=forces), (posed.joint_axes(pose), {}), pose
+
+
 def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> _Assembled:
     """The terms of some variants, with all their motions.
 
@@ -364,12 +390,7 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     if it is the nominal one.
     """
     model, pivots, nominal = plan.model, plan.pivots, plan.nominal
-    scene = plan.geometry.at(values)
-    if plan.poses is not None and plan.posed_scene is not None:
-        scene = plan.posed_scene.at(scene, plan.poses(values, first))
-    if plan.loaded:
-        applied = applied_of_variants(model, values, moved_bodies(scene, values))
-        scene = replace(scene, loads=(applied, {}))
+    scene, joints, pose = _scene_of_variants(plan, values, first)
     reduction, stepped = pivots.reduction, values.stepped
     lost, decided = np.zeros(values.count, dtype=bool), 0
     constant = plan.constant_rows if plan.posed is None else None
@@ -377,7 +398,7 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     if phi.ndim == 3 and stepped:
         reduction, lost = closure_along(scene, values, phi, pivots, closure)
     elif phi.ndim == 3:
-        reduction, decided = reduce_batch(scene, values, phi, pivots, first)
+        reduction, decided = reduce_batch(scene, values, phi, pivots, first, pose)
     if rows is None:
         rows = minimal_rows(scene, relative, reduction)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
@@ -386,13 +407,12 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
     loaded: tuple[LoadedPairs, Array] | None = None
     if scene.loads is not None:
         terms, pairs, multipliers = with_loads_of_variants(
-            model, scene, values, terms, reduction, phi, pivots, first)  # fmt: skip
+            model, scene, terms, reduction, phi, pivots, None if stepped else first, joints)  # fmt: skip
         loaded = pairs, multipliers
     spin = spin_of_variants(model, scene, values) if model.derived(has_antisymmetric_forces) else ([], [])
     if scene.port.wrench_outputs:
-        axes = joint_axes(scene.topology.joints, values)[0] if loaded is None else loaded[0].axes
         loops = relative, phi, reduction, pivots.kept
-        terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, axes, plan.stress)
+        terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, joints[0], plan.stress)
     if any(spin):
         terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
     return _Assembled(plan, scene, reduction, terms, first, lost, decided)

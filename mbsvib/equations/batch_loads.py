@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import joint_axes, scene_of_variant, with_values_at
+from mbsvib.equations.batch_geometry import scene_of_variant, with_values_at
 from mbsvib.equations.load_stiffness import leading, load_stiffness, loaded_pairs
 from mbsvib.equations.statics import balance, check_balance
 from mbsvib.equations.wrenches import applied_wrenches
@@ -16,7 +16,7 @@ from mbsvib.linalg.rank import BALANCE
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_loops import LoopPivots
@@ -31,20 +31,25 @@ if TYPE_CHECKING:
 
 def loaded_in_variants(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> bool:
     """Return whether gravity, or the preload of an element, is among the fields that vary, by part and name."""
-    return bool("gravity" in varying and model.gravity is not None) or bool(_preloaded(model, varying))
+    return bool("gravity" in varying and model.gravity is not None) or bool(preloaded(model, varying))
 
 
-def _preloaded(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
-    """Names of the elements whose preload may differ in variants."""
+def preloaded(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
+    """Return the names of the elements whose preload may differ in variants."""
     return frozenset(
         name for name, fields in varying.items() if name in model.springs and (
             "preload" in fields or getattr(model.springs[name], "free_length", None) is not None))  # fmt: skip
 
 
-def applied_of_variants(model: Mechanism, values: Values, positions: Mapping[int, Array]) -> AppliedWrenches:
-    """Return the applied wrenches of all variants; ``positions`` (3, variants): moved centres of mass by number."""
+def applied_of_variants(
+    model: Mechanism, values: Values, positions: Mapping[int, Array], also: Collection[str] = ()
+) -> AppliedWrenches:
+    """Return the applied wrenches of all variants; ``positions`` (3, variants): moved centres of mass by number.
+
+    ``also``: elements that have one, even if it is zero.
+    """
     number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
-    applied = applied_wrenches(model, number, _preloaded(model, values.index))
+    applied = applied_wrenches(model, number, preloaded(model, values.index).union(also))
     pairs, weight = applied.pairs, applied.weight
     arrays = {key: getattr(pairs, key) for key in ("start", "end", "force", "torque")}
     for k, name in enumerate(applied.names[: applied.loads]):
@@ -90,25 +95,27 @@ def _of_element(part: Any, fields: Mapping[str, Array], count: int) -> dict[str,
     axes = np.array(part.orientation)
     if "orientation" in fields:
         axes = exponential(fields["orientation"].T) @ axes
-    wrench: Any = np.broadcast_to(value("preload"), (6, count)).T
+    preload = np.zeros((6, 1)) if part.preload is None else value("preload")
+    wrench: Any = np.broadcast_to(preload, (6, count)).T
     force, torque = ((axes @ vectors[..., None])[..., 0].T for vectors in (wrench[:, :3], wrench[:, 3:]))
     point = np.broadcast_to(value("position"), (3, count))
     return {"start": point, "end": point, "force": force, "torque": torque}
 
 
 def with_loads_of_variants(
-    model: Mechanism, scene: Scene, values: Values, terms: Terms, reduction: Reduction, phi: Array, pivots: LoopPivots,
-    first: int,
+    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, phi: Array, pivots: LoopPivots,
+    first: int | None, joints: tuple[Mapping[str, Array], Mapping[str, Array]],
 ) -> tuple[Terms, LoadedPairs, Array]:  # fmt: skip
     """Return the terms of some variants with the stiffness of their loads, the pairs and the multipliers of the loops.
 
-    ``first`` is the index of the first variant.
+    ``first`` is the index of the first variant, None where balance is not checked. ``joints``: axes and lengths of
+    joints by name, where variants differ in them.
     """
     assert scene.loads is not None
     applied = scene.loads[0]
-    if not values.stepped:
+    if first is not None:
         _check_balance(model, scene, terms, reduction, first)
-    loaded = loaded_pairs(scene, *joint_axes(scene.topology.joints, values))
+    loaded = loaded_pairs(scene, *joints)
     multipliers = pivots.multipliers(phi, loaded.gradient)
     part = load_stiffness(scene, reduction, loaded, multipliers, every=True)
     owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))

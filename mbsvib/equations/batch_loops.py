@@ -23,7 +23,7 @@ from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
-from mbsvib.linalg.rotations import exponential
+from mbsvib.linalg.rotations import components_first, exponential
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.pose import Pose
 
     Mask = NDArray[np.bool_]
 
@@ -113,13 +114,13 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
 
 
 def reduce_batch(
-    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int
+    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int, pose: Pose | None = None
 ) -> tuple[Reduction, int]:
     """Return B'' of all variants in the minimal coordinates of the nominal pose, and how many got a rank decision of
     their own.
 
     ``phi`` (variants, locked rows, n): locked rows of their cut joints. ``first``: index of the first of these
-    variants, for messages. B'' becomes (variants, n, m).
+    variants, for messages; ``pose``: the poses of the variants. B'' becomes (variants, n, m).
     """
     nominal, cuts = pivots.reduction, scene.cuts
     if cuts is None or nominal.matrix is None or phi.ndim == 2:
@@ -137,14 +138,16 @@ def reduce_batch(
         if len(block.rows) > len(block.dependent):
             uncertain |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
     reduction = replace(nominal, matrix=result)
-    jumps = _may_jump(scene, values, pivots, reduction)
+    jumps = _may_jump(scene, values, pivots, reduction, pose)
     own = np.flatnonzero(uncertain | jumps).tolist()
     for i in own:
         result[i] = _single_decision(scene, values, phi[i], nominal, i, first, bool(uncertain[i]), result[i])
     return reduction, len(own)
 
 
-def _may_jump(scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduction) -> Mask:
+def _may_jump(
+    scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduction, pose: Pose | None
+) -> Mask:
     """Mask of variants whose redundant constraints may be independent in neighbouring poses."""
     assert scene.cuts is not None
     assert reduction.matrix is not None
@@ -155,11 +158,18 @@ def _may_jump(scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduc
             fields = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
             if "orientation" in fields:
                 axes = [(exponential(fields["orientation"].T) @ axis).T for axis in axes]
+            elif pose is not None:
+                bodies = scene.cuts.rows.first[row], scene.cuts.rows.second[row]
+                axes = [(pose.rotations[:, body] @ axis).T for body, axis in zip(bodies, axes, strict=True)]
             crossing.append((row, axes[0], axes[1]))
         rods = rods_in_loops(scene.topology, scene.coordinates, scene.cuts)
         for k, joint in enumerate([joint for joint in scene.topology.joints if joint.is_rod]):
             if joint.name in values.fields:
                 start, end = (point[..., None] for point in rod_ends(joint, values))
+                rods[k] = replace(rods[k], start=start, end=end)
+            elif pose is not None:
+                start, end = (components_first(pose.points(body, at.T)) for body, at in (
+                    (rods[k].first, rods[k].start), (rods[k].second, rods[k].end)))  # fmt: skip
                 rods[k] = replace(rods[k], start=start, end=end)
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing, rods)
         for block in pivots.blocks:

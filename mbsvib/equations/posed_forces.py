@@ -17,12 +17,16 @@ from mbsvib.elements.deformations import twist
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import Rows
 from mbsvib.elements.spring import ROUNDING
+from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.linalg.products import signed_rows
 from mbsvib.linalg.rotations import components_first, components_last, logarithm
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from mbsvib.common.arrays import Array, Bools, Index
+    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.pose import Pose
     from mbsvib.mechanism.mechanism import Mechanism
@@ -100,6 +104,26 @@ class PosedForces:
     lines: Array
     bushings: Bushings
 
+    def of_variants(self, applied: AppliedWrenches, values: Values) -> PosedForces:
+        """Return the forces of variants with these ``applied`` wrenches as described, at points that do not vary."""
+        pairs = self.applied.pairs
+        applied = replace(applied, pairs=replace(applied.pairs, start=pairs.start, end=pairs.end))
+        names = applied.names[applied.loads :]
+        stiffness, bushings = self.stiffness, self.bushings
+        for k, name in enumerate(names[: applied.lines]):
+            if "stiffness" in values.fields.get(name, {}):
+                stiffness = np.array(np.broadcast_to(stiffness, (values.count, applied.lines)))
+                stiffness[:, k] = values.fields[name]["stiffness"]
+        changes: dict[str, Any] = {}
+        for k, name in enumerate(names[applied.lines :]):
+            for key in ("stiffness", "damping"):
+                if key in values.fields.get(name, {}):
+                    matrix = changes.get(key, getattr(bushings, key))
+                    changes[key] = matrix = np.array(np.broadcast_to(matrix, (values.count, *matrix.shape[-3:])))
+                    array = np.moveaxis(values.fields[name][key], -1, 0)
+                    matrix[:, k] = array if array.ndim == 3 else array[..., None] * np.eye(6)
+        return replace(self, applied=applied, stiffness=stiffness, bushings=replace(bushings, **changes))
+
     def at(self, pose: Pose, relaxed: bool = False) -> tuple[AppliedWrenches, Array, Array]:
         """Return the wrenches in a pose, or in many, and stiffness and damping (..., b, 6, 6) of the bushings there.
 
@@ -110,7 +134,7 @@ class PosedForces:
         start, stop = pose.points(pairs.first, pairs.start.T), pose.points(pairs.second, pairs.end.T)
         start[..., :n, :], start[..., end:, :] = stop[..., :n, :], stop[..., end:, :]
         lead = pose.centre.shape[:-2]
-        force, torque = (np.broadcast_to(components_last(array), (*lead, len(applied.names), 3)).copy()
+        force, torque = (np.array(np.broadcast_to(components_last(array), (*lead, len(applied.names), 3)))
                          for array in (pairs.force, pairs.torque))  # fmt: skip
         follows = applied.follower.nonzero()[0]
         for array in (force, torque):
@@ -129,9 +153,8 @@ class PosedForces:
                 k, c, wrench = bushings.about(pose, wrench)
             for array, half in ((force, wrench[..., :3]), (torque, wrench[..., 3:])):
                 array[..., end:, :] = (axes @ half[..., None])[..., 0]
-        moved = replace(pairs, **{key: np.ascontiguousarray(components_first(array)) for key, array in (
-            ("start", start), ("end", stop), ("force", force), ("torque", torque))})  # fmt: skip
-        return replace(applied, pairs=moved), k, c
+        vectors = [np.ascontiguousarray(components_first(array)) for array in (start, stop, force, torque)]
+        return replace(applied, pairs=WrenchPairs(pairs.first, pairs.second, *vectors)), k, c
 
     def _tensions(self, force: Array, line: Array, relaxed: bool) -> Array:
         """Forces (..., l, 3) on the second bodies, from those as described, for lines (..., l, 3) in the pose."""
@@ -144,14 +167,17 @@ class PosedForces:
         return np.asarray(-(tension / length)[..., None] * line)
 
 
-def posed_forces(described: Mechanism, model: Mechanism) -> PosedForces | None:
-    """Return the forces of a mechanism in other poses, None without any; ``model`` has bushings for torsion springs."""
+def posed_forces(described: Mechanism, model: Mechanism, also: Iterable[str] = ()) -> PosedForces | None:
+    """Return the forces of a mechanism in other poses, None without any; ``model`` has bushings for torsion springs.
+
+    ``also``: elements that may have forces in variants.
+    """
     number = {name: k for k, name in enumerate((*model.bodies, "ground"))}
     order = {name: k for k, name in enumerate(model.springs)}
     at_rest = {name: _stiffness_at_rest(part) for name, part in model.springs.items()}
     acting = {name for name, part in model.springs.items() if np.any(at_rest[name]) or (
         not part.acts_along_line and np.any(part.damping))}  # fmt: skip
-    applied = applied_wrenches(model, number, acting)
+    applied = applied_wrenches(model, number, acting.union(also))
     if not applied.names and not applied.weight.any():
         return None
     names = applied.names[applied.loads :]

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
-from mbsvib.equations.posed_scene import of_parts
+from mbsvib.equations.posed_scene import follows_poses, of_parts
 from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.equations.scene import scene
 from mbsvib.equations.spin_terms import cross_couplings
@@ -141,9 +141,7 @@ def _posed(model: Mechanism, cut: tuple[str, ...]) -> tuple[Scene, PosedScene] |
         return None
     plain = expanded(model)
     numbers = scene(plain, cut)
-    used = {*numbers.topology.cut_joints, *(name.rpartition(".")[0] for part in model.couplers.values()
-                                            for name, _ in part.terms)}  # fmt: skip
-    if any(joint.successive and joint.free is not None and joint.name in used for joint in numbers.topology.joints):
+    if not follows_poses(model, numbers):
         return None
     return numbers, of_parts(plain, numbers, kinematics_of(model, cut), model)
 

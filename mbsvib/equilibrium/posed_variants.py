@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,32 +56,50 @@ class PosedVariants:
 
     def __call__(self, values: Values) -> Callable[[int], Mechanism]:
         """Return the function of the variants by their numbers."""
-        displacements = np.array([values.displacements[name] for name in self.names]).T
-        poses = None
-        if self.poses is not None:
-            try:
-                poses = [self.poses.at(displacements[first : first + CHUNK], "variant", first)
-                         for first in range(0, len(displacements), CHUNK)]  # fmt: skip
-            except ModelError:
-                if self.relaxed or not self.model.composed:
-                    raise  # parts that bend may reach poses that rigid ones do not
-        return partial(self._variant, values, displacements, poses)
+        return _Variants(self, values, np.array([values.displacements[name] for name in self.names]).T)
 
     def poses_of(self, values: Values, first: int) -> Pose:
         """Return the poses of some variants, ``first`` the number of the first of them."""
         assert self.poses is not None
         return self.poses.at(np.array([values.displacements[name] for name in self.names]).T, "variant", first)
 
-    def _variant(self, values: Values, displacements: Array, poses: list[Pose] | None, i: int) -> Mechanism:
-        own = {name: float(array[i]) for name, array in values.by_name.items()}
-        described = self.model.with_values(own) if own else self.model
+
+@dataclass(frozen=True)
+class _Variants:
+    """Variants with ``values`` and ``displacements`` (v, r); ``chunks`` has the poses that are known, by the number of
+    their first variant, None where each is moved by itself.
+    """
+
+    posed: PosedVariants
+    values: Values
+    displacements: Array
+    chunks: dict[int, Pose | None] = field(default_factory=dict)
+
+    def __call__(self, i: int) -> Mechanism:
+        """Return a variant by its number."""
+        posed = self.posed
+        own = {name: float(array[i]) for name, array in self.values.by_name.items()}
+        described = posed.model.with_values(own) if own else posed.model
+        poses = self._poses(i - i % CHUNK)
         if poses is not None:
-            result = model_in_pose(described, poses[i // CHUNK][i % CHUNK], self.relaxed)
+            result = model_in_pose(described, poses[i % CHUNK], posed.relaxed)
         else:
-            asked = dict(zip(self.names, displacements[i].tolist(), strict=True))
-            result = moved(described, asked, self.relaxed, self.cut)
+            asked = dict(zip(posed.names, self.displacements[i].tolist(), strict=True))
+            result = moved(described, asked, posed.relaxed, posed.cut)
         check_couplers(described, result)
         return result
+
+    def _poses(self, first: int) -> Pose | None:
+        posed = self.posed
+        if first not in self.chunks:
+            self.chunks[first] = None
+            try:
+                if posed.poses is not None:
+                    self.chunks[first] = posed.poses.at(self.displacements[first : first + CHUNK], "variant", first)
+            except ModelError:
+                if posed.relaxed or not posed.model.composed:
+                    raise  # parts that bend may reach poses that rigid ones do not
+        return self.chunks[first]
 
 
 def pose_coordinates(model: Mechanism, patterns: str | Sequence[str]) -> tuple[str, ...]:

@@ -6,13 +6,14 @@ row is a small matrix times *base rows*, which are relative displacements of two
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.elements.rows import Rows
 from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.rotations import components_first, components_last
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
+    from mbsvib.kinematics.pose import Pose
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)
@@ -79,11 +81,19 @@ class Composite:
         return csr_matrix((flat[0][used], (flat[1][used], flat[2][used])), shape=shape) @ base
 
     def of_ground_motion(self, linear: Array, angular: Array, origin: Array) -> Array:
-        """Return the composite rows (rows, 1) of a motion of the ground, with which all bodies move rigidly."""
-        point = self.rows.point
-        displacement = np.cross(angular, (point.T - origin)) + linear
-        base = np.einsum("in,ni->n", self.rows.force, displacement) + angular @ self.rows.moment
-        return self.of((base * self.moves_with_ground)[:, None])
+        """Return the composite rows (..., rows, 1) of a motion of the ground, with which all bodies move rigidly."""
+        point, force, moment = (components_last(array) for array in (
+            self.rows.point, self.rows.force, self.rows.moment))  # fmt: skip
+        displacement = np.cross(angular, point - origin) + linear
+        base = (force * displacement).sum(axis=-1) + moment @ angular
+        return self.of((base * self.moves_with_ground)[..., None])
+
+    def in_pose(self, pose: Pose) -> Composite:
+        """Return the same rows in a pose, or in many, in which their parts have moved without bending."""
+        rows = self.rows
+        force, moment = (components_first(pose.vectors(rows.second, array.T)) for array in (rows.force, rows.moment))
+        point = components_first(pose.points(rows.second, rows.point.T))
+        return replace(self, rows=replace(rows, point=point, force=force, moment=moment))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +158,14 @@ class Shared:
         """Base rows of the masses, then those of the elastic rows."""
         elastic = None if self.elastic is None else self.elastic.composite
         return [part.rows for part in (self.mass, elastic) if part is not None]
+
+    def in_pose(self, pose: Pose) -> Shared:
+        """Return the same rows in a pose, or in many, in which their parts have moved without bending."""
+        mass = None if self.mass is None else self.mass.in_pose(pose)
+        elastic = self.elastic
+        if elastic is not None:
+            elastic = replace(elastic, composite=elastic.composite.in_pose(pose))
+        return replace(self, mass=mass, elastic=elastic)
 
     def inertia_rows(self, factor: Array, base: Array) -> Array:
         """Return W with the shared rows below those of the bodies."""

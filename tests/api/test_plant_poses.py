@@ -6,9 +6,71 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib import beams
+from mbsvib.equations import batch_assembly
 from mbsvib.equations.terms import MATRICES
 from tests.equilibrium.test_moved import four_bar
 from tests.kinematics.test_dead_centre import rocker
+from tests.superelements.test_loaded import NODES, Reference
+
+
+def gantry():
+    """A bridge and a head that slide level under gravity, on springs with preloads, turned by a loaded wheel."""
+    model = mv.Model("gantry", gravity=(0.0, 0.0, -9.81))
+    model.add_body("bridge", 30.0, (3.0, 1.0, 4.0), (0.1, 0.0, 1.0))
+    model.add_body("head", 8.0, (0.3, 0.2, 0.1), (0.1, 0.3, 0.8))
+    model.add_body("tool", 2.0, (0.02, 0.03, 0.01), (0.1, 0.3, 0.5))
+    model.add_joint("rail", "prismatic", "ground", "bridge", (0.0, 0.0, 1.0), axis=(1, 0, 0))
+    model.add_joint("slide", "prismatic", "bridge", "head", (0.1, 0.0, 0.8), axis=(0, 1, 0))
+    model.add_joint("neck", "universal", "head", "tool", (0.1, 0.3, 0.7), axis=(1, 0, 0), axis2=(0, 1, 0))
+    model.add_torsion_spring("back", "head", "tool", (0, 0, 1), 5.0)
+    for axis, sign in (((1, 0), 1.0), ((1, 0), -1.0), ((0, 1), 1.0)):
+        end = np.array((0.1 + 0.1 * sign * axis[0], 0.3 + 0.1 * sign * axis[1], 0.5))
+        model.add_bushing(f"guide{sign}{axis}", "head", "tool", end, (300, 200, 100, 3, 2, 1), (1, 2, 3, 0, 0, 0.1))
+    model.add_spring("pull", "head", "tool", (0.1, 0.3, 0.8), (0.1, 0.3, 0.5), 30.0, preload=15.0)
+    model.add_load("weight", "tool", (0.0, 0.0, -20.0), position=(0.1, 0.3, 0.4))
+    model.add_base_motion("floor", "z")
+    model.add_input("push", "tool", "x")
+    model.add_output("tip", "tool", "x", position=(0.1, 0.3, 0.4), quantity="acceleration", absolute=True)
+    model.add_force_output("carried", "slide", "z")
+    model.add_force_output("guided", "guide1.0(1, 0)", "x")
+    return model
+
+
+def swinging():
+    """A pendulum, hanging or standing, with a spring along it and a preloaded bushing across."""
+    model = mv.Model("pendulum", gravity=(0.0, 0.0, -9.81))
+    model.add_body("rod", 1.0, (0.1, 0.1, 0.0), (0.0, 0.0, -0.5))
+    model.add_joint("pin", "revolute", "ground", "rod", (0.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_spring("line", "ground", "rod", (0.0, 0.0, 2.0), (0.0, 0.0, -0.7), 30.0, 0.4, free_length=2.0)
+    model.add_bushing("block", "ground", "rod", (0.0, 0.0, -0.4), (40.0, 50.0, 60.0, 0, 0, 0), (1, 2, 3, 0, 0, 0),
+                      preload=(0, 2, 3, 0, 0, 0))  # fmt: skip
+    return model
+
+
+def geared():
+    """A loop of four bars that all turn about z, with a wheel geared to its crank; its redundant rows stay."""
+    model, _ = four_bar(angle=0.8)
+    model.add_body("wheel", 0.5, (0.1, 0.1, 0.2), (2.0, 1.0, 0.0))
+    model.add_joint("shaft", "revolute", "ground", "wheel", (2.0, 1.0, 0.0), axis=(0, 0, 1))
+    model.add_gear("gear", "A", "shaft", -2.0)
+    model.add_bushing("spring", "ground", "wheel", (2.0, 1.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 10.0))
+    return model
+
+
+def flexible_arm():
+    """A reduced elastic part with two modes on a hub, and a beam on one of its nodes; the ground moves."""
+    reference = Reference(True)
+    model = reference.model()
+    model = model.with_parts(gravity=None, loads={})
+    model.add_body("hand", 0.3, (0.01, 0.02, 0.03), (1.6, 0.2, 0.1))
+    model.add_beam("beam", "part.right", "hand", beams.Circle(0.01), beams.Material(2e11, 7800.0, 0.3),
+                   start=NODES["right"], end=(1.6, 0.2, 0.1), elements=2, beta=1e-4)  # fmt: skip
+    model.add_base_motion("floor", "y")
+    model.add_input("push", "hand", "y")
+    model.add_output("tip", "hand", "y", quantity="acceleration", absolute=True)
+    return model
+
 
 MODELS = {
     "stewart": (mv.library.stewart, ["leg1.slide.z", "leg4.slide.z"], ["leg*.k.stiffness"], True),
@@ -17,7 +79,12 @@ MODELS = {
     "hexapod": (mv.library.cubic_hexapod, None, ["*.mass"], True),
     "branches": (mv.library.tree, None, ["*.stiffness*"], True),
     "rssr": (mv.library.rssr, None, [], True),
-    "beams": (mv.library.hoeken, None, [], True),
+    "gantry": (gantry, ["rail.z", "slide.z"], ["tool.mass", "pull.preload", "pull.stiffness", "guide*.stiffness.x",
+                                               "weight.force.z"], False),
+    "relaxed gantry": (gantry, ["rail.z", "slide.z"], ["guide*.damping.*", "back.stiffness"], True),
+    "geared loop": (geared, ["A.rz"], ["spring.stiffness.rz"], True),
+    "redundant loop": (mv.library.hoeken, None, [], True),
+    "beam and superelement": (flexible_arm, ["hinge.rz"], ["hub.inertia.yy", "k.stiffness.ry"], True),
 }
 
 
@@ -25,8 +92,12 @@ def first_coordinate(model):
     return [model.linearize().coordinates[0]]
 
 
+# Models of which each variant is made anew.
+ANEW = ("moved points",)
+
+
 @pytest.mark.parametrize("name", MODELS)
-def test_matrices_are_those_of_the_moved_model(name):
+def test_matrices_are_those_of_the_moved_model(name, monkeypatch):
     make, pose, parameters, relaxed = MODELS[name]
     model = make()
     pose = pose or first_coordinate(model)
@@ -38,6 +109,8 @@ def test_matrices_are_those_of_the_moved_model(name):
     values = np.tile(plant.nominal, (2, 1))
     values[:, :count] *= 1.0 + 0.01 * rng.normal(size=(2, count))
     values[:, count:] = 0.02 * rng.normal(size=(2, len(pose)))
+    if name not in ANEW:
+        monkeypatch.setattr(batch_assembly, "one_by_one", None)
     batch = plant(values)
     for i, row in enumerate(values):
         own = dict(zip(plant.names, row.tolist(), strict=True))
@@ -51,6 +124,22 @@ def test_matrices_are_those_of_the_moved_model(name):
             batch.slice(i, i + 1)[0].provenance.origin, there)]  # fmt: skip
         np.testing.assert_allclose(*places, rtol=0, atol=1e-13)
         np.testing.assert_allclose(plant.system(row).K, batch.K[i], rtol=0, atol=1e-12 * np.abs(batch.K[i]).max())
+
+
+def test_forces_of_springs_follow_from_their_deformation(monkeypatch):
+    plant = swinging().compile(["line.stiffness", "block.preload.y", "rod.mass"], pose="pin.rz")
+    values = np.array([[30.0, 2.0, 1.0, 0.0], [33.0, 2.2, 1.4, np.pi]])
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    batch = plant(values)
+    # hanging and standing: gravity, the tension times lever arms, and the bushing's translation
+    for k, (stiffness, _, mass, angle) in zip(batch.K[:, 0, 0], values, strict=True):
+        sign = np.cos(angle)
+        length = 2.0 + 0.7 * sign
+        of_line = -stiffness * (length - 2.0) * 2.0 * 0.7 * sign / length
+        of_block = 40.0 * 0.4**2 + 0.4 * sign * (60.0 * 0.4 * (1.0 - sign) - 3.0)
+        assert k == pytest.approx(0.5 * 9.81 * mass * sign + of_line + of_block, rel=1e-12)
+    with pytest.raises(mv.EquilibriumError, match=r"^variant 1: .* is not in balance"):
+        plant([[30.0, 2.0, 1.0, 0.0], [30.0, 2.0, 1.0, 0.1]])
 
 
 def hanging_crank():
