@@ -10,42 +10,39 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.arguments import shown
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.errors import ExportError, LeftOutWarning, ResponseError
+from mbsvib.errors import ExportError, LeftOutWarning, ResponseError, counted
+from mbsvib.measurement.data import Measurement
 from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib_export.neutral import SystemData, linear_of, refusal, with_ports
 from mbsvib_export.responses import response_of
-from mbsvib_export.uff_geometry import geometry_of, geometry_sets, mode_sets
+from mbsvib_export.uff_geometry import geometry_of, lines_of, modes_of
 from mbsvib_export.uff_reading import measurement_of, series_of
-from mbsvib_export.uff_records import MARK
+from mbsvib_export.uff_records import AUTO_SPECTRUM, DENSITY, RECORD
+from mbsvib_export.uff_writing import measurement_sets
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.measurement.data import Measurement
-    from mbsvib.measurement.points import Point
     from mbsvib_export.neutral import Source
     from mbsvib_export.uff_records import Function
 
 
-# specific data types of the format; types without a number are 0, unknown
-_TYPES = {"m": 8, "m/s": 11, "m/s^2": 12, "rad": 8, "rad/s": 11, "rad/s^2": 12, "N": 13, "N m": 13}
-LINE = 80
-
-
 def to_uff(
-    system: Source, path: str | os.PathLike[str],
+    system: Source | Measurement, path: str | os.PathLike[str],
     omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
@@ -58,21 +55,23 @@ def to_uff(
 
     Parameters
     ----------
-    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace, SystemData or Measurement
         The equations. Nodes and directions are those of the model, also of a closed loop; state spaces and SystemData,
-        from files, know no geometry.
+        from files, know no geometry. Of a measurement: the pairs that were measured, with coherence, nodes and lines;
+        a ``LeftOutWarning`` names noise that the format does not have.
     path : str or path
         File to write, taken as it is: no suffix is added.
     omega : array-like, shape (n,), optional
         Angular frequencies [rad/s], ascending; default: those that resolve every resonance. ``system.frequency_grid()``
-        resolves the antiresonances of each pair as well, whose number, and time, grows with outputs times inputs.
+        resolves the antiresonances of each pair as well, whose number, and time, grows with outputs times inputs. None
+        for a measurement, which has its own.
     binary : bool
         Whether values are kept bit for bit (data sets 58b), or as text: the format keeps six digits of a frequency
         then, and the responses, of twelve digits, are those at the rounded frequencies.
     modes : bool
         Whether to write the modes as well, to six digits, as the format keeps them: normal ones where damping is
         proportional, else complex ones, of which the format's readers take translations only; without those that do
-        not oscillate.
+        not oscillate. Of a measurement: those that it has.
     outputs, inputs : str or sequence of str, optional
         Names or patterns of those to export; default: all.
 
@@ -84,18 +83,31 @@ def to_uff(
     Raises
     ------
     ExportError
-        If the file cannot be written, there is nothing to write, frequencies do not ascend, or a name does not fit.
+        If the file cannot be written, there is nothing to write, frequencies do not ascend, a measured pair has unknown
+        lines, or a name does not fit.
     ResponseError
         If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
     """
-    system = with_ports(system, outputs, inputs)
-    linear: Any = system if isinstance(system, SystemData) else linear_of(system)
-    if linear is None or kind_of(system) == "sparse system":
-        raise refusal(system, "to_uff", "a System (model.linearize()), a closed loop, a state space or what was read "
-                      "from a file")  # fmt: skip
+    if isinstance(system, Measurement):
+        data = system if outputs is None and inputs is None else system[outputs, inputs]
+        name, frequency = "measurement", _writable(data, omega, binary)
+        data = data if modes else replace(data, modes=())
+    else:
+        name, frequency, data = _measured(with_ports(system, outputs, inputs), omega, binary, modes)
+    sets = list(measurement_sets(data, frequency, binary, name))
+    return write_atomic(path, lambda stream: stream.writelines(sets))
+
+
+def _measured(source: Any, omega: ArrayLike | None, binary: bool, modes: bool) -> tuple[str, Array, Measurement]:
+    """Name, frequencies [Hz] and the measurement that shows all that a file keeps of a system."""
+    linear: Any = source if isinstance(source, SystemData) else linear_of(source)
+    if linear is None or kind_of(source) == "sparse system":
+        raise refusal(source, "to_uff", "a System (model.linearize()), a closed loop, a state space, a Measurement or "
+                      "what was read from a file")  # fmt: skip
     if not (linear.inputs and linear.outputs):
-        raise ExportError(f"to_uff: '{linear.name}' has {len(linear.inputs)} inputs and {len(linear.outputs)} outputs; "
-                          f"expected one of each at least (model.add_input, model.add_output).")  # fmt: skip
+        raise ExportError(f"to_uff: '{linear.name}' has {counted(len(linear.inputs), 'input')} and "
+                          f"{counted(len(linear.outputs), 'output')}; expected one of each at least (model.add_input, "
+                          f"model.add_output).")  # fmt: skip
     if omega is None and not hasattr(linear, "poles"):
         raise ExportError("to_uff: omega is missing; a system out of a file has no frequency grid of its own.")
     if modes and not isinstance(linear, System):
@@ -105,17 +117,44 @@ def to_uff(
     if frequency.ndim != 1 or not len(frequency) or (frequency < 0.0).any() or (np.diff(frequency) <= 0.0).any():
         raise ExportError("to_uff: omega does not ascend from 0 on; expected a vector of ascending angular frequencies "
                           "[rad/s], each once, as readers of the format take them: np.unique(omega).")  # fmt: skip
-    if not binary:
-        frequency = np.unique([float(f"{value:.5e}") for value in frequency])
+    frequency = frequency if binary else np.unique(_five_digits(frequency))
     points = 2 * np.pi * frequency
-    response = response_of(linear, points)
-    geometry = geometry_of(linear)
-    sets = [item.encode("ascii", "replace") for item in geometry_sets(geometry)]
-    sets += [_function(linear, i, j, (output, source), frequency, response[i, j], binary)
-             for j, source in enumerate(geometry.inputs) for i, output in enumerate(geometry.outputs)]  # fmt: skip
-    if modes:
-        sets += [item.encode("ascii", "replace") for item in mode_sets(linear, geometry)]
-    return write_atomic(path, lambda stream: stream.writelines(sets))
+    nodes, input_points, output_points = geometry_of(linear)
+    return linear.name, frequency, Measurement(
+        points, response_of(linear, points), linear.outputs, linear.inputs, output_units=linear.output_units,
+        input_units=linear.input_units, output_points=output_points, input_points=input_points, nodes=nodes,
+        lines=lines_of(nodes), modes=modes_of(linear, nodes) if modes else (),
+    )  # fmt: skip
+
+
+def _writable(data: Measurement, omega: ArrayLike | None, binary: bool) -> Array:
+    """Frequencies [Hz] of a measurement as a file has them; refuse lines and name noise that none can hold."""
+    if omega is not None:
+        raise ExportError("to_uff: omega is given with a Measurement, which has its own lines; leave it out, or give "
+                          "data.within(low, high).")  # fmt: skip
+    frequency = data.frequencies if binary else _five_digits(data.frequencies)
+    if (np.diff(frequency) <= 0.0).any():
+        raise ExportError("to_uff: two lines of the measurement have the same frequency in the six digits of text; "
+                          "write it with binary=True.")  # fmt: skip
+    for values, what in ((data.responses, "response"), (data.coherence, "coherence")):
+        unknown = data.is_measured[..., None] & np.isnan(data.responses if values is None else values)
+        if unknown.any():
+            i, j, k = np.argwhere(unknown)[0]
+            raise ExportError(f"to_uff: the {what} of '{data.outputs[i]}' to '{data.inputs[j]}' is not known at "
+                              f"{frequency[k]:g} Hz; expected all lines of a pair, or none: data.within(low, high).")
+    if not data.is_measured.any():
+        raise ExportError("to_uff: the measurement has no responses; expected one at least.")
+    lost = [name for name in ("variance", "covariance", "noise_variance", "averages")
+            if getattr(data, name) is not None]  # fmt: skip
+    lost += ["quantity"] if any(q and not u for q, u in zip(data.quantity, data.output_units, strict=True)) else []
+    if lost:
+        warnings.warn(f"to_uff: {', '.join(lost)} of the measurement are left out: of noise the format has the "
+                      f"coherence alone. data.to_npz keeps them.", LeftOutWarning, stacklevel=3)  # fmt: skip
+    return frequency
+
+
+def _five_digits(frequency: Array) -> Array:
+    return np.array([float(f"{value:.5e}") for value in frequency])
 
 
 def from_uff(path: str | os.PathLike[str]) -> Measurement:
@@ -173,16 +212,21 @@ def records_from_uff(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
         If the file cannot be read or is damaged, or holds no time records.
     """
     return [{"name": item.output.name, "data": item.values, "time": item.frequency, "unit_str": item.output.unit}
-            for item in _series(path, "records_from_uff", False)]  # fmt: skip
+            for item in _series(path, "records_from_uff", "time records", RECORD)]  # fmt: skip
 
 
-def densities_from_uff(path: str | os.PathLike[str]) -> dict[str, Array]:
+def densities_from_uff(path: str | os.PathLike[str], bandwidth: float | None = None) -> dict[str, Array]:
     """Return the power spectral densities of a universal file, as ``system.psd`` takes them for noise.
+
+    S = A / b of auto spectra A [unit^2], mean squares by line, with the noise bandwidth b of a line
 
     Parameters
     ----------
     path : str or path
         The file, of any program.
+    bandwidth : float, optional
+        Noise bandwidth [Hz] of the lines of auto spectra, which the format does not keep: the distance of two lines
+        times 1 (no window) or 1.5 (Hann). None: auto spectra are left out, by a ``LeftOutWarning``.
 
     Returns
     -------
@@ -192,51 +236,37 @@ def densities_from_uff(path: str | os.PathLike[str]) -> dict[str, Array]:
     Raises
     ------
     ExportError
-        If the file cannot be read or is damaged, or holds no densities.
+        If the file cannot be read or is damaged, holds no densities or two of one point, or has auto spectra alone and
+        no bandwidth is given.
     """
-    return {item.output.name: np.column_stack((item.frequency, item.values))
-            for item in _series(path, "densities_from_uff", True)}  # fmt: skip
+    if bandwidth is not None and not (np.ndim(bandwidth) == 0 and 0.0 < bandwidth < np.inf):
+        raise ExportError(f"densities_from_uff: bandwidth = {shown(bandwidth)}; expected a positive number [Hz].")
+    items = _series(path, "densities_from_uff", "spectral densities", DENSITY, AUTO_SPECTRUM)
+    autos = [item.output.name for item in items if item.kind == AUTO_SPECTRUM]
+    if autos and bandwidth is None:
+        missing = (f"densities_from_uff: {os.fspath(path)}: the auto spectra of {', '.join(autos)} are mean squares by "
+                   f"line, not densities; give the noise bandwidth [Hz] of a line, bandwidth=.")  # fmt: skip
+        if len(autos) == len(items):
+            raise ExportError(missing)
+        warnings.warn(f"{missing} They are left out.", LeftOutWarning, stacklevel=2)
+        items = [item for item in items if item.kind == DENSITY]
+    names = [item.output.name for item in items]
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise ExportError(f"densities_from_uff: {os.fspath(path)} has several spectra of {', '.join(twice)}; expected "
+                          f"one of each point.")  # fmt: skip
+    return {item.output.name: np.column_stack((item.frequency, item.values / (bandwidth or 1.0)
+                                               if item.kind == AUTO_SPECTRUM else item.values))
+            for item in items}  # fmt: skip
 
 
-def _series(path: str | os.PathLike[str], caller: str, density: bool) -> list[Function]:
+def _series(path: str | os.PathLike[str], caller: str, what: str, *kinds: int) -> list[Function]:
+    """Return the functions of some ``kinds`` of a file."""
     where = os.fspath(a_path(path, caller, ExportError))
     try:
-        found = series_of(content_of(where, ExportError, "a universal file"), density)
+        functions = series_of(content_of(where, ExportError, "a universal file"), kinds)
     except ContentError as error:
         raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
-    if not found:
-        raise ExportError(f"{caller}: {where} holds no {'spectral densities' if density else 'time records'}.")
-    return found
-
-
-def _function(
-    system: Any, i: int, j: int, points: tuple[Point, Point], frequency: Array, values: Complex,
-    binary: bool,
-) -> bytes:  # fmt: skip
-    names = f"{system.outputs[i]} / {system.inputs[j]}"
-    if len(names) > LINE or not names.isascii() or not names.isprintable() or names.count(" / ") != 1:
-        raise ExportError(f"to_uff: the names {names!r} do not fit into a line of the format; expected at most {LINE} "
-                          f"characters of ASCII without ' / '. Give the input or output another name.")  # fmt: skip
-    units = (system.output_units[i], system.input_units[j])
-    table = np.stack([frequency, values.real, values.imag], axis=1)
-    # little-endian IEEE numbers behind eleven lines of text
-    kind = f"{'    58b'}{1:6}{2:6}{11:12}{table.nbytes:12}{0:6}{0:6}{0:12}{0:12}" if binary else "    58"
-    output, source = points
-    lines = [
-        kind.ljust(LINE), names.ljust(LINE), f"{units[0]} / {units[1]}".ljust(LINE), MARK.ljust(LINE),
-        "NONE".ljust(LINE), "NONE".ljust(LINE),
-        f"{4:5}{0:10}{0:5}{0:10} {_short(system.outputs[i]):>10}{output.node:10}{output.direction:4} "
-        f"{_short(system.inputs[j]):>10}{source.node:10}{source.direction:4}",
-        f"{6:10}{len(frequency):10}{0:10}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}",
-        *(f"{number:10}{0:5}{0:5}{0:5} {label:<20} {unit[:20]:<20}" for number, label, unit in (
-            (18, "Frequency", "Hz"), (_TYPES.get(units[0], 0), "Response", units[0]),
-            (_TYPES.get(units[1], 0), "Reference", units[1]), (0, "NONE", "NONE"))),
-    ]  # fmt: skip
-    content = (table.astype("<f8").tobytes() if binary else
-               "".join(f"{x:13.5e}{re:20.11e}{im:20.11e}\n" for x, re, im in table.tolist()).encode())  # fmt: skip
-    head = "\n".join([f"{-1:6}".ljust(LINE), *lines]) + "\n"
-    return head.encode("ascii", "replace") + content + f"{-1:6}".ljust(LINE).encode() + b"\n"
-
-
-def _short(name: str) -> str:
-    return name.replace(" ", "_")[:10]
+    if not functions:
+        raise ExportError(f"{caller}: {where} holds no {what}.")
+    return functions

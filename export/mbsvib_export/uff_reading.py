@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common.file_content import ContentError, check_dense, check_shape
 from mbsvib.measurement.data import MeasuredMode, Measurement
 from mbsvib.measurement.points import Node, matrix3
-from mbsvib_export.uff_records import COHERENCE, DENSITY, RECORD, DataSet, Function, data_sets, function_of
+from mbsvib_export.uff_records import COHERENCE, DataSet, Function, data_sets, function_of
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3
@@ -87,11 +87,7 @@ def measurement_of(raw: bytes) -> tuple[Measurement, tuple[str, ...]]:
     """
     content = _Content()
     sets = list(data_sets(raw))
-    units = [_units(item) for item in sets if item.kind == 164]
-    if len(set(units)) > 1:
-        raise ContentError(f"{len(units)} data sets 164 with different units")
-    if units:
-        content.length, content.force = units[0]
+    content.length, content.force = _file_units(sets)
     # coordinate systems before the nodes, and modes behind them
     for item in sorted(sets, key=lambda item: (item.kind in _MODES) - (item.kind == _SYSTEMS)):
         if item.kind in _READERS:
@@ -163,12 +159,20 @@ def _coherence(
                   ) if coherences else ()  # fmt: skip
 
 
-def series_of(raw: bytes, density: bool) -> list[Function]:
-    """Return the time records of a universal file, or its spectral densities, in SI units."""
+def series_of(raw: bytes, kinds: tuple[int, ...]) -> list[Function]:
+    """Return the functions of some kinds in a universal file, in SI units."""
     sets = list(data_sets(raw))
-    units = next((_units(item) for item in sets if item.kind == 164), (1.0, 1.0))
-    found = [function_of(item, *units, (DENSITY if density else RECORD,)) for item in sets if item.kind == 58]
-    return [item for item in found if not isinstance(item, str)]
+    units = _file_units(sets)
+    functions = [function_of(item, *units, kinds) for item in sets if item.kind == 58]
+    return [item for item in functions if not isinstance(item, str)]
+
+
+def _file_units(sets: list[DataSet]) -> tuple[float, float]:
+    """Units of length and force of a file; those of SI where it does not say them."""
+    units = [_units(item) for item in sets if item.kind == 164] or [(1.0, 1.0)]
+    if len(set(units)) > 1:
+        raise ContentError(f"{len(units)} data sets 164 with different units")
+    return units[0]
 
 
 def _units(data: DataSet) -> tuple[float, float]:

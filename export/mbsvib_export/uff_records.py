@@ -28,7 +28,9 @@ _END = "-1"
 _ORDERS, _IEEE = {1: "<", 2: ">"}, 2
 # Lines before the numbers.
 HEAD = 11
-RESPONSE, COHERENCE, RECORD, DENSITY = 4, 6, 1, 9  # types of functions that are read
+# Types of functions that are read.
+RECORD, AUTO_SPECTRUM, RESPONSE, COHERENCE, DENSITY = 1, 2, 4, 6, 9
+_SQUARES = (AUTO_SPECTRUM, DENSITY)
 MARK = "written by mbsvib"
 # Specific data types: of the abscissa, and of motions and forces, with their exponents of length and force.
 _ABSCISSA = {RECORD: (0, 17)}
@@ -218,7 +220,7 @@ def function_of(
         units = [_SI[t][abs(p.direction) > 3] if k < ends else unit
                  for k, (t, p, unit) in enumerate(zip(types[1:], points, units, strict=True))]  # fmt: skip
     output, source = (Axis(names[k], units[k], points[k], types[1 + k]) for k in (0, 1))
-    factor = scale[1] / scale[0] ** (2 if function == DENSITY else 1)
+    factor = scale[1] / scale[0] ** (2 if function in _SQUARES else 1)
     return Function(function, frequency, values * factor, output, source)
 
 
@@ -267,7 +269,7 @@ def _names(data: DataSet, points: tuple[Point, Point], types: list[int]) -> tupl
     """Names and units of output and input; files of mbsvib have them whole in their first lines."""
     names_and_units = [data.line(k).strip().split(" / ") for k in (0, 1)]
     if data.line(2).strip() == MARK and len(names_and_units[0]) == 2:
-        first, _, second = data.line(1)[:80].rstrip().partition(" / ")
+        first, _, second = f"{data.line(1)[:80]} ".partition(" / ")
         return [word.strip() for word in names_and_units[0]], [first.strip(), second.strip()]
     names: list[str] = []
     units: list[str] = []

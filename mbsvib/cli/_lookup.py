@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
     from mbsvib.cli._arguments import ModelFile
+    from mbsvib.measurement.data import Measurement
 
+MEASURED = (".uff", ".unv", ".npz")
 SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 
 
@@ -47,6 +49,23 @@ def model_of(source: ModelFile) -> Model:
             f"there is no model '{word}': it is no file that ends in {', '.join(SUFFIXES)}, and no built-in name."
             f"{hint} Built in: {', '.join(library.models())}."
         ) from error
+
+
+def model_or_measurement(source: ModelFile) -> Model | Measurement:
+    """Return what was measured if a file ends in .uff, .unv or .npz, else a model."""
+    suffix = Path(source.word).suffix.lower()
+    if suffix not in MEASURED:
+        return model_of(source)
+    if not Path(source.word).is_file():
+        raise UsageProblem(f"there is no file '{source.word}'.")
+    robots.refuse_others(source.word, "measured data", source.options, [])
+    if suffix == ".npz":
+        from mbsvib.measurement.data import Measurement
+
+        return Measurement.from_npz(source.word)
+    from mbsvib_export import from_uff
+
+    return from_uff(source.word)
 
 
 def _read(path: Path, options: Mapping[str, Any]) -> Model:

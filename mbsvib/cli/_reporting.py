@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option
-from mbsvib.cli._lookup import model_of
+from mbsvib.cli._lookup import model_of, model_or_measurement
 
 
 def report(
@@ -15,7 +15,7 @@ def report(
 ) -> None:  # fmt: skip
     """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy.
 
-    With ``--compare`` the page has the modes of both models side by side, and their curves in one figure.
+    With ``--compare`` the page has the modes of both side by side, their responses in one figure, and differences.
     """
     if file is not None and file.suffix.lower() not in (".html", ".htm"):
         raise shell.UsageProblem(f"'{file}': reports end in .html.")
@@ -26,7 +26,7 @@ def report(
     if compare is None:
         write(source, path, outputs or None, inputs or None)
     else:
-        other, names = model_of(compare), (Path(model.word).stem, Path(compare.word).stem)
+        other, names = model_or_measurement(compare), (Path(model.word).stem, Path(compare.word).stem)
         write(source, path, outputs or None, inputs or None, compare=other,
               names=names if names[0] != names[1] else (model.word, compare.word))  # fmt: skip
     size = path.stat().st_size
@@ -37,5 +37,6 @@ def report(
 
 
 PAGE = file_argument("Where to. Default: NAME-report.html.")
-COMPARED = option("--compare", to="compare", metavar="MODEL", words="Another model to compare with.", completes="model")
+COMPARED = option("--compare", to="compare", metavar="MODEL", completes="model",
+                  words="Model or measured data to compare with: .uff, .unv or .npz.")
 COMMANDS = {"report": Command(report, (MODEL, INPUTS, OUTPUTS, PAGE, COMPARED, JSON))}

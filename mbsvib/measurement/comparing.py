@@ -94,7 +94,7 @@ class Comparison(Displayed):
                  p.motion + (" (poor)" if p.mac < POOR else "")) for p in self.pairs]  # fmt: skip
         headers = ("mode", "mode", "MAC", "f [Hz]", "f [Hz]", "difference [%]", "damping [%]", "damping [%]")
         notes = [*self.remarks]
-        worst = [divmod(int(k), len(self.inputs)) for k in np.argsort(self.frac, axis=None)
+        worst = [divmod(int(k), len(self.inputs)) for k in np.argsort(np.round(self.frac, 4), axis=None, kind="stable")
                  if not np.isnan(self.frac.flat[k])]  # fmt: skip
         notes += [f"{difference}" for difference in self.differences[:NOTES]]
         more = len(self.differences) - NOTES

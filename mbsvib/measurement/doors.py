@@ -29,7 +29,7 @@ METHODS = ("H1", "H2", "Hv", "local", "periodic")
 # Entries of a file of arrays that are channels and noise; the others of a measurement are not kept there.
 ARRAYS = ("omega", "responses", "outputs", "inputs", "variance", "coherence", "averages", "covariance", "quantity",
           "output_units", "input_units", "noise_variance")  # fmt: skip
-
+HERTZ, ENDS = "frequency [Hz]", ["output", "input"]  # names of rows and columns in tables of pandas
 
 
 class Doors:
@@ -249,9 +249,49 @@ class Doors:
         except ImportError as error:
             raise ResponseError("to_pandas: pandas is not installed: pip install pandas.") from error
         data: Any = self
-        columns = pd.MultiIndex.from_product([data.outputs, data.inputs], names=["output", "input"])
-        index = pd.Index(data.frequencies, name="frequency [Hz]")
+        columns = pd.MultiIndex.from_product([data.outputs, data.inputs], names=ENDS)
+        index = pd.Index(data.frequencies, name=HERTZ)
         return pd.DataFrame(data.responses.reshape(len(columns), -1).T, index=index, columns=columns)
+
+    @classmethod
+    def from_pandas(cls, table: Any, **channels: Any) -> Self:
+        """Return the responses of a table of pandas, as ``to_pandas`` returns it.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            One row a frequency [Hz], in any order, complex columns with two levels, output and input. A pair without
+            column was not measured.
+        **channels
+            Variance, quantities, units, points and nodes, as of a ``Measurement``; arrays in the order of outputs and
+            inputs in the columns, and of ascending frequencies.
+
+        Returns
+        -------
+        Measurement
+            The responses.
+
+        Raises
+        ------
+        ResponseError
+            If the columns do not have two levels, a pair is there twice, or the rows are no frequencies in Hz.
+        """
+        index, columns = getattr(table, "index", None), getattr(table, "columns", None)
+        if getattr(columns, "nlevels", 0) != 2 or getattr(index, "name", None) not in (None, HERTZ):
+            raise ResponseError(f"from_pandas: {type(table).__name__} with rows {getattr(index, 'name', None)!r} and "
+                                f"{getattr(columns, 'nlevels', 0)} levels of columns; expected a DataFrame with rows "
+                                f"'{HERTZ}' and columns of two levels, (output, input).")  # fmt: skip
+        pairs = [(str(output), str(source)) for output, source in columns]
+        if len(set(pairs)) < len(pairs):
+            raise ResponseError("from_pandas: a pair of output and input has two columns; expected one of each.")
+        frequencies = reals(index, "from_pandas", "rows", "frequencies [Hz]")
+        order = np.argsort(frequencies)
+        outputs, inputs = (tuple(dict.fromkeys(names)) for names in zip(*pairs, strict=True)) if pairs else ((), ())
+        responses = np.full((len(outputs), len(inputs), len(order)), complex(np.nan, np.nan))
+        for (output, source), values in zip(pairs, table.to_numpy().T, strict=True):
+            responses[outputs.index(output), inputs.index(source)] = values[order]
+        return cls(omega=2 * np.pi * frequencies[order], responses=responses, outputs=outputs, inputs=inputs,  # type: ignore[call-arg]
+                   **channels)  # fmt: skip
 
     @classmethod
     def from_npz(cls, path: str | os.PathLike[str], **entries: str) -> Self:

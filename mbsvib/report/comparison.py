@@ -1,4 +1,7 @@
-"""Modes of two systems in pairs: by their shapes where both have the same bodies, else by their frequencies."""
+"""Two systems, or a system and what was measured: modes in pairs, differences in words, measured responses.
+
+Modes of two systems are paired by their shapes where both have the same bodies, else by their frequencies.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common import units
+from mbsvib.errors import ResponseError
 from mbsvib.linalg.matching import subspace_mac
+from mbsvib.measurement.comparing import compare
+from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.modes import MeasuredModes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,6 +55,56 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
         rows.append([i, j, None if j is None or shapes is None else round(float(alike[i, j]), 6)])
     rows += [[None, j, None] for j in range(k) if j not in set(other.values())]
     return {"by": "frequency" if shapes is None else "shape", "rows": rows}
+
+
+def noted_differences(first: Any, second: Any) -> list[str]:
+    """Return the differences of parts and responses of two systems in words; none where no outputs are the same."""
+    try:
+        result = compare(first, second)
+    except ResponseError:
+        return []
+    return result.table()["notes"][len(result.remarks) :]  # the remarks are on other pairs of modes
+
+
+def measured_against(system: Any, data: Measurement | MeasuredModes) -> dict[str, Any]:
+    """Return modes and responses of a measurement beside those of a system, as numbers for JSON.
+
+    Raises
+    ------
+    ResponseError
+        If no channel is that of an output.
+    """
+    result = compare(system, data)
+    held = MeasuredModes.from_measurement(data) if isinstance(data, Measurement) and data.modes else data
+    count = len(held.frequencies) if isinstance(held, MeasuredModes) else 0
+    pairs = [[pair.a - 1, pair.b - 1, round(pair.mac, 6)] for pair in result.pairs]
+    paired = [{row[k] for row in pairs} for k in (0, 1)]
+    rows = sorted(pairs + [[i, None, None] for i in range(len(system.modes()) if pairs else 0) if i not in paired[0]])
+    rows += [[None, k, None] for k in range(count) if pairs and k not in paired[1]]
+    ratios = getattr(held, "damping_ratios", None)
+    modes = [{"natural": float(held.frequencies[k]), "ratio": None if ratios is None else float(ratios[k])}
+             for k in range(count if pairs else 0)]  # fmt: skip
+    return {"pairs": {"by": "shape", "rows": rows}, "modes": modes, "responses": None,
+            "notes": result.table()["notes"], "measured": _curves(result, data)}  # fmt: skip
+
+
+def _curves(result: Any, data: Any) -> dict[str, Any]:
+    """Magnitudes and phases [deg] of all compared responses at the measured lines [Hz], None where not measured."""
+    curves = []
+    known = {} if isinstance(data, MeasuredModes) else \
+        dict(zip((*data.outputs, *data.inputs), (*data.output_units, *data.input_units), strict=True))  # fmt: skip
+    for i, output in enumerate(result.outputs):
+        for j, source in enumerate(result.inputs):
+            ends = [np.where(values[i, j] == 0.0, np.nan, values[i, j]) for values in result.responses]
+            both = known.get(output), known.get(source)
+            unit = units.pretty(units.ratio(*both)) if all(both) else ""
+            curves.append({"name": f"{source} → {output}", "unit": unit, "curves": [
+                {"size": _listed(np.abs(values)), "phase": _listed(np.degrees(np.angle(values)))} for values in ends]})
+    return {"frequencies": _listed(result.omega / (2 * np.pi)), "pairs": curves}
+
+
+def _listed(values: Any) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _shared(first: Any, second: Any) -> tuple[NDArray[Any], NDArray[Any]] | None:

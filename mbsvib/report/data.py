@@ -9,12 +9,14 @@ import numpy as np
 
 from mbsvib.common import units
 from mbsvib.explain.dense import skipped
+from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots._choice import pick
 from mbsvib.plots._curves import NEGLIGIBLE, curves
 from mbsvib.plots.energy import largest, shares
-from mbsvib.report.comparison import compared_modes, has_geometry
+from mbsvib.report.comparison import compared_modes, has_geometry, measured_against, noted_differences
 from mbsvib.report.form import COMPARED, form_of
 from mbsvib.report.order import inputs_in_order, outputs_in_order
 from mbsvib.responses.frequency_grid import resolving_frequencies, span
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000
 _LISTS = "loops", "floating", "redundant", "cut", "skipped"
-LABELS = ("before", "after")
+LABELS, MEASURED_LABELS = ("before", "after"), ("model", "measurement")
 
 
 def collect(
@@ -40,8 +42,8 @@ def collect(
 ) -> dict[str, Any]:
     """Return everything that a report shows; None for parts that need bodies where there are none.
 
-    ``outputs``, ``inputs``: names of those to show; default: all. ``other``: equations to compare with. ``labels``:
-    names of both on the page.
+    ``outputs``, ``inputs``: names of those to show; default: all. ``other``: equations or measurement to compare with.
+    ``labels``: names of both on the page.
     """
     modes = system.modes()
     curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
@@ -67,15 +69,18 @@ def collect(
         "shares": _shares(system, modes) if has_scene else {"strain": [], "kinetic": []},
         **structure,
         "explained": system.explain() if has_scene else None,
-        "compared": None if other is None else _compared(system, other, labels, (outputs, inputs)),
+        "compared": None if other is None else {"labels": list(labels)} | (
+            measured_against(system, other) if isinstance(other, (Measurement, MeasuredModes))
+            else _compared(system, other, (outputs, inputs))),
     }
 
 
-def _compared(system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]) -> dict[str, Any]:
-    """The modes of the other system, their pairs with those of this one, and its responses."""
+def _compared(system: Any, other: Any, names: tuple[Names, Names]) -> dict[str, Any]:
+    """The modes of the other system, their pairs with those of this one, its responses, and differences in words."""
     outputs, inputs = (_common(names[0], other.outputs), _common(names[1], other.inputs))
-    return {"labels": list(labels), "name": other.name, "pairs": compared_modes(system, other),
-            "modes": _rows(other.modes()), "responses": responses(other, outputs, inputs)}  # fmt: skip
+    return {"pairs": compared_modes(system, other), "modes": _rows(other.modes()),
+            "responses": responses(other, outputs, inputs), "notes": noted_differences(system, other),
+            "measured": None}  # fmt: skip
 
 
 def _common(names: Names, known: Sequence[str]) -> Names:

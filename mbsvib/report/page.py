@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model, kind_of
 from mbsvib.errors import ExportError, ModelError
-from mbsvib.report.data import LABELS, collect
+from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.modes import MeasuredModes
+from mbsvib.report.data import LABELS, MEASURED_LABELS, collect
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 
@@ -33,8 +35,8 @@ _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", 
 
 
 def html(
-    source: Source, outputs: Names = None, inputs: Names = None, *, compare: Source | None = None,
-    names: tuple[str, str] = LABELS,
+    source: Source, outputs: Names = None, inputs: Names = None, *,
+    compare: Source | Measurement | MeasuredModes | None = None, names: tuple[str, str] | None = None,
 ) -> str:  # fmt: skip
     """Return the report of a mechanism as one page of HTML that needs no network.
 
@@ -44,10 +46,11 @@ def html(
         What to report on; what has no bodies has no picture of them.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
-        Another design: its modes in pairs with those of ``source``, and its curves over these.
-    names : (str, str)
-        What the page calls ``source`` and ``compare``.
+    compare : Model, System, StateSpace, ClosedLoop, Controller, Measurement or MeasuredModes, optional
+        Another design, or what was measured: its modes in pairs with those of ``source``, its curves over these, and
+        the differences that ``mv.compare`` tells.
+    names : (str, str), optional
+        What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
 
     Returns
     -------
@@ -61,14 +64,15 @@ def html(
     ModelError
         If the equations are sparse: there are too many bodies to look at.
     ResponseError
-        If a name is unknown.
+        If a name is unknown, or nothing was measured at an output.
     """
     script = _plotly()
-    labels = tuple(names)
+    is_measured = isinstance(compare, (Measurement, MeasuredModes))
+    labels = (MEASURED_LABELS if is_measured else LABELS) if names is None else tuple(names)
     if isinstance(names, str) or len(labels) != 2 or not all(isinstance(label, str) for label in labels):
         raise ModelError(f"report: names = {names!r}; expected two names, such as ('before', 'after').")
     system = _linear(source, "source")
-    other = None if compare is None else _linear(compare, "compare")
+    other = compare if compare is None or is_measured else _linear(compare, "compare")
     data = collect(system, outputs, inputs, other, (labels[0], labels[1]))
     pieces = {
         "TITLE": escape(system.name),
@@ -82,7 +86,7 @@ def html(
 
 def write(
     source: Source, path: str | os.PathLike[str], outputs: Names = None, inputs: Names = None, *,
-    compare: Source | None = None, names: tuple[str, str] = LABELS,
+    compare: Source | Measurement | MeasuredModes | None = None, names: tuple[str, str] | None = None,
 ) -> Path:  # fmt: skip
     """Write the report of a mechanism to a file, whole or not at all.
 
@@ -94,10 +98,11 @@ def write(
         Where the page goes.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
-        Another design: its modes in pairs with those of ``source``, and its curves over these.
-    names : (str, str)
-        What the page calls ``source`` and ``compare``.
+    compare : Model, System, StateSpace, ClosedLoop, Controller, Measurement or MeasuredModes, optional
+        Another design, or what was measured: its modes in pairs with those of ``source``, its curves over these, and
+        the differences that ``mv.compare`` tells.
+    names : (str, str), optional
+        What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
 
     Returns
     -------

@@ -131,6 +131,10 @@ def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     text = (tmp_path / "both.html").read_text(encoding="utf-8")
     assert '"slider"' in text
     assert '"quarter_car"' in text
+    run("export slider.yaml -o slider.uff")
+    rig = run("report slider.yaml --compare slider.uff -o rig.html")
+    assert rig.exit_code == 0, rig.stderr
+    assert '"measured":{"frequencies"' in (tmp_path / "rig.html").read_text(encoding="utf-8")
     refused = run("report slider.yaml -o page.pdf")
     assert refused.exit_code == 2
     assert "reports end in .html" in refused.stderr

@@ -422,7 +422,7 @@ def test_what_is_no_response_is_told(tmp_path):
 def test_what_does_not_fit(tmp_path):
     path = tmp_path / "x.uff"
     for system, message in (
-        (slider(inputs=()), "0 inputs and 1 outputs"),
+        (slider(inputs=()), "0 inputs and 1 output;"),
         (slider(inputs=("ü",)), "ASCII"),
         (slider(outputs=("a" * 81,)), "at most 80 characters"),
         (slider(outputs=("a / b",)), "without ' / '"),

@@ -42,6 +42,21 @@ def test_table_of_pandas():
     assert table.shape == (4, 4)
     np.testing.assert_array_equal(table["q", "F"].to_numpy(), data.responses[1, 0])
     np.testing.assert_allclose(table.index, data.frequencies)
+    back = mv.Measurement.from_pandas(table.iloc[::-1], variance=data.variance)
+    assert (back.outputs, back.inputs) == (data.outputs, data.inputs)
+    np.testing.assert_array_equal(back.responses, data.responses)
+    np.testing.assert_allclose(back.omega, data.omega, rtol=1e-15)
+    part = mv.Measurement.from_pandas(table.drop(columns=[("q", "F")]))
+    assert not part.is_measured[1, 0]
+    assert part.is_measured.sum() == 3
+    for wrong, message in (
+        (table["q"], "1 levels of columns; expected a DataFrame"),
+        (table.rename_axis(index="omega [rad/s]"), r"rows 'omega \[rad/s\]'"),
+        (table[[("q", "F"), ("q", "F")]], "two columns"),
+        (data.responses, "ndarray with rows None and 0 levels"),
+    ):
+        with pytest.raises(mv.ResponseError, match=message):
+            mv.Measurement.from_pandas(wrong)
 
 
 def test_numpy_file_there_and_back(tmp_path):

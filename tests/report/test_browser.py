@@ -88,6 +88,21 @@ def test_two_designs_are_compared(look, stewart, browser):
     assert page.trouble == []
 
 
+def test_measured_responses_are_points_over_the_curves_of_the_model(look):
+    system = mv.library.quarter_car().linearize()
+    omega = np.linspace(1.0, 100.0, 20)
+    data = mv.Measurement(omega, system.frequency_response(omega), system.outputs, system.inputs,
+                          output_units=system.output_units, input_units=system.input_units)["body.z", :]  # fmt: skip
+    page = look(system, compare=data)
+    assert page.locator("#pairs").is_hidden()
+    assert page.locator("#measured-pair option").count() == len(system.inputs)
+    model, phase, rig, _ = (page.evaluate(f"by('measured-plot').data[{k}].y") for k in range(4))
+    assert model == rig
+    assert len(phase) == len(omega)
+    assert "body.z / road: FRAC 1.0000" in page.inner_text("#differences")
+    assert page.trouble == []
+
+
 @pytest.mark.parametrize("width", [390, 1024, 1920])
 def test_no_width_scrolls_sideways(page, width):
     page.set_viewport_size({"width": width, "height": 900})

@@ -116,6 +116,27 @@ function zoomed(id, axisName, take) {
   });
 }
 
+// Measured values as points over what the model has for the same channels.
+function drawMeasured() {
+  const {frequencies: x, pairs} = other.measured, {name, unit, curves} = pairs[by("measured-pair").selectedIndex];
+  const look = [{mode: "lines", line: {color: BLUE, width: 2}}, {mode: "markers", marker: {color: COLOURS[1], size: 4}}];
+  const traces = curves.flatMap(({size, phase}, k) => [["size", size, "%{y:.5g}"], ["phase", phase, "%{y:.2f}°"]].map(([what, y, shape]) => ({
+    x, y, ...look[k], name: plain(labels[k]), ...(what === "size" ? {} : {yaxis: "y2", showlegend: false}),
+    hovertemplate: `<b>${plain(labels[k])}</b><br>%{x:.6g} Hz<br>${shape}<extra></extra>`})));
+  Plotly.react("measured-plot", traces, layout({showlegend: true, legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
+    hovermode: "closest", margin: {l: 90, r: 12, t: 40, b: 54},
+    title: {text: plain(name), x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    xaxis: axis("frequency [Hz]", {type: "log", anchor: "y2", ...ticks(x[0] || x[1], x[x.length - 1])}),
+    yaxis: axis(unit ? `magnitude [${plain(unit)}]` : "magnitude", {type: "log", domain: [0.4, 1], exponentformat: "power", ...decades(traces)}),
+    yaxis2: axis("phase [deg]", {domain: [0, 0.34], dtick: 90, range: [-190, 190]})}), CONFIG);
+}
+if (other && other.measured && other.measured.pairs.length) {
+  by("comparison").hidden = by("measured").hidden = false;
+  for (const {name} of other.measured.pairs) make("option", name, by("measured-pair"));
+  by("measured-pair").onchange = drawMeasured;
+  drawMeasured();
+}
+
 if (responses) {
   for (const [id, ports] of [["input", responses.inputs], ["output", responses.outputs]]) {
     for (const [name, unit] of ports) make("option", unit ? `${name} [${unit}]` : name, by(id));
@@ -159,6 +180,9 @@ if (other) {
   by("comparison").hidden = false;
   document.querySelector('nav a[href="#comparison"]').hidden = false;
   const shape = other.pairs.by === "shape", [one, two] = labels;
+  by("pairs").closest(".card").hidden = by("csv-comparison").hidden = !other.pairs.rows.length;
+  by("differences").hidden = !other.notes.length;
+  for (const note of other.notes) make("li", note, by("differences").querySelector("ul"));
   const head = [["mode", ""], [one, "Hz"], ["mode", ""], [two, "Hz"], ["difference", "Hz"], ["difference", "%"], ["damping", `${one}, %`], ["damping", `${two}, %`], ...(shape ? [["MAC", "–"]] : [])];
   const row = make("tr", null, by("pairs").tHead);
   for (const [word, unit] of head) { const cell = make("th", word, row); make("br", null, cell); make("i", unit, cell); }
@@ -176,7 +200,7 @@ if (other) {
     });
     if (shape && values[8] !== null && values[8] < 0.5) line.className = "unlike";
   }
-  by("comparison-remark").textContent = shape ? "Modes are paired by their shapes (MAC; where frequencies are within 0.1 %, by the plane of the shapes). Pairs in grey are hardly alike (MAC below 0.5)."
+  by("comparison-remark").textContent = !table.length ? "No measured mode is that of an output." : shape ? "Modes are paired by their shapes (MAC; where frequencies are within 0.1 %, by the plane of the shapes). Pairs in grey are hardly alike (MAC below 0.5)."
     : "Modes are paired by their natural frequencies: there are no shapes of common bodies.";
   by("csv-comparison").onclick = () => csv(`${fileName(data.name)}-comparison.csv`, [head.map(([word, unit]) => `${word} ${unit}`.trim()), ...table]);
 }
