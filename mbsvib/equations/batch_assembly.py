@@ -131,8 +131,12 @@ class BatchPlan:
     @cached_property
     def loaded(self) -> bool:
         """Whether a variant may have gravity, a load or a preload, even if the model has none."""
-        return (self.scene.loads is not None or loaded_in_variants(self.model, self.slots.index)
-                or (self.posed_scene is not None and self.posed_scene.forces is not None))  # fmt: skip
+        return self.scene.loads is not None or loaded_in_variants(self.model, self.slots.index)
+
+    @cached_property
+    def with_forces(self) -> bool:
+        """Whether a variant may have forces at its pose, also of springs that deform on the way there."""
+        return self.loaded or (self.posed_scene is not None and self.posed_scene.forces is not None)
 
     @cached_property
     def constant_rows(self) -> tuple[Triplets, Array, MinimalRows] | None:
@@ -146,7 +150,7 @@ class BatchPlan:
     @property
     def own_decisions(self) -> bool:
         """Whether forces at the pose and motions without mass of a variant are described when it is asked for."""
-        return self.loaded or self.nominal.provenance.separation is not None
+        return self.with_forces or self.nominal.provenance.separation is not None
 
     @cached_property
     def stress(self) -> tuple[SelfStress, ...]:
@@ -166,9 +170,9 @@ class BatchPlan:
         curved = any(coupler.curvatures for coupler in scene.couplers)
         # tension of beams follows the loads, and inertia that bodies share acts on sums of forces
         shared = scene.shared is not None and bool(scene.shared.base) and (
-            self.loaded or any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs))
+            self.with_forces or any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs))
         # states of self-stress change with the geometry, and forces of least norm at the pose with them
-        forces = bool(self.stress) and (self.loaded or not self.geometry.constant or self.posed is not None)
+        forces = bool(self.stress) and (self.with_forces or not self.geometry.constant or self.posed is not None)
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         return bool(shared or forces or curved or varies)
@@ -372,7 +376,7 @@ def _scene_of_variants(
     """
     scene, posed = plan.geometry.at(values), plan.posed_scene
     forces = None if posed is None else posed.forces
-    if plan.loaded:
+    if plan.with_forces:
         also = () if forces is None else forces.applied.names
         applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also)
         scene = replace(scene, loads=(applied, {}))

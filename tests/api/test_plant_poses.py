@@ -158,6 +158,8 @@ def test_stiffness_of_a_spring_at_the_rocker_over_the_angle_of_the_crank():
     batch = pickle.loads(pickle.dumps(plant))(values)
     np.testing.assert_allclose(batch.K[:, 0, 0], 10.0 * np.square(ratio), rtol=1e-7)
     np.testing.assert_array_equal(batch.parameters["A.rz"], angles)
+    assert not plant.loaded
+    assert not hanging_crank().compile("spring.stiffness.rz", pose="A.rz").loaded  # its pose needs no balance
 
 
 def test_poses_and_derivatives_that_there_are_none_of_are_refused_by_name():
