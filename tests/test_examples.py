@@ -9,7 +9,7 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 SLOW = {"absorber_by_ipopt", "active_damping_by_units", "cut_another_loop", "drop_test", "force_feedback_worst_case",
-        "hexapod_isolation",
+        "hexapod_isolation", "hexapod_legs_from_measured_responses",
         "hoeken_balancing", "linkage_under_gravity", "mpc_of_stewart", "nano_stage_error_budget",
         "robot_arm_over_its_workspace", "rotor_stator_campbell", "scraper_cycle", "snap_through",
         "stewart_active_isolation", "stewart_geometry", "stewart_passive_design", "stewart_tolerances",

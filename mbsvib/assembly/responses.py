@@ -3,8 +3,9 @@
 G = G0 - G0 L^T (L G0 L^T + Z^-1)^+ L G0
 
 with the responses G0 of all parts side by side, L the relative displacements of joined ports and Z = k + i w c of the
-connections, Z^-1 = 0 of rigid ones. Parts that are taken away have -G0. Directions of the interface whose compliance is
-below its noise are not joined. To first order the error of G is A n B with A = 1 - G0 L^T X L and B = 1 - L^T X L G0.
+connections, Z^-1 = 0 of rigid ones. Parts that are taken away have -G0. To first order the error of G is A n B with
+A = 1 - G0 L^T X L and B = 1 - L^T X L G0. Directions of the interface whose compliance is below its noise are not
+joined; what they would have done counts as variance.
 
 Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169, equation 31; D'Ambrogio & Fregolent, MSSP 45 (2014) 360,
 for parts that are taken away.
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 # Lines of two measurements are the same up to this share.
 SAME_LINE = 1e-6
+# Combinations of directions are joined if their compliance is so many deviations of its noise.
+STANDS_OUT = 2.0
 # Numbers that arrays of some lines may hold.
 BLOCK = 4_000_000
 
@@ -255,18 +258,20 @@ def _joined(
     pushed = g0[:, :, pushes] @ into[pushes]
     interface = moved[:, :, pushes] @ into[pushes]
     noise = np.abs(out[:, :, used]) ** 2 @ variance[:, used][:, :, pushes] @ np.abs(into[pushes])
-    inverse_interface, condition, kept = _pseudo_inverse(
+    inverse_interface, dropped, condition, kept = _pseudo_inverse(
         interface + compliance[0][lines][:, acts][:, :, acts], interface, noise)  # fmt: skip
     responses = g0 - pushed @ inverse_interface @ moved
     left, right = (np.tile(np.eye(size, dtype=complex), (n, 1, 1)) for size in g0.shape[1:])
     left[:, :, used] -= pushed @ inverse_interface @ out[:, :, used]
     right[:, pushes] -= into[pushes] @ inverse_interface @ moved
     spread = np.nan_to_num(np.abs(left) ** 2) @ variance @ np.nan_to_num(np.abs(right) ** 2)
+    spread += np.abs(pushed @ dropped @ moved) ** 2
     return responses, np.where(np.isnan(responses), np.nan, spread), condition, kept
 
 
-def _pseudo_inverse(matrix: Complex, own: Complex, noise: Array) -> tuple[Complex, Array, Index]:
-    """The inverses of interface compliances (n, d, d) without combinations below their noise; condition and rank.
+def _pseudo_inverse(matrix: Complex, own: Complex, noise: Array) -> tuple[Complex, Complex, Array, Index]:
+    """The inverses of interface compliances (n, d, d) without combinations below their noise, what these would add at
+    most, the condition, and the number of combinations that are kept.
 
     ``own`` is what the parts have of them, ``noise`` its variance. Lines with unknown entries are not numbers.
     """
@@ -277,12 +282,14 @@ def _pseudo_inverse(matrix: Complex, own: Complex, noise: Array) -> tuple[Comple
     u, values, vh = np.linalg.svd(np.where(known[:, None, None], matrix / unit, np.eye(matrix.shape[1])))
     shares = noise / unit**2
     largest = np.where(known[:, None, None], np.abs(own / unit), 0.0).max(axis=(1, 2), initial=0.0)
-    limit = np.sqrt(shares.sum(axis=1).max(axis=1, initial=0.0)) + np.sqrt(shares.sum(axis=2).max(axis=1, initial=0.0))
-    limit = np.maximum(limit, matrix.shape[1] * EPS * np.maximum(largest, values[:, 0] if values.size else 0.0))
-    stands_out = values > limit[:, None]
+    deviation = np.sqrt(np.einsum("nik,nij,nkj->nk", np.abs(u) ** 2, shares, np.abs(vh) ** 2))
+    rounding = matrix.shape[1] * EPS * np.maximum(largest, values[:, 0] if values.size else 0.0)
+    stands_out = values > np.maximum(STANDS_OUT * deviation, rounding[:, None])
     with np.errstate(divide="ignore"):
-        inverse = np.where(stands_out, 1.0 / values, 0.0)
+        inverse = 1.0 / np.maximum(values, np.where(stands_out, 0.0, deviation))
         condition = values[:, 0] / values[:, -1]
-    result = (vh.conj().swapaxes(1, 2) * inverse[:, None]) @ u.conj().swapaxes(1, 2) / unit
-    result[~known] = np.nan
-    return result, np.where(known, condition, np.nan), np.where(known, stands_out.sum(axis=1), 0)
+    left, right = vh.conj().swapaxes(1, 2), u.conj().swapaxes(1, 2)
+    kept, dropped = ((left * np.where(which, inverse, 0.0)[:, None]) @ right / unit
+                     for which in (stands_out, ~stands_out))  # fmt: skip
+    kept[~known] = np.nan
+    return kept, dropped, np.where(known, condition, np.nan), np.where(known, stands_out.sum(axis=1), 0)

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from mbsvib.fitting.problem import Problem
     from mbsvib.measurement.modes import MeasuredModes
 
+# Sizes of numbers that a table shows without a power of ten.
+LEAST, MOST = 1e-3, 1e7
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Fit(Displayed):
     """The ``model`` that measured data tell, and what is known of its ``values``, {name: value}.
@@ -185,8 +189,9 @@ class Fit(Displayed):
         rows = []
         for name, value in self.values.items():
             low, high = self.intervals[name]
-            width = "not told by the data" if not np.isfinite(high - low) else f"{low:.5g} ... {high:.5g}"
-            rows.append((name, f"{value:.6g}", width, self.units[name]))
+            shown, *ends = _rounded(value, low, high)
+            width = " ... ".join(ends) if np.isfinite(high - low) else "not told by the data"
+            rows.append((name, shown, width, self.units[name]))
         test = self.residual_test
         notes = [] if self.converged else ["The search did not converge."]
         notes += [f"Not told by the data: {words}." for words in self.unidentified]
@@ -205,3 +210,15 @@ class Fit(Displayed):
 
     def __repr__(self) -> str:
         return f"Fit({self.model.name!r}: {counted(len(self.values), 'value')})"
+
+
+def _rounded(value: float, low: float, high: float) -> list[str]:
+    """A value and its interval to as many digits as the interval leaves, two of its width."""
+    largest, width = max(abs(value), abs(low), abs(high)), high - low
+    if not 0.0 < width < np.inf:
+        return [f"{one:.6g}" for one in (value, low, high)]
+    last = int(np.floor(np.log10(width))) - 1  # the last digit, as a power of ten
+    if LEAST <= largest < MOST:
+        return [f"{one:.{max(0, -last)}f}" for one in (value, low, high)]
+    digits = max(1, int(np.floor(np.log10(largest))) - last)
+    return [f"{one:.{digits}e}" for one in (value, low, high)]

@@ -97,6 +97,10 @@ def test_directions_below_the_noise_are_not_joined():
     noisy = measured(base, noise=0.3, seed=3)
     result = mv.assemble({"base": noisy, "payload": payload}, RIGID)
     assert result.kept.min() < 6
+    found = result["payload.z", "base.F"]
+    exact = whole(fixed).linearize()["z", "F"].frequency_response(OMEGA)
+    apart_by = np.abs(found.responses - exact) / np.sqrt(found.variance)
+    assert np.sqrt(np.mean(apart_by[..., result.kept < 6] ** 2)) < 2.0
     assert "fewer than the 6 directions are joined" in str(result)
 
 
