@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.linalg.balancing import scaled
 from mbsvib.random.direct import direct, without_rounding
 
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.linear import Linear
+
+Linear: TypeAlias = System | FeedbackLoop
 
 STEEPEST = 12  # maximum order: a response that falls faster is rounding where the asymptote holds
 AFTER = 2  # parameters after the leading one, from which the start of the asymptote follows

@@ -10,11 +10,11 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.loop import resolution
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.isolation.asymptote import Asymptote, asymptote
-from mbsvib.isolation.linear import numbers, responses
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, StudyScene
 from mbsvib.linalg.singular_values import singular_values
 from mbsvib.responses import extrema
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.linear import Linear
+    from mbsvib.isolation.asymptote import Linear
 
 
 KILO = 1e4  # [Hz], from where frequencies are written in kHz
@@ -86,9 +86,10 @@ class Figures:
 
     def _index_at(self, frequencies: ArrayLike) -> Array:
         w = 2.0 * np.pi * np.asarray(frequencies, dtype=float)
-        if isinstance(self.linear, System):
-            return _frobenius(self._scaled(response(self.linear, w, ACCELERATIONS, self.scene.inputs)))
-        return _frobenius(self._scaled(responses(self.linear, w, ACCELERATIONS, self.scene.inputs)))
+        ports = ACCELERATIONS, self.scene.inputs
+        g = (response(self.linear, w, *ports) if isinstance(self.linear, System)
+             else self.linear.frequency_response(w, *ports))  # fmt: skip
+        return _frobenius(self._scaled(g))
 
     @cached_property
     def _band(self) -> extrema.Band | None:
@@ -136,7 +137,7 @@ class Figures:
     @cached_property
     def _asymptote(self) -> Asymptote | None:
         far = self.linear.open_loop if isinstance(self.linear, SampledLoop) else self.linear  # a hold blocks the rest
-        out, into = numbers(far, ACCELERATIONS, self.scene.inputs)
+        out, into = port_numbers(ACCELERATIONS, self.scene.inputs, (far.outputs, far.inputs), far.name)
         left = self.scene.scale() / np.sqrt(len(into))
         result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.base_directions))
         # the response of a hold has ripples at high frequency, and decreases with the frequency

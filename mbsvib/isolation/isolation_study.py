@@ -13,7 +13,6 @@ from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop import resolution
 from mbsvib.isolation.figures import Figures
-from mbsvib.isolation.linear import numbers
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.linear import Linear
+    from mbsvib.isolation.asymptote import Linear
     from mbsvib.isolation.vibration import Vibration
 
 
@@ -122,8 +121,7 @@ def study(
 def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene at ascending ``frequencies`` (n,) [Hz], with its loops open or closed."""
     f = _resolving(linear) if frequencies is None else hertz(frequencies)
-    response = linear.frequency_response(2.0 * np.pi * f)
-    shaken, loaded = (response[np.ix_(*numbers(linear, *ports))] for ports in
+    shaken, loaded = (np.asarray(linear.frequency_response(2.0 * np.pi * f, *ports)) for ports in
                       ((ACCELERATIONS, study_scene.inputs), (DISPLACEMENTS, LOADS)))  # fmt: skip
     for array in (f, shaken, loaded):
         array.setflags(write=False)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mbsvib.feedback.integrand import DENSE, response, solved
+from mbsvib.feedback.integrand import response
 from mbsvib.random.base_noise import base_sources
-from mbsvib.studies.responses import PortResponses, nodes
+from mbsvib.studies.responses import PortResponses, mean_squares
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,13 +17,10 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.random.base_noise import BaseNoise
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.studies.dual import Dual
     from mbsvib.studies.evaluation import DesignPoint
 
     Law = tuple[str, str, str]
-
-_KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()
 
 
 class Weighted(PortResponses):
@@ -52,34 +48,8 @@ class Weighted(PortResponses):
     def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
         """Return the weighted responses and their derivatives, (variables, outputs, inputs, n)."""
         weights = self._weights(point.system)
-        value, slope = _with_slopes(point, w, *self.of(point.system))
+        value, slope = super().with_slopes(point, w)
         return weights * value, weights * slope
-
-
-def _with_slopes(
-    point: DesignPoint, w: Array, outputs: Sequence[str], inputs: Sequence[str]
-) -> tuple[Complex, Complex]:
-    """Responses (outputs, inputs, n) and their derivatives (variables, outputs, inputs, n).
-
-    dG = dH R + L dB - L dZ R + dD with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca, R = Z^-1 B, L = H Z^-1: the
-    derivatives of the matrices are computed once for all frequencies.
-    """
-    system = point.system
-    if not point.rates or system.dof > DENSE:
-        value = response(system, w, outputs, inputs)
-        if not point.rates:
-            return value, np.zeros((0, *value.shape), dtype=complex)
-        return value, system.frequency_response_sensitivities(w, point.rates, list(outputs), list(inputs))
-    o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
-    d = _derivatives(system, point.rates)
-    s = np.asarray(1j * w[:, None, None], dtype=complex)
-    value, right, left = solved(system, w, o, i)
-    slopes = []
-    for p in range(len(d.variables)):
-        change = np.asarray(left @ (d.B[p][:, i] - (d.K[p] + s * d.C[p] + s * s * d.M[p]) @ right), dtype=complex)
-        change += (d.Cq[p][o] + s * d.Cv[p][o] + s * s * d.Ca[p][o]) @ right + d.D[p][np.ix_(o, i)]
-        slopes.append(change.transpose(1, 2, 0))
-    return value, np.array(slopes)
 
 
 def _by_laws(
@@ -89,7 +59,7 @@ def _by_laws(
     computed = [laws[name][0] if name in laws else name for name in outputs]
     unique = list(dict.fromkeys(computed))
     rows = [unique.index(name) for name in computed]
-    value, slope = (part.take(rows, axis=part.ndim - 3) for part in _with_slopes(point, w, unique, inputs))
+    value, slope = (part.take(rows, axis=part.ndim - 3) for part in point.response(w, inputs, unique))
     known = point.system.parameters
     rates = _rates(point, [name for output in outputs if output in laws for name in laws[output][1:]])
     for row, name in enumerate(outputs):
@@ -111,15 +81,6 @@ def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
                 for name in parameters:
                     result[name][i] += rate if name != pattern and fnmatchcase(name, pattern) else 0.0
     return result
-
-
-def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> MatrixDerivatives:
-    """Derivatives of the matrices, cached as long as the system exists."""
-    cached = _KNOWN.get(system)
-    if cached is None or cached[0] is not rates:
-        cached = rates, system.matrix_derivatives(rates)
-        _KNOWN[system] = cached
-    return cached[1]
 
 
 class MeanSquares:
@@ -151,10 +112,5 @@ class MeanSquares:
         return point.dual(self._last[2][rows], self._last[3][rows])
 
     def _computed(self, point: DesignPoint) -> tuple[Array, Array]:
-        known = base_sources(self.noise)
-        f, weight = nodes(point.system, self.outputs, known, self.band)
-        g, slope = _by_laws(point, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
-        # (G S) of each output, conjugated: the other half of the square
-        half = np.einsum("oin,nij,n->ojn", g, known.matrix(f), weight, optimize=True).conj()
-        value = np.einsum("ojn,ojn->o", half, g).real
-        return value, 2.0 * np.einsum("ojn,pojn->po", half, slope, optimize=True).real.T
+        return mean_squares(point.system, self.outputs, base_sources(self.noise), self.band,
+                            lambda w: _by_laws(point, w, self.outputs, self.inputs, self._laws))  # fmt: skip

@@ -12,7 +12,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import separated
 from mbsvib.random.direct import direct
 from mbsvib.random.moments import Equations, check_stable, filtered, moments
-from mbsvib.random.quadrature import rule
+from mbsvib.random.quadrature import NARROWEST, rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -66,7 +66,8 @@ class Random:
 
     @cached_property
     def _separation(self) -> Separation:
-        parts = separated(*self.plant[:3])
+        parts = separated(*self.plant[:3], lambda of_a: ~of_a.decaying | (
+            np.abs(of_a.values.real) <= NARROWEST * np.abs(of_a.values)))  # fmt: skip
         check_stable(parts, self.linear.name)
         return parts
 

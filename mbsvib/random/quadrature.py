@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     Integrand = Callable[[Array], Array]
 
+# Damping ratio up to which a mode counts as undamped: its panels are next to those as narrow as rounding, left out.
+NARROWEST = 10.0 * UNDAMPED
 BATCH = 512  # frequencies at a time
 BEYOND = 8.0  # times the highest pole or break-point: from there to infinity over 1/f
 # Panels of unknown functions are halved so often at most, until both halves agree to this share of the sum.

@@ -78,16 +78,6 @@ def panels(
     return np.sort(result)
 
 
-def gauss_rule(ends: Array) -> tuple[Array, Array]:
-    """Return nodes and weights (GAUSS panels,) of Gauss' rule, panel by panel; ``ends`` (panels + 1,) are those of
-    panels.
-    """
-    node, weight = np.polynomial.legendre.leggauss(GAUSS)
-    half = 0.5 * np.diff(ends)
-    nodes = (0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node
-    return nodes.reshape(-1), (half[:, None] * weight).reshape(-1)
-
-
 def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: float) -> Array:
     """Return the frequencies of undamped poles in a band at which a response has no bound, ascending.
 

@@ -132,7 +132,7 @@ def frequency_response_sensitivities(
         size = np.abs(w[part])
         s: Complex = (1j * size).astype(complex)
         powers = np.ones(len(s), dtype=complex), s, s * s
-        vectors = _vectors(basis.responses, i, o, size)
+        vectors = fields(basis.responses, i, o, size)
         forms = port_forms(groups, (actuation, sensing), powers, vectors, turns)
         if groups.matrix_group is not None:
             groups.matrix_group.with_ports(forms, (i, o), powers, vectors, sensing.excluded)
@@ -144,8 +144,8 @@ def frequency_response_sensitivities(
     return result
 
 
-def _vectors(basis: Basis, i: list[int], o: list[int], w: Array) -> tuple[Complex, Complex]:
-    """R (m, 1, inputs, n) and L (m, outputs, 1, n)."""
+def fields(basis: Basis, i: list[int], o: list[int], w: Array) -> tuple[Complex, Complex]:
+    """Return R (m, 1, inputs, n) and L (m, outputs, 1, n) at angular frequencies (n,), none negative."""
     system = basis.equations
     rates = np.array([c[o] for c in (system.Cq, system.Cv, system.Ca)])
     order, output = np.nonzero(rates.any(axis=2))

@@ -17,6 +17,7 @@ from mbsvib.linalg.matching import clusters
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.random.slopes import Scene
 from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.sensitivities.responses import fields
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,9 +26,11 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.linalg.spectrum import Spectrum
     from mbsvib.modes import Modes
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
     Rates = Mapping[str, Mapping[str, float]]
 
+DENSE = 60  # degrees of freedom up to which responses take the derivatives of whole matrices, which are computed once
 # Offsets and weights of differences of fourth order: central ones, and one-sided ones where values end.
 STENCILS = (
     ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)),
@@ -43,13 +46,30 @@ class OfSystem:
     system: System
     rates: Rates
 
+    @cached_property
+    def _change(self) -> MatrixDerivatives:
+        return self.system.matrix_derivatives(self.rates)
+
     def eigenvalues(self, modes: Modes) -> Complex:
         """Return those of eigenvalues, (variables, eigenvalues)."""
         return self.system.eigenvalue_sensitivities(self.rates)
 
     def response(self, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-        """Return those of the frequency response, (variables, outputs, inputs, n)."""
-        return self.system.frequency_response_sensitivities(w, self.rates, list(outputs), list(inputs))
+        """Return those of the frequency response, (variables, outputs, inputs, n).
+
+        dG = dH R + L^T dB - L^T (dK + i w dC - w^2 dM) R + dD,  H = Cq + i w Cv - w^2 Ca
+        """
+        system, d = self.system, self._change if self.system.dof <= DENSE else None
+        if d is None:
+            return system.frequency_response_sensitivities(w, self.rates, list(outputs), list(inputs))
+        o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
+        right, left = fields(system.basis, i, o, w)
+        r, rows, s = right[:, 0].transpose(2, 0, 1), left[:, :, 0].transpose(2, 1, 0), 1j * w[:, None, None]
+        slopes = []
+        for p in range(len(self.rates)):
+            slope = rows @ (d.B[p][:, i] - (d.K[p] + s * d.C[p] + s * s * d.M[p]) @ r) + d.D[p][np.ix_(o, i)]
+            slopes.append((slope + (d.Cq[p][o] + s * d.Cv[p][o] + s * s * d.Ca[p][o]) @ r).transpose(1, 2, 0))
+        return np.array(slopes)
 
     def close_modes(self, modes: Modes, group: list[int]) -> tuple[Complex, Complex] | None:
         """Return A (k, k), whose eigenvalues approximate k close ones, and its derivatives (variables, k, k), if these
@@ -62,7 +82,7 @@ class OfSystem:
         if system.gyroscopic is not None or system.circulatory is not None:
             return None
         x, values = modes.shapes[:, group], modes.pairs[group, 0]
-        change = system.matrix_derivatives(self.rates)
+        change = self._change
         total, product = values[:, None] + values, values[:, None] * values
         norm = total * (x.T @ system.M @ x) + x.T @ system.C @ x
         form = product * (x.T @ change.M @ x) + 0.5 * total * (x.T @ change.C @ x) + x.T @ change.K @ x

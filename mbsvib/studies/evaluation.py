@@ -92,6 +92,8 @@ class DesignPoint:
     def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
         """Return the same point, with its cached results, and with bounds that replace the largest of many numbers."""
         result = replace(self, levels=levels)
+        if self.equations is not None:
+            result.__dict__["derivatives"] = self.derivatives
         result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
         return result
 

@@ -14,7 +14,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
-from mbsvib.studies.plants import plant_of
+from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.scales import scales
 from mbsvib.studies.search import Search
@@ -204,8 +204,8 @@ def optimize(
     solve = solver(method)
     around = plant_of(plant, variables)
     variables_design = design(model, variables, ties, around.gains, relaxed)
-    search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list,
-                    _watched(observed), around)  # fmt: skip
+    search = Search(Systems(model, variables_design, around), scales(variables_design, variables, start), objective,
+                    constraint_list, _watched(observed))  # fmt: skip
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):

@@ -19,6 +19,8 @@ from mbsvib.studies.extremes import Largest
 from mbsvib.studies.quantities import Leaf
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.random.sources import Sources
@@ -159,17 +161,13 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
 
 def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], band: Band | None) -> Dual:
     system = point.system
-    outputs, inputs = ports.of(system)
+    outputs, _ = ports.of(system)
     if getattr(system, "period", None) is not None:  # of which sampling folds noise to other frequencies
         value = _root(system, outputs, spectra, band)
         return point.dual(value, point.by_differences(lambda asked: _root(asked, outputs, spectra, band)))
     known = sources(spectra, system.inputs, system.input_units, system.name)
-    f, weight = nodes(system, outputs, known, band)
-    density = known.of(f)[[known.names.index(name) for name in inputs]] * weight
-    g, slope = point.response(2.0 * np.pi * f, inputs, outputs)
-    square = float((np.abs(g) ** 2 * density).sum())
-    change = 2.0 * ((g.conj() * slope).real * density).sum(axis=(1, 2, 3))
-    root = np.sqrt(square)
+    squares, slopes = mean_squares(system, outputs, known, band, lambda w: point.response(w, known.names, outputs))
+    root, change = np.sqrt(squares.sum()), slopes.sum(axis=0)
     return point.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
 
 
@@ -178,15 +176,25 @@ def _root(system: Any, outputs: list[str], spectra: Mapping[str, Any], band: Ban
     return np.asarray(np.sqrt((values**2).sum(keepdims=True)))
 
 
-def nodes(system: System, outputs: list[str], known: Sources, band: Band | None) -> tuple[Array, Array]:
-    """Return frequencies and weights (n,) [Hz] of the integral of responses to noise over a band, exact to rounding.
+def mean_squares(
+    system: System, outputs: list[str], known: Sources, band: Band | None,
+    response: Callable[[Array], tuple[Complex, Complex]],
+) -> tuple[Array, Array]:  # fmt: skip
+    """Return the mean squares (k,) of outputs under noise over a band, exact to rounding, and their derivatives (k,
+    variables). One that is infinite is refused.
 
-    ``band``: first and last frequency [Hz]; None: all. A mean square that is infinite is refused.
+    ``band``: first and last frequency [Hz]; None: all. ``response``: from angular frequencies (n,) to the responses (k,
+    sources, n) and their derivatives (variables, k, sources, n).
     """
     part = system.with_ports(outputs, list(known.names))
     under = Random(part, known, (None,) * len(part.outputs), band)
     under.check_finite()
-    return under.rule().nodes()
+    f, weight = under.rule().nodes()
+    g, slope = response(2.0 * np.pi * f)
+    # (G S) of each output, conjugated: the other half of the square
+    half = np.einsum("oin,nij,n->ojn", g, known.matrix(f), weight, optimize=True).conj()
+    value = np.einsum("ojn,ojn->o", half, g).real
+    return value, 2.0 * np.einsum("ojn,pojn->po", half, slope, optimize=True).real.T
 
 
 def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, quantity: str) -> None:

@@ -18,16 +18,14 @@ from mbsvib.studies.dual import Dual, stacked
 from mbsvib.studies.evaluation import DesignPoint, check_variables, frame, framed, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
-from mbsvib.studies.plants import NO_PLANT, Plant, Systems
+from mbsvib.studies.plants import Systems
 from mbsvib.studies.quantities import Constraint, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.linalg.matching import Station
-    from mbsvib.studies.design import StudyVariables
     from mbsvib.studies.scales import Scales
 
 
@@ -50,19 +48,17 @@ class Search:
     """The objective and constraints of a search."""
 
     def __init__(
-        self, model: Model, design: StudyVariables, scales: Scales, objective: Quantity,
-        constraints: tuple[Constraint, ...], observed: Mapping[str, Quantity] | None = None,
-        plant: Plant = NO_PLANT,
+        self, systems: Systems, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...],
+        observed: Mapping[str, Quantity],
     ) -> None:  # fmt: skip
-        self.model, self.design, self.scales = model, design, scales
+        self.systems, self.design, self.scales = systems, systems.design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
-        self.systems = Systems(model, design, plant)
         self._references: list[tuple[Array, Reference]] = []
         self._frame: Array | Complex | None = None
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
-        self.observed = dict(observed or {})
+        self.observed = observed
         requested = (objective, *(c.quantity for c in constraints))
         items = [item for part in (*requested, *self.observed.values()) for item in part.inner()]
         self._follows = any(isinstance(item, Modal) for item in items)
@@ -73,7 +69,7 @@ class Search:
         if self.needs_equations:
             if start.plant is None:
                 check_variables(start.system, start.rates)
-            self.systems = Systems(model, design, plant, start.equations.coordinates)
+            self.systems = Systems(systems.model, systems.design, systems.plant, start.equations.coordinates)
         true = {item: float(item.true(start).value[0]) for item in self.largest}
         self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
         self._active = {item: item.seeds(start) for item in self.largest}

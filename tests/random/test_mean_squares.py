@@ -177,6 +177,13 @@ def test_correlated_white_noise_has_exact_moments():
         assert budget.error == 0.0
 
 
+@pytest.mark.parametrize("c", [1e-6, 1e-9, 1e-10, 1e-12])
+def test_a_band_around_a_mode_of_next_to_no_damping(c):
+    """S / 4 c k but for the tails. Below a damping ratio of 1e-11 a mode counts as undamped: part of it was missing."""
+    got = oscillator(c=c).linearize().rms("x", {"F": 1.0}, (1.0, 10.0))["x"]
+    assert got == (np.inf if c < 1e-9 else pytest.approx(0.5 / np.sqrt(c * K), rel=1e-4))
+
+
 def test_densities_in_a_band_where_a_mode_is_very_light():
     """The integral of a Lorentz peak that a grid of frequencies would miss."""
     c = 1e-6

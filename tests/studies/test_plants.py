@@ -71,8 +71,8 @@ def test_derivatives_are_differences_of_the_exact_plant(plant, form, quantities)
     bounds, around = dict.fromkeys(names, (1.0, 1e6)), plant_of(plant, names)
     variables = design(CAR, names, None, around.gains)
     observed = {name: QUANTITIES[name] for name in quantities}
-    search = Search(CAR, variables, scales(variables, bounds, None), next(iter(observed.values()))[0], (), observed,
-                    around)  # fmt: skip
+    search = Search(Systems(CAR, variables, around), scales(variables, bounds, None),
+                    next(iter(observed.values()))[0], (), observed)  # fmt: skip
     point = search.point(np.zeros(len(names)))
     assert isinstance(point.derivatives, form)
     slopes = {name: quantity.at(point).slope for name, quantity in observed.items()}

@@ -92,7 +92,9 @@ def test_refusals_on_the_way_say_where():
     assert str(refused.value).startswith(f"body 'b': mass = {note.rpartition(' ')[2]}"[:24])
     with pytest.raises(mv.ResponseError) as refused:
         st.optimize(slide(4.0, 1.0), {"k.damping.z": (0.0, 1.0)}, -st.rms("x", {"F": 1.0}, (0.1, 2.0)))
-    assert refused.value.__notes__ == ["at k.damping.z = 0"]
+    (note,) = refused.value.__notes__
+    assert note.startswith("at k.damping.z = ")
+    assert 0.0 <= float(note.rpartition(" ")[2]) < 1e-10  # the step ends at the bound but for rounding
     with pytest.raises(mv.ModelError) as refused:
         st.tolerances(slide(), {"b.mass": 0.01}, st.frequency(2))
     assert "derivatives=False" in refused.value.__notes__[0]
