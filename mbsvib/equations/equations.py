@@ -144,8 +144,8 @@ class Provenance:
         """Refuse a request that needs a mechanism."""
         if self.from_matrices:
             origin = "assembled of parts" if self.connections else "made of matrices"
-            raise ModelError(f"{request}: '{name}' was {origin} and has no joints and elements of its own; this needs "
-                             f"a mechanism: build one Model and linearize it.")  # fmt: skip
+            raise ModelError(f"{request}: '{name}' was {origin} and has no bodies, joints and elements of its own; "
+                             f"this needs a mechanism: build a Model and linearize it.")  # fmt: skip
 
     def check_parameters(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism without controllers."""
