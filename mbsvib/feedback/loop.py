@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.loop_gradient import Gathered
     from mbsvib.responses.state_space import StateSpace
 
 
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 class LoopPlant:
     """A system, or a state space, whose outputs are sensors and whose inputs are actuators.
 
-    With noise of sensors and actuators as inputs, ``without_noise`` is the plant without these and ``gathered`` are the
-    numbers of its outputs and inputs among which those of ``system`` are, -1 for the noise of a sensor.
+    With noise of sensors and actuators as inputs, ``without_noise`` is the plant without these and ``gathered`` says
+    which of its outputs and inputs those of ``system`` are.
     """
 
     system: Any
     without_noise: Any = field(default=None, repr=False, kw_only=True)
-    gathered: tuple[list[int], list[int]] | None = field(default=None, repr=False, kw_only=True)
+    gathered: Gathered | None = field(default=None, repr=False, kw_only=True)
 
     @property
     def source(self) -> Any:

@@ -24,6 +24,33 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
+class Gathered:
+    """Ports by number among those of a plant, some of them more than once: ``rows`` of outputs, ``columns`` of inputs,
+    -1 for none. ``direct``: numbers of outputs and of inputs gathered, of which each output has one input added to it.
+    """
+
+    rows: list[int]
+    columns: list[int]
+    direct: tuple[list[int], list[int]] = ([], [])
+
+    def of(self, plant: Matrices) -> Matrices:
+        """Return A, B, C, D with these ports."""
+        a, b, c, d = plant
+        through = np.pad(d, (0, 1))[np.ix_(self.rows, self.columns)]
+        through[self.direct] += 1.0
+        return a, np.pad(b, ((0, 0), (0, 1)))[:, self.columns], np.pad(c, ((0, 1), (0, 0)))[self.rows], through
+
+    def back(self, gradient: Array, plant: Matrices) -> Array:
+        """Return the gradient to [A B; C D] of the plant, of one to those with these ports."""
+        n, (p, q) = len(plant[0]), plant[3].shape
+        result = np.zeros((n + p + 1, n + q + 1))
+        rows, columns = ([*range(n), *[n + k % (count + 1) for k in numbers]] for numbers, count in
+                         ((self.rows, p), (self.columns, q)))  # fmt: skip
+        np.add.at(result, np.ix_(rows, columns), gradient)
+        return result[:-1, :-1]
+
+
+@dataclass(frozen=True, eq=False)
 class Closure:
     """A plant A, B, C, D under u = w + K y with the ``law`` A, B, C, D from the outputs ``sensors`` to the inputs
     ``actuators``, seen from the inputs ``sources`` to the outputs ``shown``, all by number.

@@ -107,6 +107,23 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
 
     Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for the disk margin.
     """
+    band, poles, largest, frequency = _disk(loop, frequencies)
+    limits = band.response(band.ends[[0, -1]])[: 2 if frequencies is None else 0]
+    single_margins = [_single(band, poles, limits[:, i, i], i) for i in range(len(loop.actuators))]
+    (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
+    lower_at, gain_at, phase_at, delay_at, modulus_at = at
+    return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
+                   lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip
+
+
+def modulus_margin(loop: Loop) -> tuple[float, float]:
+    """Return the modulus margin of all loops simultaneously, and the critical frequency [Hz]."""
+    _, _, largest, frequency = _disk(loop, None)
+    return 1.0 / largest, frequency
+
+
+def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, Complex, float, float]:
+    """The sensitivity over a band, poles [Hz], and the largest singular value with its frequency [Hz]."""
     poles, longest, period = loop.resolution
     if frequencies is None:
         size = np.abs(np.concatenate((poles, loop.open_loop.poles()))) / (2.0 * np.pi)
@@ -127,12 +144,7 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)).max(axis=(1, 2))), poles, low, high)
     if len(critical):
         frequency, largest = float(critical[0]), np.inf
-    limits = band.response(ends[[0, -1]])[: 2 if frequencies is None else 0]
-    single_margins = [_single(band, poles, limits[:, i, i], i) for i in range(len(loop.actuators))]
-    (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
-    lower_at, gain_at, phase_at, delay_at, modulus_at = at
-    return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
-                   lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip
+    return band, poles, largest, frequency
 
 
 def _sensitivity(loop: Loop, hertz: Array) -> Complex:

@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller
+from mbsvib.feedback.loop_gradient import Gathered
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -50,7 +51,8 @@ def with_noise(plant: LoopPlant, law: Controller) -> tuple[LoopPlant, Controller
         "D": np.insert(ports["D"], [at] * count, noise, axis=1),
     }  # fmt: skip
     result = replace(system, **ports, **_inputs(system, columns, at, count), **_outputs(system, rows))
-    noisy = replace(plant, system=result, without_noise=system, gathered=(rows, [*columns[:at], *[-1] * count, *u]))
+    noisy = replace(plant, system=result, without_noise=system, gathered=Gathered(
+        rows, [*columns[:at], *[-1] * count, *u], ([*range(len(rows) - count, len(rows))], [*range(at, at + count)])))
     return noisy, replace(law, inputs=measured).for_plant(result)
 
 

@@ -10,6 +10,7 @@ Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 4.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -58,7 +59,8 @@ class Filtered:
         return slice(0, n), slice(n, n + k), slice(n + k, None)
 
 
-def in_rows(filters: Sequence[Shaped | None], levels: bool) -> Equations:
+@lru_cache(maxsize=64)
+def in_rows(filters: tuple[Shaped | None, ...], levels: bool) -> Equations:
     """Return filters side by side, each with an input and an output of its own; None passes its signal on.
 
     ``levels``: whether each is driven by white noise of the density 1, half of which is its intensity.
@@ -73,12 +75,15 @@ def in_rows(filters: Sequence[Shaped | None], levels: bool) -> Equations:
         if f is not None:
             b[start : start + n[k], k], c[k, start : start + n[k]] = f.b[:, 0] * gains[k], f.c[0]
     d = np.diag([1.0 if f is None else f.d * gain for f, gain in zip(filters, gains, strict=True)])
-    return Equations(a.reshape(sum(n), sum(n)), b, c, d)
+    result = Equations(a.reshape(sum(n), sum(n)), b, c, d)
+    for part in result:
+        part.setflags(write=False)
+    return result
 
 
 def filtered(plant: Equations, before: Sequence[Shaped], after: Sequence[Shaped | None]) -> Filtered:
     """Return equations with the filters of their sources (s,) and those of their outputs (o,), None for none."""
-    source, output = in_rows(before, levels=True), in_rows(after, levels=False)
+    source, output = in_rows(tuple(before), levels=True), in_rows(tuple(after), levels=False)
     a, b, c, d = plant
     n, k, m = len(a), len(source.a), len(output.a)
     whole = np.zeros((n + k + m, n + k + m))

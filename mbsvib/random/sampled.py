@@ -120,8 +120,8 @@ class SampledRandom(Random):
     def _filtered(self, which: list[int]) -> SampledLoop:
         """The loop with outputs behind their filters, and white noise before those of some sources as inputs."""
         loop, space = self.linear, self.linear.plant.space
-        source = in_rows([self.sources.densities[k].filter for k in which], levels=True)
-        output = in_rows([None if weight is None else weight.filter for weight in self.weights], levels=False)
+        source = in_rows(tuple([self.sources.densities[k].filter for k in which]), levels=True)
+        output = in_rows(tuple([None if weight is None else weight.filter for weight in self.weights]), levels=False)
         into = [space.inputs.index(self.sources.names[k]) for k in which]
         out = [space.outputs.index(name) for name in loop.outputs]
         n, k, m = len(space.A), len(source.a), len(output.a)

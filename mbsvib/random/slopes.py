@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.feedback.loop_gradient import Closure
+from mbsvib.feedback.loop_gradient import Closure, Gathered
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.random.moments import Equations
@@ -44,42 +44,28 @@ class Scene:
                                 f"loops: ask loop.continuous.")  # fmt: skip
         loop = linear if linear.kind == "closed loop" else None
         self.system = linear if loop is None else loop.plant.source
-        gathered = None if loop is None else loop.plant.gathered
         outputs, inputs = self.system.outputs, self.system.inputs
-        self.rows: list[int] = list(range(len(outputs))) if gathered is None else gathered[0]
-        self.columns: list[int] = list(range(len(inputs))) if gathered is None else gathered[1]
+        everything = Gathered(list(range(len(outputs))), list(range(len(inputs))))
+        self.gathered: Gathered = everything if loop is None else loop.plant.gathered or everything
         self.base: States | None = None
         if self.system.kind == "system":
             self.base = states(self.system.basis, list(range(len(inputs))), list(range(len(outputs))))
-        a, b, c, d = self._plant(self.base or self.system.state_space())
+        space = self.base or self.system.state_space()
+        self.space = space.A, space.B, space.C, space.D
+        plant = self.gathered.of(self.space)
         self.closure: Closure | None = None
         if loop is None:
-            self.equations = Equations(a, b, c, d)
+            self.equations = Equations(*plant)
         else:
             law, (y, u), (o, i) = loop.law, loop.ports, loop.selected_ports
-            self.closure = Closure((a, b, c, d), (law.A, law.B, law.C, law.D), y, u, o, i)
+            self.closure = Closure(plant, (law.A, law.B, law.C, law.D), y, u, o, i)
             self.equations = Equations(*self.closure.closed)
-
-    def _plant(self, space: Any) -> Equations:
-        """The equations of the plant with the inputs of noise, -1 among the columns, which act at once alone."""
-        b, d = (np.append(part, np.zeros((len(part), 1)), axis=1)[:, self.columns] for part in (space.B, space.D))
-        d = d[self.rows]
-        noise = [k for k, column in enumerate(self.columns) if column < 0]
-        d[len(self.rows) - len(noise) + np.arange(len(noise)), noise] += 1.0
-        return Equations(space.A, b, space.C[self.rows], d)
 
     def to_plant(self, gradient: Array) -> tuple[Array, Array, Array, Array]:
         """Return the gradient to A, B, C and D of the system, of one to the entries of the equations."""
         inside = gradient if self.closure is None else self.closure.to_plant(gradient)
-        n = self.system_states
-        outputs, inputs = len(self.system.outputs), len(self.system.inputs)
-        rows, columns = np.zeros((outputs, inside.shape[1])), np.zeros((n + outputs, n + inputs + 1))
-        np.add.at(rows, self.rows, inside[n:])
-        whole = np.concatenate((inside[:n], rows))
-        columns[:, :n] = whole[:, :n]
-        np.add.at(columns.T, n + np.array([c % (inputs + 1) for c in self.columns], dtype=np.intp), whole[:, n:].T)
-        columns = columns[:, :-1]
-        return columns[:n, :n], columns[:n, n:], columns[n:, :n], columns[n:, n:]
+        whole, n = self.gathered.back(inside, self.space), self.system_states
+        return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
 
     def along(self, change: MatrixDerivatives | None, law: Array | None = None) -> Array:
         """Return the derivatives of [A B; C D] of the equations to variables, (v, states + outputs, states + inputs).
@@ -90,12 +76,13 @@ class Scene:
         if change is not None and self.base is not None:
             da, db, dc, dd = changed(self.base, change, list(range(len(self.system.inputs))),
                                      list(range(len(self.system.outputs))))  # fmt: skip
-            n, first, columns = self.system_states, self.base.first, np.array(self.columns, dtype=np.intp)
+            n, first, rows = self.system_states, self.base.first, self.gathered.rows
+            columns = np.array(self.gathered.columns, dtype=np.intp)
             known = np.flatnonzero(columns >= 0)
-            plant = np.zeros((len(da), n + len(self.rows), n + len(columns)))
-            plant[:, first:n, :n], plant[:, n:, :n] = da, dc[:, self.rows]
+            plant = np.zeros((len(da), n + len(rows), n + len(columns)))
+            plant[:, first:n, :n], plant[:, n:, :n] = da, dc[:, rows]
             plant[:, first:n, n + known] = db[:, :, columns[known]]
-            plant[:, n:, n + known] = dd[:, self.rows][:, :, columns[known]]
+            plant[:, n:, n + known] = dd[:, rows][:, :, columns[known]]
         return np.asarray(plant if self.closure is None else self.closure.along(plant, law))
 
     @property

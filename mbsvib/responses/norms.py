@@ -16,6 +16,8 @@ from mbsvib.responses.extrema import Band, panels
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import ArrayLike
+
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.linalg.lasting import Separation
 
@@ -101,17 +103,20 @@ def mean_squares(a: Array, b: Array, c: Array, name: str) -> Array:
     return np.asarray(np.where(result > 0.0, result, 0.0))
 
 
-def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array | Complex) -> Norm:
+def hinf(
+    response: Callable[[Array], Complex], poles: Complex, direct: Array | Complex, marks: ArrayLike = (),
+    span: tuple[float, float] = (0.0, np.inf),
+) -> Norm:  # fmt: skip
     """Return the highest peak of a frequency response: max over w of sigma(G(i w)).
 
     ``response`` takes w (n,) [rad/s] and returns G (outputs, inputs, n); all ``poles`` have negative real parts;
-    ``direct``: D, the response at infinite frequency. The frequency is inf where the response only tends to its largest
-    value.
+    ``direct``: D, the response at infinite frequency; ``marks``: frequencies at which it is not smooth; ``span``: first
+    and last frequency. The frequency is inf where the response only tends to its largest value.
     """
     if not direct.size:
         return Norm(0.0, omega=0.0)
     fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
-    band = Band(lambda w: response(w).transpose(2, 0, 1), panels(poles, 0.0, LAST * fastest))
+    band = Band(lambda w: response(w).transpose(2, 0, 1), panels(poles, span[0], min(span[1], LAST * fastest), marks))
     omega, value = band.highest(lambda g: np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0]))
-    far = float(np.linalg.svd(direct, compute_uv=False)[0])
+    far = float(np.linalg.svd(direct, compute_uv=False)[0]) if span[1] == np.inf else 0.0
     return Norm(far, omega=np.inf) if far > value * (1.0 + ROUNDING) else Norm(value, omega=omega)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -124,7 +124,22 @@ def task(systems: Systems, question: Question) -> Task:
     return Task(systems, question, "batch" if question.batched else "variants", system.dof)
 
 
-def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
+class Work(Protocol):
+    """Work at numbered points, as a ``Task`` is; ``dof`` tells how many points go together."""
+
+    @property
+    def kind(self) -> str:
+        """As of ``Task``."""
+
+    @property
+    def dof(self) -> int:
+        """Size of the matrices of a point."""
+
+    def run(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> list[tuple[int, Any]]:
+        """Return the outcomes at the points with these numbers."""
+
+
+def run(task: Work, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
     """Compute the remaining points and yield their outcomes as they are available.
 
     ``columns`` (n,): values of the variables at all points. ``workers``: number of processes; 1: only this one.
@@ -152,13 +167,22 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
         yield from _parallel(task, columns, todo[done:], workers, configured, many)
 
 
+def processes(workers: int | None, seconds: float) -> int | None:
+    """Return how many processes work that takes so many seconds is worth: as given, by joblib's configuration (None),
+    or all processors.
+    """
+    if workers is not None or _configured():
+        return workers
+    return _processors() if seconds > WORTH_PROCESSES else 1
+
+
 def error_text(error: BaseException) -> str:
     """Return an error as a line of text."""
     return f"{type(error).__name__}: {error}".splitlines()[0].rstrip(": ")
 
 
 def _parallel(
-    task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None, configured: bool, many: int
+    task: Work, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None, configured: bool, many: int
 ) -> Iterator[Outcomes]:
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 DECREASE, SLOPE = 1e-4, 0.5  # weak Wolfe conditions
 BISECTIONS = 45  # of a line search: steps down to 1e-13
 NOTHING = 1e-14  # a line search ends where steps would gain less than this share of the value: rounding
-STALL, PROGRESS = 25, 1e-8  # the search ends if so many steps gain less than this share of the value
+STALL, PROGRESS = 25, 1e-8  # the search ends if so many steps gain less than this share of the value,
+LEARNT = 5, 2  # or, of few unknowns, so many and so many for each, in which curvatures are learnt
 LONGEST = 2.0  # first step of a search, in units of the unknowns
 RADII = (1e-2, 1e-4)  # distances of gradients that are combined, in units of the unknowns
 MORE = 2  # gradients than unknowns are combined at most: as many are enough for any direction
@@ -54,6 +55,7 @@ def bfgs(given: Function, x: Array, steps: int, enough: float = -np.inf) -> Desc
 
     f, g = function(x)
     history, inverse, first = [f], np.eye(len(x)), True
+    stall = min(STALL, LEARNT[0] + LEARNT[1] * len(x))
     for _ in range(steps):
         size = float(np.linalg.norm(g))
         if not np.isfinite(f) or f < enough or size == 0.0:
@@ -86,7 +88,7 @@ def bfgs(given: Function, x: Array, steps: int, enough: float = -np.inf) -> Desc
             inverse, first = left @ inverse @ left.T + rho * np.outer(s, s), False
         x, f, g = new_x, new_f, new_g
         history.append(f)
-        if len(history) > STALL and history[-1 - STALL] - f <= PROGRESS * abs(f):
+        if len(history) > stall and history[-1 - stall] - f <= PROGRESS * abs(f):
             break
     return Descent(x, f, tuple(history))
 

@@ -1,4 +1,4 @@
-"""Parts of tunable controllers: their values, their equations and the derivatives of these."""
+"""Parts of tunable controllers: their values and their equations."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from mbsvib.tuning.realization import Realization
+from mbsvib.tuning.realization import Realization, stacked, summed
 from mbsvib.tuning.structures import Part, Sizes, Value
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Complex
 
     Given = Mapping[str, Any] | None
 
@@ -40,10 +40,9 @@ class Gain(Part):
         """Return the entries of D, row by row."""
         return _matrix("gain", sizes.actuators, sizes.sensors, -SMALL)
 
-    def at(self, values: Array) -> Realization:
+    def at(self, values: Complex) -> Realization:
         """Return D."""
-        shape = len(self.outputs), len(self.inputs)
-        return Realization(0, values.reshape(shape), np.eye(len(values)).reshape(-1, *shape))
+        return Realization(0, values.T.reshape(-1, len(self.outputs), len(self.inputs)))
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -64,29 +63,18 @@ class Pid(Part):
                        Value("tau", 1.0 / rate, FILTER, SPREAD, positive=True)]}  # fmt: skip
         return [value for term in self.terms for value in known[term]]
 
-    def at(self, values: Array) -> Realization:
-        """Return states: the integral of the sensor, and its filtered value."""
-        n, states = len(values), [term for term in self.terms if term in "id"]
-        k = len(states)
-        x, slopes = np.zeros((k + 1, k + 1)), np.zeros((n, k + 1, k + 1))
-        v = 0
+    def at(self, values: Complex) -> Realization:
+        """Return the terms side by side; states: the integral of the sensor, and its filtered value."""
+        given, count, terms = iter(values), values.shape[1], []
         for term in self.terms:
             if term == "p":
-                x[k, k] += values[v]
-                slopes[v, k, k] = 1.0
+                terms.append(stacked(0, [[next(given)]], count))
             elif term == "i":
-                s = states.index("i")
-                x[s, k], x[k, s], slopes[v, k, s] = 1.0, values[v], 1.0
+                terms.append(stacked(1, [[0.0, 1.0], [next(given), 0.0]], count))
             else:
-                s, kd, tau = states.index("d"), values[v], values[v + 1]
-                x[s, s], x[s, k], x[k, s] = -1.0 / tau, 1.0 / tau, -kd / tau
-                x[k, k] += kd / tau
-                slopes[v, k, s], slopes[v, k, k] = -1.0 / tau, 1.0 / tau
-                slopes[v + 1, s, s], slopes[v + 1, s, k] = tau**-2, -(tau**-2)
-                slopes[v + 1, k, s], slopes[v + 1, k, k] = kd * tau**-2, -kd * tau**-2
-                v += 1
-            v += 1
-        return Realization(k, x, slopes)
+                kd, tau = next(given), next(given)
+                terms.append(stacked(1, [[-1.0 / tau, 1.0 / tau], [-kd / tau, kd / tau]], count))
+        return summed(terms, [[0]] * len(terms), [[0]] * len(terms), (1, 1))
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -102,15 +90,10 @@ class LeadLag(Part):
                 Value("zero", sizes.rate, 1.0, SPREAD, positive=True),
                 Value("pole", sizes.rate, 3.0, SPREAD, positive=True)]  # fmt: skip
 
-    def at(self, values: Array) -> Realization:
+    def at(self, values: Complex) -> Realization:
         """Return the sensor, filtered by the pole, as the state."""
-        g, z, p = values.tolist()
-        x = np.array([[-p, p], [g * (1.0 - p / z), g * p / z]])
-        slopes = np.zeros((3, 2, 2))
-        slopes[0, 1] = 1.0 - p / z, p / z
-        slopes[1, 1] = g * p / z**2, -g * p / z**2
-        slopes[2] = [[-1.0, 1.0], [-g / z, g / z]]
-        return Realization(1, x, slopes)
+        g, z, p = values
+        return stacked(1, [[-p, p], [g * (1.0 - p / z), g * p / z]], len(g))
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -126,14 +109,10 @@ class Notch(Part):
                 Value("depth", 1.0, DEEP, SPREAD, positive=True),
                 Value("width", 1.0, WIDE, SPREAD, positive=True)]  # fmt: skip
 
-    def at(self, values: Array) -> Realization:
+    def at(self, values: Complex) -> Realization:
         """Return 1 and an oscillator that takes away what the notch stops."""
-        w, depth, width = values.tolist()
-        x = np.array([[0.0, w, 0.0], [-w, -2.0 * width * w, w], [0.0, 2.0 * (depth - width), 1.0]])
-        slopes = np.zeros((3, 3, 3))
-        slopes[0, :2] = [[0.0, 1.0, 0.0], [-1.0, -2.0 * width, 1.0]]
-        slopes[1, 2, 1], slopes[2, 2, 1], slopes[2, 1, 1] = 2.0, -2.0, -2.0 * w
-        return Realization(2, x, slopes)
+        w, depth, width = values
+        return stacked(2, [[0.0, w, 0.0], [-w, -2.0 * width * w, w], [0.0, 2.0 * (depth - width), 1.0]], len(w))
 
     def through(self, sensors: Array, rate: float) -> Array | None:
         """Return the sizes of the inputs."""
@@ -180,41 +159,38 @@ class Space(Part):
             values += _matrix("D", sizes.actuators, sizes.sensors, -SMALL)
         return values
 
-    def at(self, values: Array) -> Realization:
+    def at(self, values: Complex) -> Realization:
         """Return the equations in their own states."""
         k, o, i = self.order, len(self.outputs), len(self.inputs)
-        x, slopes = np.zeros((k + o, k + i)), np.zeros((len(values), k + o, k + i))
-        v = self._dynamics(values, x, slopes)
-        blocks = [] if self._drive_is_fixed else [(slice(0, k), slice(k, None), k * i)]
-        blocks += [(slice(k, None), slice(0, k), o * k)]
-        blocks += [(slice(k, None), slice(k, None), o * i)] if self.feedthrough else []
-        for rows, columns, count in blocks:
-            at = x[rows, columns].shape
-            x[rows, columns] = values[v : v + count].reshape(at)
-            slopes[v : v + count, rows, columns] = np.eye(count).reshape(count, *at)
+        x = np.zeros((values.shape[1], k + o, k + i), dtype=complex)
+        v = self._dynamics(values, x)
+        blocks = [] if self._drive_is_fixed else [(slice(0, k), slice(k, None))]
+        blocks += [(slice(k, None), slice(0, k))]
+        blocks += [(slice(k, None), slice(k, None))] if self.feedthrough else []
+        for rows, columns in blocks:
+            at = x[:, rows, columns]
+            count = at[0].size
+            at[:] = values[v : v + count].T.reshape(at.shape)
             v += count
-        return Realization(k, x, slopes)
+        return Realization(k, x)
 
-    def _dynamics(self, values: Array, x: Array, slopes: Array) -> int:
+    def _dynamics(self, values: Complex, x: Complex) -> int:
         """Enter A, and B where it is given by A; return the number of values that were used."""
         k = self.order
         if self.structure == "full":
-            x[:k, :k] = values[: k * k].reshape(k, k)
-            slopes[: k * k, :k, :k] = np.eye(k * k).reshape(-1, k, k)
+            x[:, :k, :k] = values[: k * k].T.reshape(-1, k, k)
             return k * k
         driven, v = self._drive_is_fixed, 0
         pairs = k // 2 if self.structure == "modal" else 0
         for r in range(0, 2 * pairs, 2):
-            w, damping = values[v], values[v + 1]
-            x[r, r + 1], x[r + 1, r], x[r + 1, r + 1] = w, -w, -2.0 * damping * w
-            slopes[v, r, r + 1], slopes[v, r + 1, r], slopes[v, r + 1, r + 1] = 1.0, -1.0, -2.0 * damping
-            slopes[v + 1, r + 1, r + 1] = -2.0 * w
+            w, damping = values[v : v + 2]
+            x[:, r, r + 1], x[:, r + 1, r], x[:, r + 1, r + 1] = w, -w, -2.0 * damping * w
             if driven:
-                x[r + 1, k], slopes[v, r + 1, k] = w, 1.0
+                x[:, r + 1, k] = w
             v += 2
         for r in range(2 * pairs, k):
-            x[r, r], slopes[v, r, r] = -values[v], -1.0
+            x[:, r, r] = -values[v]
             if driven:
-                x[r, k], slopes[v, r, k] = values[v], 1.0
+                x[:, r, k] = values[v]
             v += 1
         return v

@@ -1,55 +1,115 @@
 """Highest peaks of responses of small state spaces, as a search asks for them thousands of times.
 
 In states that are eigenvectors, G(i w) = C V (i w - Lambda)^-1 V^-1 B + D costs little at hundreds of frequencies. They
-lie about all poles; tops are refined, and the value at the highest is solved for anew. Frequencies at which the norm on
-panels found higher peaks are remembered: a search drives towards peaks between the points.
+lie about all poles; tops are refined. Frequencies at which the norm on panels found higher peaks are known beside them:
+a search drives towards peaks between the points.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.responses.entry_slopes import gain_slope
+from mbsvib.tuning.weights import apply
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.closing import Matrices
+    from mbsvib.tuning.weights import Weight
+
+    Eigen = tuple[Complex, Complex, Complex | None]
 
 # Distances from a pole at which responses are sampled, in parts of its real part.
 BESIDE = np.array([-8.0, -3.0, -1.5, -0.8, -0.4, 0.0, 0.4, 0.8, 1.5, 3.0, 8.0])
 COARSE, BEYOND = 40, 10.0  # further frequencies, up to the fastest pole times this and down to the slowest over this
-CLOSE = 0.15  # least distance of frequencies, in parts of that to the nearest pole
+CLOSE = 0.15  # distance of frequencies, in parts of that to the nearest pole, of which one is enough
 TOP = 0.9  # singular values are computed where they may be this share of the highest
-ROUNDS, POINTS = 5, 9  # of refinement: each shrinks the bracket by 4
+ROUNDS, POINTS = 3, 17  # of refinement: each shrinks the bracket by 8
 TINY = 1e-300  # divisor of nothing
 DEPENDENT = 1e9  # condition of the eigenvectors above which equations are solved in the given states
 
 
 class Response:
-    """A response C (i w - A)^-1 B + D of a stable A with known ``values`` and ``vectors`` of its eigenvalues."""
+    """A response W (C (i w - A)^-1 B + D) of a stable A with known ``eigen``; time is in units of 1 / ``rate``."""
 
-    def __init__(self, a: Array, ports: tuple[Array, Array, Array], eigen: tuple[Complex, Complex, Complex | None]):
-        self.a, (self.b, self.c, self.d) = a, ports
+    def __init__(self, space: Matrices, eigen: Eigen, weight: Weight | None = None, rate: float = 1.0) -> None:
+        self.space, self.weight, self.rate = space, weight, rate
         self.values, vectors, inverse = eigen
-        self.modal = None if inverse is None else (self.c @ vectors, inverse @ self.b)
+        self.modal = None if inverse is None else (space[2] @ vectors, inverse @ space[1])
+
+    def weights(self, w: Array) -> Complex | Array | None:
+        """Return W (n, rows, outputs), None for 1."""
+        return None if self.weight is None else self.weight.at(w * self.rate)
 
     def at(self, w: Array) -> Complex:
-        """Return G (n, outputs, inputs)."""
+        """Return the response (n, rows, inputs)."""
+        a, b, c, d = self.space
         if self.modal is None:
-            s = 1j * w[:, None, None] * np.eye(len(self.a)) - self.a
-            return np.asarray(self.c @ np.linalg.solve(s, self.b.astype(complex)) + self.d)
-        left, right = self.modal
-        return np.asarray((left / (1j * w[:, None] - self.values)[:, None, :]) @ right + self.d)
+            s = 1j * w[:, None, None] * np.eye(len(a)) - a
+            g = np.asarray(c @ np.linalg.solve(s, b.astype(complex)) + d)
+        else:
+            left, right = self.modal
+            g = np.asarray((left / (1j * w[:, None] - self.values)[:, None, :]) @ right + d)
+        return self._weighted(w, g)
+
+    def _weighted(self, w: Array, g: Complex) -> Complex:
+        weight = self.weights(w)
+        return g if weight is None else apply(weight, g)
 
     def sizes(self, w: Array) -> Array:
         """Return the largest singular values (n,), those that cannot be among the largest by a lower bound."""
         g = self.at(w)
-        frobenius = np.linalg.norm(g, axis=(1, 2))
+        if g.shape[1:] == (1, 1):
+            return np.asarray(np.abs(g[:, 0, 0]))
+        frobenius = np.sqrt((g.real**2 + g.imag**2).sum(axis=(1, 2)))
         if min(g.shape[1:]) == 1:
             return np.asarray(frobenius)
         result = frobenius / np.sqrt(min(g.shape[1:]))
         near = frobenius >= TOP * result.max()
         result[near] = _largest(g[near])
         return np.asarray(result)
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency at which the weight is not 0."""
+        low, high = (0.0, np.inf) if self.weight is None else self.weight.span
+        return low / self.rate, high / self.rate
+
+    @property
+    def far(self) -> float:
+        """The largest singular value at infinite frequency, 0 where the weight ends before."""
+        if self.span[1] < np.inf or not self.space[3].any():
+            return 0.0
+        return float(np.linalg.norm(self._weighted(np.array([np.inf]), self.space[3][None])[0], 2))
+
+    def sampled(self, known: Sequence[float]) -> Array:
+        """Return frequencies about all poles and beyond, no closer than the response can change, and those known."""
+        marks, poles = np.array(known), self.values
+        if self.weight is not None:
+            poles = np.concatenate((poles, self.weight.poles / self.rate))
+            marks = np.concatenate((marks, self.weight.marks / self.rate))
+        poles = poles[poles.imag >= 0.0]
+        size = np.abs(poles)
+        slow, fast = float(size.min(initial=1.0)), float(size.max(initial=1.0))
+        low, high = self.span
+        w = np.concatenate(([0.0], np.ravel(poles.imag[:, None] + np.abs(poles.real)[:, None] * BESIDE), size,
+                            np.geomspace(slow / BEYOND, fast * BEYOND, COARSE)))  # fmt: skip
+        w = np.sort(w[(w >= low) & (w <= high)])
+        if len(poles) and len(w):
+            change = np.diff(w) / (CLOSE * np.abs(1j * w[1:, None] - poles).min(axis=1) + TINY)
+            step = np.floor(np.concatenate(([0.0], np.cumsum(np.minimum(change, 1.0)))))
+            w = w[np.concatenate(([True], np.diff(step) > 0.0))]
+        return np.unique(np.concatenate((w, marks[(marks >= low) & (marks <= high)])))
+
+    def slope(self, w: float) -> Array:
+        """Return the gradient of the largest singular value at a frequency to [A B; C D]."""
+        weight = self.weights(np.array([w]))
+        return gain_slope(self.space, w, None if weight is None else weight[0])[1]
 
 
 def _largest(g: Complex) -> Array:
@@ -58,7 +118,7 @@ def _largest(g: Complex) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(g @ h if rows < columns else h @ g)[:, -1], 0.0)))
 
 
-def eigen(a: Array) -> tuple[Complex, Complex, Complex | None]:
+def eigen(a: Array) -> Eigen:
     """Return eigenvalues, eigenvectors and their inverse, None where they are nearly dependent."""
     values, vectors = np.linalg.eig(a)
     sizes = np.linalg.norm(vectors, axis=1) + TINY
@@ -70,10 +130,9 @@ def eigen(a: Array) -> tuple[Complex, Complex, Complex | None]:
     return values, vectors, inverse / sizes if condition < DEPENDENT else None
 
 
-def peak(response: Response, remembered: list[float]) -> tuple[float, float]:
+def peak(response: Response, known: Sequence[float]) -> tuple[float, float]:
     """Return the highest peak of a response and its frequency, inf where it is at infinity."""
-    poles = response.values[response.values.imag >= 0.0]
-    w = _sampled(poles, remembered)
+    w = response.sampled(known)
     value = response.sizes(w)
     best = int(value.argmax())
     before, after = np.concatenate(([-np.inf], value[:-1])), np.concatenate((value[1:], [-np.inf]))
@@ -90,32 +149,15 @@ def peak(response: Response, remembered: list[float]) -> tuple[float, float]:
         if values[row, at] > highest:
             where, highest = float(grid[row, at]), float(values[row, at])
         k, rows = values.argmax(axis=1), np.arange(len(values))
-        low, high = grid[rows, np.maximum(k - 1, 0)], grid[rows, np.minimum(k + 1, POINTS - 1)]
-        fall = values.max(axis=1) - np.minimum(values[rows, np.maximum(k - 1, 0)],
-                                               values[rows, np.minimum(k + 1, POINTS - 1)])  # fmt: skip
+        before, after = np.maximum(k - 1, 0), np.minimum(k + 1, POINTS - 1)
+        low, high = grid[rows, before], grid[rows, after]
+        fall = values.max(axis=1) - np.minimum(values[rows, before], values[rows, after])
         near = values.max(axis=1) + fall >= highest
         near[row] = True
         low, high = low[near], high[near]
     where, highest = _polished(response, where, highest, grid[row], values[row])
-    far = float(np.linalg.norm(response.d, 2)) if response.d.any() else 0.0
+    far = response.far
     return (far, np.inf) if far >= highest else (highest, where)
-
-
-def _sampled(poles: Complex, remembered: list[float]) -> Array:
-    """Frequencies about all poles and beyond, no closer than the response can change: by the nearest pole."""
-    size = np.abs(poles)
-    slow, fast = float(size.min(initial=1.0)), float(size.max(initial=1.0))
-    w = np.concatenate(([0.0], np.ravel(np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * BESIDE), size,
-                        np.geomspace(slow / BEYOND, fast * BEYOND, COARSE), remembered))  # fmt: skip
-    w = np.unique(w[(w >= 0.0) & (w < np.inf)])
-    if not len(poles):
-        return w
-    closest = CLOSE * np.abs(1j * w[:, None] - poles).min(axis=1)
-    kept = [0]
-    for k in range(1, len(w)):
-        if w[k] - w[kept[-1]] >= closest[k]:
-            kept.append(k)
-    return np.union1d(w[kept], [one for one in remembered if 0.0 <= one < np.inf])
 
 
 def _polished(response: Response, where: float, highest: float, grid: Array, values: Array) -> tuple[float, float]:
@@ -129,19 +171,3 @@ def _polished(response: Response, where: float, highest: float, grid: Array, val
     w = float(grid[k] - 0.5 * (grid[k + 1] - grid[k]) * fall / curvature)
     value = float(response.sizes(np.array([w]))[0])
     return w, max(value, highest)
-
-
-def peak_gradient(response: Response, w: float) -> tuple[float, Array]:
-    """Return the largest singular value at a frequency and its gradient to [A B; C D]: Re([l; u] [r; v]^H)."""
-    n, d = len(response.a), response.d
-    if np.isinf(w):
-        u, s, vh = np.linalg.svd(d)
-        result = np.zeros((n + len(d), n + d.shape[1]))
-        result[n:, n:] = np.outer(u[:, 0], vh[0])
-        return float(s[0]), result
-    matrix = 1j * w * np.eye(n) - response.a
-    x = np.linalg.solve(matrix, response.b.astype(complex))
-    u, s, vh = np.linalg.svd(response.c @ x + d)
-    left = np.concatenate((np.linalg.solve(matrix.T, response.c.T @ u[:, 0].conj()), u[:, 0].conj()))
-    right = np.concatenate((x @ vh[0].conj(), vh[0].conj()))
-    return float(s[0]), np.outer(left, right).real

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mbsvib.errors import MbsvibError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.tuning.goals import Bound, Goal
+    from mbsvib.tuning.measures import Goal, Measure
     from mbsvib.tuning.scene import Loop, Scene
     from mbsvib.tuning.structures import Law, Value
 
@@ -83,16 +83,29 @@ class Unknowns:
         return p, np.where(self.positive, p, self.size) * rate
 
 
+class Judged(NamedTuple):
+    """A goal at the plant where it is worst: its weighted value or violation, and a function of its gradient."""
+
+    value: float
+    rate: float
+    slope: Callable[[], Array]
+    loop: Loop
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A structure and variables of models at plants: values are those of the ``law``, then of the ``variables``."""
+    """A structure and variables of models at plants: values are those of the ``law``, then of the ``variables``.
+
+    ``measures``, ``known``: of each goal at each plant, and frequencies at which it has peaks.
+    """
 
     scenes: tuple[Scene, ...]
     law: Law
     variables: tuple[str, ...]
     unknowns: Unknowns
     goals: tuple[Goal, ...]
-    bounds: tuple[tuple[Bound, ...], ...]  # of each goal at each plant
+    measures: tuple[tuple[Measure, ...], ...]
+    known: tuple[tuple[tuple[float, ...], ...], ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,11 +120,11 @@ class Problem:
     def loops(self, p: Array) -> list[Loop] | None:
         """Return the loops with all plants, None where one has no solution."""
         own, variables = self.split(p)
-        realization = self.law.realized(own)
+        law, slopes = self.law.realized(own)
         loops = []
         for scene in self.scenes:
             try:
-                loop = scene.loop(realization, variables)
+                loop = scene.loop(law, slopes, variables)
             except MbsvibError:
                 return None
             if loop is None or not all(np.isfinite(part).all() for part in loop.closed):
@@ -119,8 +132,13 @@ class Problem:
             loops.append(loop)
         return loops
 
+    def stable(self, x: Array) -> list[Loop] | None:
+        """Return the loops with all plants for unknowns, None unless all poles decay."""
+        loops = self.loops(self.unknowns.values(x)[0])
+        return None if loops is None or not all(loop.decays for loop in loops) else loops
+
     def _slope(self, loop: Loop, gradient: Array) -> Array:
-        own, variables = loop.slopes(gradient)
+        own, variables = loop.to_values(gradient)
         return np.concatenate((own, [variables[name] for name in self.variables]))
 
     def growth(self, x: Array) -> tuple[float, Array]:
@@ -130,25 +148,30 @@ class Problem:
         if loops is None:
             return np.inf, np.zeros(len(x))
         worst = max(loops, key=lambda loop: loop.growth)
-        k = int(worst.eigen[0].real.argmax())
-        gradient = worst.within(worst.pole_slope(k).real, [], [])
-        return worst.growth, self._slope(worst, gradient) * rate
+        return worst.growth, self._slope(worst, worst.growth_slope()) * rate
+
+    def _judged(self, loops: list[Loop] | None) -> tuple[list[Judged], list[Judged]] | None:
+        """Norms that are minimised and limits, None where one has no value."""
+        result: tuple[list[Judged], list[Judged]] = [], []
+        if loops is None:
+            return None
+        try:
+            for goal, measures, known in zip(self.goals, self.measures, self.known, strict=True):
+                entries = []
+                for measure, loop, peaks in zip(measures, loops, known, strict=True):
+                    value, slope = measure(loop, peaks)
+                    entries.append(Judged(*goal.rated(value), slope, loop))
+                result[goal.limit is not None].append(max(entries, key=lambda entry: entry.value))
+        except MbsvibError:
+            return None
+        return result if all(np.isfinite(entry.value) for part in result for entry in part) else None
 
     def measured(self, x: Array) -> tuple[float, float]:
         """Return the largest weighted norm and the largest violation of a limit."""
-        loops = self.loops(self.unknowns.values(x)[0])
-        if loops is None or not all(loop.decays for loop in loops):
+        judged = self._judged(self.stable(x))
+        if judged is None:
             return np.inf, np.inf
-        value, violation = -np.inf, -np.inf
-        for goal, at in zip(self.goals, self.bounds, strict=True):
-            try:
-                numbers = [bound.measure(loop)[0] for bound, loop in zip(at, loops, strict=True)]
-            except MbsvibError:
-                return np.inf, np.inf
-            if goal.limit:
-                violation = max(violation, *numbers)
-            else:
-                value = max(value, *numbers)
+        value, violation = (max([entry.value for entry in part], default=-np.inf) for part in judged)
         return value, violation
 
     def objective(self, x: Array, penalty: float, barrier: float = 0.0) -> tuple[float, Array]:
@@ -158,46 +181,44 @@ class Problem:
         ``barrier``: times -ln(r / SLOW) of the decay rate r of a slow pole is added, so that searches do not end where
         a loop is hardly stable.
         """
-        p, rate = self.unknowns.values(x)
-        nowhere = np.inf, np.zeros(len(x))
-        loops = self.loops(p)
-        if loops is None or not all(loop.decays for loop in loops):
-            return nowhere
-        norms: list[Any] = []
-        limits: list[Any] = []
-        try:
-            for goal, at in zip(self.goals, self.bounds, strict=True):
-                entries = [(*bound.measure(loop), loop) for bound, loop in zip(at, loops, strict=True)]
-                (limits if goal.limit else norms).append(max(entries, key=lambda entry: entry[0]))
-        except MbsvibError:
-            return nowhere
-        values = [entry[0] for entry in (*norms, *limits)]
-        if not np.isfinite(values).all():
-            return nowhere
-        parts = [(1.0, max(norms, key=lambda entry: entry[0]))] if norms else []
-        if not norms:
-            parts = [(1.0, max(limits, key=lambda entry: entry[0]))]
-        total = parts[0][1][0]
-        for entry in limits if norms else ():
-            if entry[0] > -SPARE:
-                total += penalty * (entry[0] + SPARE)
-                parts.append((penalty, entry))
-        slope = np.zeros(len(x))
-        for weight, (value, gradient, loop) in parts:
-            if value or weight:
-                slope += weight * self._slope(loop, gradient())
+        loops = self.stable(x)
+        judged = self._judged(loops)
+        if loops is None or judged is None:
+            return np.inf, np.zeros(len(x))
+        norms, limits = judged
+        parts = [(1.0, 0.0, max(norms or limits, key=lambda entry: entry.value))]
+        parts += [(penalty, SPARE, entry) for entry in limits if norms and entry.value > -SPARE]
+        total = float(sum(weight * (entry.value + spare) for weight, spare, entry in parts))
+        slope = np.asarray(sum(weight * entry.rate * self._slope(entry.loop, entry.slope())
+                               for weight, _, entry in parts))  # fmt: skip
         slowest = max(loops, key=lambda loop: loop.growth)
         if barrier and -slowest.growth < SLOW:
-            k = int(slowest.eigen[0].real.argmax())
             total -= barrier * float(np.log(-slowest.growth / SLOW))
-            slope -= barrier / slowest.growth * self._slope(slowest, slowest.within(slowest.pole_slope(k).real, [], []))
-        return (total, slope * rate) if np.isfinite(slope).all() else nowhere
+            slope = slope - barrier / slowest.growth * self._slope(slowest, slowest.growth_slope())
+        slope = slope * self.unknowns.values(x)[1]
+        return (total, slope) if np.isfinite(slope).all() else (np.inf, np.zeros(len(x)))
 
-    def closed(self, p: Array, noise: bool) -> list[object]:
-        """Return the closed loops of the library for values p."""
+    def closed(self, p: Array) -> list[Any]:
+        """Return the closed loops of the library for values p, with inputs of noise."""
         own, variables = self.split(p)
         law = self.law.controller(own)
-        return [scene.system_at(variables).feedback(law, noise=noise) for scene in self.scenes]
+        return [scene.plant_at(variables)[1].feedback(law, noise=True) for scene in self.scenes]
+
+    def knowing(self, x: Array) -> Problem:
+        """Return the same problem, which knows the peaks that the library finds on panels for some unknowns."""
+        loops = self.closed(self.unknowns.values(x)[0])
+
+        def peaks(goal: Goal, loop: Any, scene: Scene) -> tuple[float, ...]:
+            try:
+                omega = goal.of(loop).omega
+            except MbsvibError:  # the search knows no peak that the library refuses
+                return ()
+            return () if omega is None or not np.isfinite(omega) else (omega / scene.rate,)
+
+        return replace(self, known=tuple([
+            tuple([old + peaks(goal, loop, scene) for old, loop, scene in zip(known, loops, self.scenes, strict=True)])
+            for goal, known in zip(self.goals, self.known, strict=True)
+        ]))  # fmt: skip
 
     def values(self, p: Array) -> Mapping[str, float]:
         """Return all values by name."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.spectrum import spectrum
-from mbsvib.tuning.scene import equations
+from mbsvib.random.mean_squares import first_order
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
@@ -23,7 +23,7 @@ UNREACHED = 1e-9
 
 def unreached(scene: Scene) -> list[str]:
     """Return the modes, in words, that do not decay and that no actuator reaches or no sensor sees."""
-    space = equations(scene.system)
+    space = first_order(scene.system)
     y = [scene.system.outputs.index(name) for name in scene.sensors]
     u = [scene.system.inputs.index(name) for name in scene.actuators]
     a, b, c = space.A / scene.rate, _unit(space.B[:, u]), _unit(space.C[y].T).T

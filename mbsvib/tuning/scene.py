@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +12,24 @@ from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import regular
-from mbsvib.feedback.loop_gradient import Closure
-from mbsvib.feedback.noise import NOISE
+from mbsvib.feedback.loop_gradient import Closure, Gathered
+from mbsvib.random.mean_squares import first_order
+from mbsvib.responses.entry_slopes import pole_slope
+from mbsvib.responses.state_space import StateSpace
 from mbsvib.sensitivities.states import changed, states
 from mbsvib.tuning.peaks import Response, eigen
 from mbsvib.tuning.structures import Signals
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.closing import Matrices
     from mbsvib.sensitivities.states import States
     from mbsvib.studies.design import StudyVariables
+    from mbsvib.tuning.peaks import Eigen
     from mbsvib.tuning.realization import Realization
+    from mbsvib.tuning.weights import Weight
 
 # A pole decays if its real part is below this share of the fastest pole: closed loops at the limit are not wanted.
 DECAYS = 1e-10
@@ -49,22 +53,27 @@ class Scene:
     actuators: tuple[str, ...]
     rate: float
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs, with those of noise."""
-        return (*self.system.inputs, *[f"{name}{NOISE}" for name in (*self.sensors, *self.actuators)])
+    @cached_property
+    def ports(self) -> StateSpace:
+        """Equations of which the names and units of the loop's outputs and inputs count alone."""
+        law = np.zeros((len(self.actuators), len(self.sensors)))
+        loop = self.system.feedback(law, self.sensors, self.actuators, noise=True)
+        o, i = len(loop.outputs), len(loop.inputs)
+        space = StateSpace.from_arrays(-np.eye(1), np.zeros((1, i)), np.zeros((o, 1)), np.zeros((o, i)), loop.inputs,
+                                       loop.outputs, name=self.system.name)  # fmt: skip
+        return replace(space, input_units=loop.input_units, output_units=loop.output_units)
 
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Units of the inputs."""
-        y, u = self._ports
-        system = self.system
-        return (*system.input_units, *[system.output_units[k] for k in y], *[system.input_units[k] for k in u])
-
-    @property
-    def _ports(self) -> tuple[list[int], list[int]]:
+    @cached_property
+    def _numbers(self) -> tuple[list[int], list[int]]:
+        """Those of the sensors among the outputs, and of the actuators among the inputs of the system."""
         system = self.system
         return [system.outputs.index(n) for n in self.sensors], [system.inputs.index(n) for n in self.actuators]
+
+    @cached_property
+    def _gathered(self) -> Gathered:
+        (y, u), p, q = self._numbers, len(self.system.outputs), len(self.system.inputs)
+        return Gathered([*range(p), *y, *[-1] * len(u)], [*range(q), *[-1] * len(y), *u],
+                        ([*range(p, p + len(y)), *self.commands], [*range(q, q + len(y)), *u]))  # fmt: skip
 
     @property
     def commands(self) -> list[int]:
@@ -75,19 +84,13 @@ class Scene:
     @property
     def driven(self) -> list[int]:
         """Numbers of the inputs at the actuators."""
-        return self._ports[1]
+        return self._numbers[1]
 
-    def system_at(self, values: Mapping[str, float]) -> Any:
-        """Return the system for values of the variables."""
+    def plant_at(self, values: Mapping[str, float]) -> tuple[Any, Any]:
+        """Return the model, or what was given, and its system for values of the variables."""
         if self.variables is None:
-            return self.system
-        return in_equilibrium(self.model.with_values(self.variables.values(values)))[1]
-
-    def model_at(self, values: Mapping[str, float]) -> Any:
-        """Return the model, or the plant that was given, for values of the variables."""
-        if self.variables is None:
-            return self.model
-        return in_equilibrium(self.model.with_values(self.variables.values(values)))[0]
+            return self.model, self.system
+        return in_equilibrium(self.model.with_values(self.variables.values(values)))
 
     @cached_property
     def _nominal(self) -> tuple[Matrices, States | None]:
@@ -97,36 +100,31 @@ class Scene:
         base = None
         if self.variables is not None:
             base = states(system.basis, list(range(len(system.inputs))), list(range(len(system.outputs))))
-        space = base or equations(system)
-        return self._augmented((space.A / self.rate, space.B / self.rate, space.C, space.D)), base
+        space = base or first_order(system)
+        return (space.A / self.rate, space.B / self.rate, space.C, space.D), base
 
-    def _augmented(self, plant: Matrices) -> Matrices:
-        a, b, c, d = plant
-        y, u = self._ports
-        b = np.concatenate((b, np.zeros((len(a), len(y))), b[:, u]), axis=1)
-        rows = np.concatenate((d, np.zeros((len(d), len(y))), d[:, u]), axis=1)
-        seen, applied = rows[y].copy(), np.zeros((len(u), b.shape[1]))
-        seen[:, d.shape[1] : d.shape[1] + len(y)] = np.eye(len(y))
-        applied[np.arange(len(u)), u] = 1.0
-        return a, b, np.concatenate((c, c[y], np.zeros((len(u), len(a))))), np.concatenate((rows, seen, applied))
-
-    def loop(self, realization: Realization, values: Mapping[str, float]) -> Loop | None:
-        """Return the loop with a controller, None where it has no solution."""
-        system = self.system_at(values)
+    def loop(self, law: Realization, slopes: Array, values: Mapping[str, float]) -> Loop | None:
+        """Return the loop with a controller and its ``slopes``, None where it has no solution."""
+        system = self.plant_at(values)[1]
         plant, base = self._nominal if self.variables is None else self._equations(system)
-        a, b, c, d = realization.matrices
-        law = a / self.rate, b / self.rate, c, d
-        count, u = len(self.system.outputs), self.driven
-        sensors = list(range(count, count + len(self.sensors)))
-        if not regular(plant[3][np.ix_(sensors, u)] @ d):
+        a, b, c, d = law.matrices
+        y, u = self._numbers
+        if not regular(plant[3][np.ix_(y, u)] @ d):
             return None
-        closure = Closure(plant, law, sensors, u, list(range(len(plant[2]))), list(range(plant[1].shape[1])))
-        return Loop(self, system, base, closure, realization, values)
+        seen = [len(system.outputs) + k for k in range(len(y))]
+        whole = self._gathered.of(plant)
+        closure = Closure(whole, (a / self.rate, b / self.rate, c, d), seen, u, list(range(len(whole[2]))),
+                          list(range(whole[1].shape[1])))  # fmt: skip
+        return Loop(self, system, plant, base, closure, slopes, values)
+
+    def to_plant(self, gradient: Array, plant: Matrices) -> Array:
+        """Return the gradient to [A B; C D] of the system, of one to those with all ports."""
+        return self._gathered.back(gradient, plant)
 
     def signals(self) -> Signals:
         """Return sizes of actuators and sensors, so that responses between them are about 1 around the mean pole."""
         (a, b, c, d), _ = self._nominal
-        y, u = self._ports
+        y, u = self._numbers
         s = 1j * AROUND[:, None, None] * np.eye(len(a)) - a
         with np.errstate(all="ignore"):
             try:
@@ -145,13 +143,16 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed loop of a search, ``base`` the equations of its plant with derivatives to ``values`` of variables."""
+    """A closed loop of a search: ``plant`` with the derivatives of ``base`` to ``values`` of variables, and a
+    controller with ``slopes`` to its own.
+    """
 
     scene: Scene
     system: Any
+    plant: Matrices
     base: States | None
     closure: Closure
-    law: Realization
+    slopes: Array
     values: Mapping[str, float]
 
     @cached_property
@@ -160,7 +161,7 @@ class Loop:
         return self.closure.closed
 
     @cached_property
-    def eigen(self) -> tuple[Complex, Complex, Complex | None]:
+    def eigen(self) -> Eigen:
         """Eigenvalues, eigenvectors and their inverse, None where they are nearly dependent."""
         return eigen(self.closed[0])
 
@@ -174,22 +175,23 @@ class Loop:
         """Whether all poles decay."""
         return self.growth < -DECAYS * float(np.abs(self.eigen[0]).max(initial=0.0))
 
-    def pole_slope(self, k: int) -> Complex:
-        """Return the derivative of a pole to the entries of A."""
-        values, vectors, inverse = self.eigen
-        if inverse is not None:
-            return np.outer(inverse[k], vectors[:, k])
-        from scipy.linalg import eig
+    def pole_slope(self, number: Callable[[Complex], int]) -> tuple[complex, Complex]:
+        """Return a pole and its derivatives to A."""
+        return pole_slope(self.closed[0], number)
 
-        others, left, right = eig(self.closed[0], left=True)
-        at = int(np.abs(others - values[k]).argmin())
-        product = left[:, at].conj() @ right[:, at]
-        return np.asarray(np.outer(left[:, at].conj(), right[:, at]) / (product or np.finfo(float).eps))
+    def growth_slope(self) -> Array:
+        """Return the gradient of the growth to [A B; C D]."""
+        return self.within(self.pole_slope(lambda poles: int(poles.real.argmax()))[1].real, [], [])
 
-    def response(self, outputs: list[int], inputs: list[int]) -> Response:
-        """Return the response from some inputs to some outputs."""
+    def part(self, outputs: list[int], inputs: list[int]) -> Matrices:
+        """Return A, B, C, D of some outputs and inputs."""
         a, b, c, d = self.closed
-        return Response(a, (b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]), self.eigen)
+        return a, b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
+
+    def response(self, outputs: list[int], inputs: list[int], weight: Weight | None, less: bool) -> Response:
+        """Return the weighted response from some inputs to some outputs, ``less`` 1."""
+        a, b, c, d = self.part(outputs, inputs)
+        return Response((a, b, c, d - np.eye(len(d)) if less else d), self.eigen, weight, self.scene.rate)
 
     def within(self, gradient: Array, outputs: list[int], inputs: list[int]) -> Array:
         """Return a gradient to [A B; C D] of some outputs and inputs as one of all."""
@@ -199,28 +201,23 @@ class Loop:
         result[np.ix_([*range(n), *[n + k for k in outputs]], [*range(n), *[n + k for k in inputs]])] = gradient
         return result
 
-    def slopes(self, gradient: Array) -> tuple[Array, dict[str, float]]:
+    def to_values(self, gradient: Array) -> tuple[Array, dict[str, float]]:
         """Return the derivatives to the values of the controller, and to the variables of the model.
 
         ``gradient``: to [A B; C D] of the loop.
         """
         to_law = self.closure.to_law(gradient)
-        to_law[: self.law.order] /= self.scene.rate
-        return np.tensordot(self.law.slopes, to_law, axes=2), self._to_variables(gradient)
+        to_law[: len(self.closure.law[0])] /= self.scene.rate
+        return np.tensordot(self.slopes, to_law, axes=2), self._to_variables(gradient)
 
     def _to_variables(self, gradient: Array) -> dict[str, float]:
         variables, base = self.scene.variables, self.base
         if variables is None or base is None:
             return {}
-        y, u = self.scene._ports  # noqa: SLF001
-        inside = self.closure.to_plant(gradient)
+        whole = self.scene.to_plant(self.closure.to_plant(gradient), self.plant)
         n, p, q = len(base.A), len(self.system.outputs), len(self.system.inputs)
-        inside[:n] /= self.scene.rate
-        rows = inside[: n + p].copy()
-        np.add.at(rows, n + np.array(y, dtype=np.intp), inside[n + p : n + p + len(y)])
-        columns = rows[:, : n + q].copy()
-        np.add.at(columns.T, n + np.array(u, dtype=np.intp), rows[:, n + q + len(y) :].T)
-        to = columns[base.first : n, :n], columns[base.first : n, n:], columns[n:, :n], columns[n:, n:]
+        whole[:n] /= self.scene.rate
+        to = whole[base.first : n, :n], whole[base.first : n, n:], whole[n:, :n], whole[n:, n:]
         result: dict[str, float] = {}
         rates = variables.rates(self.values)
         for _, change in self.system.sensitivity_basis.matrix_derivatives_in_parts(rates, len(rates)):
@@ -228,16 +225,6 @@ class Loop:
             slope = np.asarray(sum(np.einsum("vij,ij->v", d, g) for d, g in zip(parts, to, strict=True)))
             result |= dict(zip(change.variables, slope.tolist(), strict=True))
         return result
-
-
-def equations(system: Any) -> Any:
-    """Return first-order equations, in modal states where there are such."""
-    if kind_of(system) == "state space":
-        return system
-    try:
-        return system.state_space("modal")
-    except ResponseError:
-        return system.state_space("balanced")
 
 
 def linearized(plant: Any) -> Any:

@@ -14,10 +14,10 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected, united
 from mbsvib.errors import ModelError, ResponseError, nearest
 from mbsvib.feedback.controller import Controller, controller
-from mbsvib.tuning.realization import Realization, in_series, summed
+from mbsvib.tuning.realization import Realization, in_series, summed, with_slopes
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
 
 Bounds = tuple[float, float]
@@ -135,8 +135,8 @@ class Part(Tunable):
         """Return the values, with sizes that suit the signals."""
 
     @abstractmethod
-    def at(self, values: Array) -> Realization:
-        """Return the equations and their derivatives to the values."""
+    def at(self, values: Complex) -> Realization:
+        """Return the equations (n, ...) for values (v, n)."""
 
     def parts(self) -> tuple[Part, ...]:
         """Return this part."""
@@ -212,11 +212,10 @@ class Fixed(Part):
         """No values."""
         return []
 
-    def at(self, values: Array) -> Realization:
+    def at(self, values: Complex) -> Realization:
         """Return the equations that were given."""
-        x = np.concatenate([np.concatenate(rows, axis=1) for rows in
-                            ((self.law.A, self.law.B), (self.law.C, self.law.D))])  # fmt: skip
-        return Realization(len(self.law.A), x, np.zeros((0, *x.shape)))
+        x = np.block([[self.law.A, self.law.B], [self.law.C, self.law.D]])
+        return Realization(len(self.law.A), np.broadcast_to(x, (values.shape[1], *x.shape)))
 
     def through(self, sensors: Array, rate: float) -> Array | None:
         """Return the sizes of outputs by the gain at the rate."""
@@ -336,15 +335,14 @@ class Law:
     values: tuple[Value, ...]
     at: tuple[list[int], ...]
 
-    def realized(self, p: Array) -> Realization:
-        """Return the equations for values p (v,)."""
-        parts = [part.at(p[which]).of_values(which, len(p))
-                 for part, which in zip(self.structure.parts(), self.at, strict=True)]  # fmt: skip
-        return self.structure.realized(iter(parts))
+    def realized(self, p: Array) -> tuple[Realization, Array]:
+        """Return the equations for values p (v,), and dX/dp (v, ...)."""
+        return with_slopes(lambda points: self.structure.realized(iter(
+            [part.at(points[:, which].T) for part, which in zip(self.structure.parts(), self.at, strict=True)])), p)
 
     def controller(self, p: Array, name: str = "tuned") -> Controller:
         """Return the controller for values p (v,)."""
-        return Controller(name, *self.realized(p).matrices, self.structure.inputs, self.structure.outputs)
+        return Controller(name, *self.realized(p)[0].matrices, self.structure.inputs, self.structure.outputs)
 
 
 def law(structure: Tunable, sizes: Signals, rate: float) -> Law:

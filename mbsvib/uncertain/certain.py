@@ -20,7 +20,7 @@ from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.intervals import Channels, cover
-from mbsvib.uncertain.search import gain, perturbed, values_at
+from mbsvib.uncertain.search import gain, peak_of, perturbed, values_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -311,7 +311,9 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
         return WorstGain(plant.name, np.inf, np.inf, values, np.nan)
     closed = problem.closure(delta)
     assert closed is not None
-    omega = _peak(closed.closed)
+    omega = float(peak_of(closed.closed).omega or 0.0)
+    if omega <= STATIC * float(np.abs(np.linalg.eigvals(closed.closed[0])).max(initial=0.0)):
+        omega = 0.0
     if lower == 0.0:
         return WorstGain(plant.name, 0.0, 0.0, values, 0.0)
 
@@ -325,16 +327,6 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
             return WorstGain(plant.name, lower, _closest(proves, above, below, lower * accuracy), values, omega)
         below, share = above, 6.0 * share
     return WorstGain(plant.name, lower, np.inf, values, omega)
-
-
-def _peak(space: Matrices) -> float:
-    from mbsvib.responses.first_order_solver import first_order_solver
-    from mbsvib.responses.norms import hinf
-
-    a, b, c, d = space
-    solver, values = first_order_solver(a, b, c, "perturbed plant"), np.linalg.eigvals(a).astype(complex)
-    omega = float(hinf(lambda w: solver.frequency_response(w, b, c, d), values, d).omega or 0.0)
-    return omega if omega > STATIC * float(np.abs(values).max(initial=0.0)) else 0.0
 
 
 def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:

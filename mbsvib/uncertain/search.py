@@ -16,6 +16,9 @@ from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.closing import regular
 from mbsvib.feedback.loop_gradient import Closure
 from mbsvib.random.mean_squares import first_order
+from mbsvib.responses.entry_slopes import gain_slope, pole_slope
+from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.responses.norms import hinf
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closing import Matrices
+    from mbsvib.responses.norms import Norm
 
     Measure = Callable[["Matrices"], "tuple[float, Array]"]
 
@@ -162,40 +166,26 @@ def growth(space: Matrices) -> tuple[float, Array]:
 
     It is minus infinity where there is no state.
     """
-    from scipy.linalg import eig
-
     a, b, c, _ = space
     gradient = np.zeros((len(a) + len(c), len(a) + b.shape[1]))
     if not len(a):
         return -np.inf, gradient
-    values, left, right = eig(a, left=True)
-    k = int(np.argmax(values.real))
-    y, x = left[:, k], right[:, k]
-    gradient[: len(a), : len(a)] = (np.outer(y.conj(), x) / (y.conj() @ x)).real
-    return float(values[k].real), gradient
+    value, slope = pole_slope(a, lambda values: int(values.real.argmax()))
+    gradient[: len(a), : len(a)] = slope.real
+    return value.real, gradient
 
 
 def gain(space: Matrices) -> tuple[float, Array]:
     """Return the highest peak of the largest singular value, infinite where it is not stable, and its gradient."""
-    from mbsvib.responses.first_order_solver import first_order_solver
-    from mbsvib.responses.norms import hinf
+    a, b, c, _ = space
+    if len(a) and np.linalg.eigvals(a).real.max() >= 0.0:
+        return np.inf, np.zeros((len(a) + len(c), len(a) + b.shape[1]))
+    peak = peak_of(space)
+    return peak.value, gain_slope(space, float(peak.omega or 0.0))[1]
 
+
+def peak_of(space: Matrices) -> Norm:
+    """Return the highest peak of stable equations."""
     a, b, c, d = space
-    n = len(a)
-    zero = np.zeros((n + len(c), n + b.shape[1]))
-    values = np.linalg.eigvals(a).astype(complex)
-    if len(a) and values.real.max() >= 0.0:
-        return np.inf, zero
     solver = first_order_solver(a, b, c, "perturbed plant")
-    peak = hinf(lambda w: solver.frequency_response(w, b, c, d), values, d)
-    w = float(peak.omega or 0.0)
-    if w == np.inf:
-        u, _, v = np.linalg.svd(d)
-        zero[n:, n:] = np.outer(u[:, 0], v[0])
-        return peak.value, zero
-    inside = 1j * w * np.eye(n) - a
-    x = np.linalg.solve(inside, b)
-    u, _, v = np.linalg.svd(c @ x + d)
-    left = np.concatenate((np.linalg.solve(inside.T, c.T) @ u[:, 0].conj(), u[:, 0].conj()))
-    right = np.concatenate((x @ v[0].conj(), v[0].conj()))
-    return peak.value, np.outer(left, right).real
+    return hinf(lambda w: solver.frequency_response(w, b, c, d), np.linalg.eigvals(a).astype(complex), d)

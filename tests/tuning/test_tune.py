@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.tuning import tuning
+from mbsvib.tuning import searching
 from mbsvib.tuning.goals import as_goals
 from mbsvib.tuning.minimizing import Descent
 from mbsvib.tuning.tuning import _problem
@@ -186,7 +186,7 @@ def test_goals_refuse_numbers_that_make_no_sense(make):
 
 def test_a_search_does_not_end_above_its_start(monkeypatch):
     """Barriers and penalties may lead descents away from a good start: here all of them do."""
-    monkeypatch.setattr(tuning, "bfgs", lambda function, x, *_: Descent(x + 0.5, np.inf, (np.inf,)))
+    monkeypatch.setattr(searching, "bfgs", lambda function, x, *_: Descent(x + 0.5, np.inf, (np.inf,)))
     start = {"F/v.gain": -20.0}
     told = []
     design = mv.tune(oscillator(), T.gain("F", "v"), [G.rms("x", {"F": 4.0, "v.noise": 0.01})], starts=1, initial=start,

@@ -1,0 +1,145 @@
+"""The search for values: starts are stabilised and go down in turn or in processes; the best go on, and begin anew.
+
+Limits are exact penalties whose weight grows until they hold. All that a descent does follows from its start, so that
+the result is the same for any number of processes.
+
+Source: Burke, Henrion, Lewis & Overton, HIFOO (2006), for stabilisation first and BFGS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.studies.running import run
+from mbsvib.tuning.minimizing import bfgs
+from mbsvib.tuning.problem import SPARE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.tuning.problem import Problem
+
+SHORT, LONG = 150, 1500  # steps of the first descents, and of those that are continued
+BEST = 3  # starts that are continued
+RESTARTS, TOGETHER, NEAR = 8, 2, 0.02  # new searches about the best, so many of which begin at once, and how near
+GAINED = 1e-4  # restarts end if those that began at once gain less than this share
+PENALTIES = 7  # tenfold weights of limits
+# Weights of barriers against hardly stable loops, of first, continued and last searches, in parts of the objective.
+BARRIERS = (1e-2, 1e-4, 1e-7)
+AWAY = 1e-3  # poles of a stabilised start decay by this share of the mean rate if the structure allows it
+AGREES, ROUNDS = 1e-6, 3  # share by which the library may find a higher peak, and descents that are told of it
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a search ended: unknowns ``x``, their ``rank`` (violation, largest norm), the ``problem`` that knows the
+    peaks there, and the objective after all steps.
+    """
+
+    x: Array
+    rank: tuple[float, float]
+    problem: Problem
+    history: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Descents:
+    """Descents from ``starts`` as the work of ``studies.running``."""
+
+    descend: Callable[[Any], Any]
+    starts: Sequence[Any]
+    kind: str = "single"
+    dof: int = 1
+
+    def run(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> list[tuple[int, Any]]:
+        """Return the ends of the descents with these numbers."""
+        return [(k, self.descend(self.starts[k])) for k in numbers]
+
+    def ends(self, workers: int | None, tell: Callable[[int], None]) -> list[Any]:
+        """Return all ends in the order of the starts."""
+        result: dict[int, Any] = {}
+        for outcomes in run(self, {}, range(len(self.starts)), workers):
+            result |= dict(outcomes)
+            tell(len(outcomes))
+        for outcome in result.values():
+            if isinstance(outcome, str):
+                raise ResponseError(f"tune: a search failed: {outcome}. Give workers=1, or free memory.")
+        return [result[k] for k in range(len(self.starts))]
+
+
+def rank(problem: Problem, x: Array) -> tuple[float, float]:
+    """Return by how much limits are missed, at least 0, and the largest norm."""
+    value, violation = problem.measured(x)
+    return max(violation, 0.0), value
+
+
+def stabilised(problem: Problem, x: Array) -> tuple[End | None, End | None]:
+    """Return a start whose poles decay, and where a first descent from it ends; None if it cannot be stabilised."""
+    if not np.isfinite(problem.objective(x, 1.0)[0]):
+        x = bfgs(problem.growth, x, LONG, -AWAY).x
+    if problem.stable(x) is None:
+        return None, None
+    start = End(x, rank(problem, x), problem, ())
+    return start, _penalised(problem, x, SHORT, BARRIERS[0]) if np.isfinite(max(start.rank)) else None
+
+
+def _penalised(problem: Problem, x: Array, steps: int, barrier: float) -> End:
+    """A descent with limits as penalties, whose weight grows until they hold."""
+    norms = any(goal.limit is None for goal in problem.goals)
+    value = problem.measured(x)[0]
+    penalty = size = max(abs(value), 1e-300) if np.isfinite(value) else 1.0
+    history: tuple[float, ...] = ()
+    for _ in range(PENALTIES):
+        function = partial(problem.objective, penalty=penalty, barrier=barrier * size)
+        end = bfgs(function, x, steps, -np.inf if norms else -2.0 * SPARE)
+        history += end.history
+        x = end.x
+        result = rank(problem, x)
+        if result[0] <= 0.0 or not norms:
+            break
+        penalty *= 10.0
+    return End(x, result, problem, history)
+
+
+def _honest(barrier: float, start: End) -> End:
+    """A long descent to where the library finds no higher peak than the search."""
+    problem, x = start.problem, start.x
+    history: tuple[float, ...] = ()
+    for _ in range(ROUNDS):
+        end = _penalised(problem, x, LONG, barrier)
+        history += end.history
+        problem, x = problem.knowing(end.x), end.x
+        found = rank(problem, x)
+        if all(there <= here + AGREES * (abs(here) + SPARE) for there, here in zip(found, end.rank, strict=True)):
+            break
+    return End(x, found, problem, history)
+
+
+def searched(
+    starts: Sequence[End], first: Sequence[End], random: np.random.Generator, workers: int | None,
+    tell: Callable[[int], None],
+) -> tuple[Array, tuple[tuple[float, ...], ...]]:  # fmt: skip
+    """Return the best unknowns and the history of each search, after the ``first`` descents from stable ``starts``."""
+    histories = [end.history for end in first]
+    order = sorted(range(len(first)), key=lambda k: first[k].rank)[:BEST]
+    ends: list[End] = Descents(partial(_honest, BARRIERS[1]), [first[k] for k in order]).ends(workers, tell)
+    for k, end in zip(order, ends, strict=True):
+        histories[k] += end.history
+    start = min(starts, key=lambda end: end.rank)  # barriers may lead away from a good start
+    best = min((*ends, start), key=lambda end: end.rank)
+    for _ in range(RESTARTS // TOGETHER):
+        shift = NEAR * random.normal(size=(TOGETHER, len(best.x))) * np.maximum(np.abs(best.x), 0.1)
+        near = [End(best.x + step, best.rank, best.problem, ()) for step in shift]
+        ends = Descents(partial(_honest, BARRIERS[2]), near).ends(workers, tell)
+        histories += [end.history for end in ends]
+        old, end = best, min(ends, key=lambda end: end.rank)
+        best = end if end.rank < old.rank else old
+        if not (end.rank[0] < old.rank[0] or end.rank[1] < old.rank[1] - GAINED * abs(old.rank[1])):
+            break
+    return best.x, tuple(histories)

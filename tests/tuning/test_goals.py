@@ -1,0 +1,165 @@
+"""Goals against formulas: weights over frequency, roll-off, limits of norms; what is not reached is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from joblib import parallel_config
+from scipy.optimize import brentq
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.tuning.goals import as_goals
+from mbsvib.tuning.tuning import _problem
+from tests.tuning.test_tune import K, M, chain, oscillator
+
+T, G = mv.tunable, mv.goals
+FILTER = mv.StateSpace.from_arrays([[-3.0]], [[2.0]], [[1.5]], [[0.2]], inputs=["x"], outputs=["seen"])
+OMEGA = np.geomspace(1e-3, 1e4, 400001)
+
+
+def velocity_loop(gain):
+    return oscillator().feedback([[-gain]], "v", "F", noise=True)
+
+
+def compliance(gain, w=OMEGA):
+    return 1.0 / (K - M * w**2 + 1j * w * gain)
+
+
+def by_table(w):
+    return np.where((w >= 2.0 * np.pi * 0.1) & (w <= 2.0 * np.pi), 3.0 * (w / (0.2 * np.pi)) ** -0.5, 0.0)
+
+
+@pytest.mark.parametrize(("weight", "gain"), [
+    (mv.isolation.shaped([0.2, 3.6], [1.0, 3.0]), lambda w: 3.0 / (3.0 + 1j * w) + 0.2),
+    (FILTER, lambda w: 3.0 / (3.0 + 1j * w) + 0.2),
+    ([(0.1, 3.0), (1.0, 3.0 * 10**-0.5)], by_table),
+], ids=["filter", "state space", "table"])  # fmt: skip
+def test_weighted_peaks_are_those_of_the_formula(weight, gain):
+    goal, loop = G.hinf("x", "F", weight), velocity_loop(1.3)
+    expected = float(np.abs(gain(OMEGA) * compliance(1.3)).max())
+    norm = goal.of(loop)
+    assert norm.value == pytest.approx(expected, rel=1e-7)
+    problem = _problem(oscillator(), T.gain("F", "v", start={"gain": -1.3}), as_goals(goal), {})
+    value, w = problem.measured(problem.unknowns.begin(None))[0], norm.omega
+    assert value == pytest.approx(norm.value, rel=1e-7)
+    assert abs(gain(w) * compliance(1.3, w)) == pytest.approx(expected, rel=1e-7)
+
+
+def test_weight_of_several_outputs_has_their_names_in_any_order():
+    a, b, c, d = np.array([[-2.0]]), np.array([[0.5, 3.0]]), np.array([[1.0], [0.0]]), np.diag([0.1, 0.7])
+    weight = mv.StateSpace.from_arrays(a, b, c, d, inputs=["v", "x"], outputs=["p", "q"])
+    w = OMEGA[::40]
+    y = np.array([1j * w, np.ones(len(w))]) * compliance(0.7, w)  # v, x
+    z = c @ (b @ y / (1j * w + 2.0)) + d @ y
+    goal = G.hinf(["x", "v"], "F", weight)
+    assert goal.of(velocity_loop(0.7)).value == pytest.approx(np.linalg.norm(z, axis=0).max(), rel=1e-4)
+    problem = _problem(oscillator(), T.gain("F", "v", start={"gain": -0.7}), as_goals(goal), {})
+    assert problem.measured(problem.unknowns.begin(None))[0] == pytest.approx(
+        goal.of(velocity_loop(0.7)).value, rel=1e-7)
+
+
+def test_transfer_functions_of_python_control_are_weights():
+    control = pytest.importorskip("control")
+    goals = [G.hinf("x", "F", weight) for weight in (control.tf([0.2, 3.6], [1.0, 3.0]), FILTER)]
+    assert goals[0].of(velocity_loop(1.3)).value == pytest.approx(goals[1].of(velocity_loop(1.3)).value, rel=1e-9)
+
+
+def rolled(gain, w0, decibels):
+    w = np.geomspace(w0, 1e3 * w0, 20001)
+    t = gain * 1j * w * compliance(gain, w)
+    return float((np.abs(t) * (w / w0) ** (decibels / 20.0)).max())
+
+
+@pytest.mark.parametrize("decibels", [0.0, 20.0])
+def test_roll_off_is_that_of_the_complementary_sensitivity(decibels):
+    goal = G.rolloff(5.0 / (2.0 * np.pi), decibels)
+    assert goal.of(velocity_loop(6.0)).value == pytest.approx(rolled(6.0, 5.0, decibels), rel=1e-6)
+
+
+def test_roll_off_limits_a_gain():
+    """Noise alone would want c = 20; a roll-off from 5 rad/s by 20 dB/decade allows less."""
+    goals = [G.rms("x", {"F": 4.0, "v.noise": 0.01}), G.rolloff(5.0 / (2.0 * np.pi), 20.0)]
+    design = mv.tune(oscillator(), T.gain("F", "v"), goals, starts=1)
+    expected = brentq(lambda gain: rolled(gain, 5.0, 20.0) - 1.0, 1.0, 20.0)
+    assert design.values["F/v.gain"] == pytest.approx(-expected, rel=1e-4)
+    assert design.success
+    assert "roll-off 20 dB/decade from 0.795775 Hz <= 1" in str(design)
+
+
+def test_limit_of_a_norm_is_kept_while_another_is_minimised():
+    """The least rms needs c = 20; a peak of v/F, which is 1/c, of at most 1/25 needs c = 25."""
+    goals = [G.rms("x", {"F": 4.0, "v.noise": 0.01}), G.hinf("v", "F", most=1.0 / 25.0)]
+    design = mv.tune(oscillator(), T.gain("F", "v"), goals, starts=1)
+    assert design.success
+    assert design.achieved["hinf v / F <= 0.04"] <= 1.0 / 25.0
+    assert design.values["F/v.gain"] == pytest.approx(-25.0, rel=1e-5)
+    assert design.objective == pytest.approx(np.sqrt((4.0 + 25.0**2 * 0.01) / (4.0 * 25.0 * K)), rel=1e-5)
+
+
+IMPOSSIBLE = [G.hinf("x", "F", most=1e-3), G.hinf("x", "F", FILTER, most=1e-3), G.rms("x", {"F": 1.0}, most=1e-3),
+              G.damping(0.9), G.margin(0.99), G.rolloff(0.01, 40.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize("goal", IMPOSSIBLE, ids=lambda goal: goal.label)
+def test_goal_of_each_kind_that_is_not_reached_is_said(goal):
+    structure = T.gain("F", "x" if "margin" in goal.label else "v", bounds={"gain": (-0.5, -0.1)})
+    design = mv.tune(oscillator(c=0.1), structure, [goal], starts=1)
+    assert design.reached == {goal.label: False}
+    assert not design.success
+    assert f"Not reached: {goal.label}." in str(design)
+
+
+def test_gradients_of_weighted_goals_equal_differences():
+    weight = mv.StateSpace.from_arrays([[-20.0]], [[5.0, 30.0]], [[1.0], [0.3]], np.diag([0.2, 0.1]), inputs=["x", "v"],
+                                       outputs=["p", "q"])  # fmt: skip
+    structure = T.pid("F", "xb") + T.gain("F", "v")
+    for goal in (G.hinf(["v", "x"], "F", weight), G.hinf("x", "F", [(0.1, 1.0), (3.0, 5.0)]), G.rolloff(2.0, 30.0)):
+        problem = _problem(chain().linearize(), structure, as_goals(goal), {})
+        x = problem.unknowns.begin(None) + 0.03 * np.random.default_rng(3).normal(size=len(problem.names))
+        value, slope = problem.objective(x, 1.0)
+        assert np.isfinite(value)
+        for k in range(len(x)):
+            step = 1e-5 * np.eye(len(x))[k]
+            difference = (problem.objective(x + step, 1.0)[0] - problem.objective(x - step, 1.0)[0]) / 2e-5
+            assert slope[k] == pytest.approx(difference, rel=1e-5, abs=1e-6 * np.abs(slope).max()), (goal.label, k)
+
+
+def test_number_of_workers_changes_nothing():
+    goals = [G.hinf("x", ["F", "x.noise"]), G.margin(0.4)]
+    structure = T.pid("F", "x", terms="pd")
+    alone = mv.tune(oscillator(c=0.1), structure, goals, starts=3, workers=1)
+    with parallel_config("threading", n_jobs=2):
+        together = mv.tune(oscillator(c=0.1), structure, goals, starts=3)
+    assert together.values == alone.values
+    assert together.history == alone.history
+
+
+@pytest.mark.slow
+def test_searches_run_in_processes():
+    goals, bounds = [G.rms("x", {"F": 1.0, "v.noise": 1e-2})], {"k2.damping": (0.1, 5.0)}
+    designs = [mv.tune(chain(), T.gain("F", "v"), goals, bounds, starts=2, workers=count) for count in (1, 2)]
+    assert designs[0].values == designs[1].values
+
+
+def test_units_of_weights_are_those_of_outputs():
+    model = chain()
+    system = model.linearize()
+    goal = G.hinf("v", "F", replace(FILTER, input_units=("m",)))
+    with pytest.raises(ResponseError, match="takes 'v' in m; the output has the unit m/s"):
+        mv.tune(system, T.gain("F", "v"), [goal], starts=1)
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: G.hinf("x", "F", "heavy"), "weight"),
+    (lambda: G.hinf("x", "F", mv.StateSpace.from_arrays([[1.0]], [[1.0]], [[1.0]], [[0.0]])), "does not decay"),
+    (lambda: G.hinf("x", "F", [(1.0, 2.0)]), "pairs"),
+    (lambda: G.hinf("x", "F", most=0.0), "most"),
+    (lambda: G.rolloff(0.0), "frequency"),
+    (lambda: G.rolloff(1.0, -20.0), "decibels"),
+    (lambda: G.hinf("x", "F", mv.StateSpace.from_arrays([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])).of(
+        velocity_loop(1.0)), "the weight has the inputs u1, u2"),
+])  # fmt: skip
+def test_refusals(make, words):
+    with pytest.raises((ModelError, ResponseError), match=words):
+        make()
