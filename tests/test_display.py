@@ -24,7 +24,7 @@ INTERNAL = ("mbsvib.elements", "mbsvib.equations", "mbsvib.mechanism.mechanism",
             "mbsvib.sensitivities.basis", "mbsvib.sensitivities.loaded_network", "mbsvib.sensitivities.network",
             "mbsvib.sensitivities.parameter_group", "mbsvib.sensitivities.ports", "mbsvib.sensitivities.products",
             "mbsvib.sensitivities.reference_pose", "mbsvib.sensitivities.spectrum", "mbsvib.sensitivities.variants",
-            "mbsvib.studies.dual", "mbsvib.studies.parameter_maps")  # fmt: skip
+            "mbsvib.studies.evaluation", "mbsvib.studies.design")  # fmt: skip
 RESULTS = {name: kind for name, kind in returned_classes().items() if not name.startswith(INTERNAL)}
 
 

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.random.base_noise import BaseNoise
-    from mbsvib.studies.dual import Dual
-    from mbsvib.studies.evaluation import DesignPoint
+    from mbsvib.studies.evaluation import DesignPoint, Dual
 
     Law = tuple[str, str, str]
 

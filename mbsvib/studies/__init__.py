@@ -1,29 +1,27 @@
 """Design studies: one model at many points of its parameters, and at the best of them.
 
-sweep_points, design, parameter_maps   values of variables: parameters, patterns of parameters, functions of several
-question          results at each point, by name or as functions
-running           in batches, or one by one, in processes
-record            results in a file as they are computed
-sweeps, results   ``sweep`` and its results
-figures           figures of all of these
-tracks            ``track``: modes that keep their names over a sweep
-scatter, parameter_tolerances, first_order   ``tolerances``: scatter of parameters, to first order and by samples
+design            variables: parameters, patterns of parameters, joint coordinates, functions of several
 plants, derivatives   what a study makes of each system, such as a closed loop, and derivatives through it
-dual, evaluation, quantities, extremes   numbers of a system with their gradients, and functions of them
+evaluation, quantities   numbers of a system with their gradients, and functions of them
+measures, responses   frequencies, damping ratios, gains, peaks, root mean squares
 machines, point_masses   running machines: shaking force and moment, drive torques; what balances them
-measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
-scales, search, solvers, optimizing   ``optimize`` and its result
+running           results at each point, in batches, or one by one, in processes
+record            results in a file as they are computed
+sweeps, results   ``sweep``, its points and results
+tracks            ``track``: modes that keep their names over a sweep
+scatter, first_order   ``tolerances``: scatter of parameters, to first order and by samples
+search, solvers, optimizing   ``optimize`` and its result
 trade_offs        ``trade_off``: designs of which none is better in all of several quantities
+campbell, speed_sweep   frequencies over the speed of rotors, critical speeds
+figures           figures of all of these
 """
 
-from mbsvib.studies.design import rates_at
-from mbsvib.studies.extremes import largest, smallest
+from mbsvib.studies.design import Tie, rates_at
 from mbsvib.studies.machines import CycleMeasures, cycle
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
 from mbsvib.studies.optimizing import Optimum, optimize
-from mbsvib.studies.parameter_maps import Tie
 from mbsvib.studies.point_masses import equimomental, with_counterweights
-from mbsvib.studies.quantities import Constraint, Quantity
+from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.scatter import Tolerances, tolerances

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError
-from mbsvib.studies.modal import Modal, together
+from mbsvib.studies.measures import Modal, together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from mbsvib.api.running import compiled_for, cycle_of
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
-from mbsvib.studies.dual import Dual
+from mbsvib.studies.evaluation import Dual
 from mbsvib.studies.quantities import Leaf, Quantity, quantity
 
 if TYPE_CHECKING:

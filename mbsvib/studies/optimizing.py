@@ -16,8 +16,7 @@ from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
-from mbsvib.studies.scales import scales
-from mbsvib.studies.search import Search
+from mbsvib.studies.search import Search, scales
 from mbsvib.studies.solvers import SolverResult, solver
 
 if TYPE_CHECKING:

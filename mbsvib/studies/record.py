@@ -25,9 +25,8 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from mbsvib.api.model import Model
-    from mbsvib.studies.question import Question
-    from mbsvib.studies.running import Outcome
-    from mbsvib.studies.sweep_points import Points
+    from mbsvib.studies.results import Points
+    from mbsvib.studies.running import Outcome, Question
 
 VERSION = 1
 # Lines are flushed to the operating system at once, and to the disk after this many seconds.

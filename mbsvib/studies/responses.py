@@ -14,9 +14,8 @@ from mbsvib.random.sources import sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
-from mbsvib.studies.dual import Dual
-from mbsvib.studies.extremes import Largest
-from mbsvib.studies.quantities import Leaf
+from mbsvib.studies.evaluation import Dual
+from mbsvib.studies.quantities import Largest, Leaf
 
 if TYPE_CHECKING:
     from collections.abc import Callable

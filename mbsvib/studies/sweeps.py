@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 from mbsvib.common.progress import counting
 from mbsvib.studies.design import design
 from mbsvib.studies.plants import Systems, plant_of
-from mbsvib.studies.question import question
-from mbsvib.studies.results import Sweep, gathered
-from mbsvib.studies.running import run, task
-from mbsvib.studies.sweep_points import points
+from mbsvib.studies.results import Sweep, gathered, points
+from mbsvib.studies.running import question, run, task
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,8 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
     from mbsvib.studies.plants import PlantFunction
-    from mbsvib.studies.question import Asked
-    from mbsvib.studies.running import Outcome
+    from mbsvib.studies.running import Asked, Outcome
 
 
 def sweep(

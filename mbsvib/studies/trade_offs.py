@@ -15,10 +15,9 @@ from mbsvib.common.progress import counting
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import DesignPoint
-from mbsvib.studies.extremes import largest
 from mbsvib.studies.optimizing import optimize
 from mbsvib.studies.plants import Systems, plant_of
-from mbsvib.studies.quantities import Quantity, quantity
+from mbsvib.studies.quantities import Quantity, largest, quantity
 
 if TYPE_CHECKING:
     import os

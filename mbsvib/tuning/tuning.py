@@ -20,7 +20,7 @@ from mbsvib.common.progress import counting
 from mbsvib.errors import ModelError, ResponseError, counted, nearest
 from mbsvib.studies.design import design as study_variables
 from mbsvib.studies.running import processes
-from mbsvib.studies.scales import scales
+from mbsvib.studies.search import scales
 from mbsvib.tuning.goals import as_goals
 from mbsvib.tuning.problem import Problem, Unknowns
 from mbsvib.tuning.reach import unreached

@@ -11,8 +11,7 @@ from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.plants import Systems, plant_of
-from mbsvib.studies.scales import scales
-from mbsvib.studies.search import Search
+from mbsvib.studies.search import Search, scales
 from tests.studies.test_optimize import two
 
 FLOOR = {"load": [(2.0, 1.0), (8.0, 0.5)]}
