@@ -91,7 +91,7 @@ _HOMES = {
     "Modes": "mbsvib.api.modes",
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
-    "System": "mbsvib.api.system",
+    "System": "mbsvib.api.sparse_system",
     "assemble": "mbsvib.api.assembling",
     "compare": "mbsvib.measurement.comparing",
     "from_dh": "mbsvib.library",

@@ -41,6 +41,9 @@ class SparseSystem(SparseEquations, Displayed):
     ``model`` is what was linearized, ``removed`` what ``reachable`` left out. Owners of rows are ``springs`` and then
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs.
+
+    ``System.from_matrices`` makes one of the ``matrices`` of scipy.sparse: ``joint_coordinates`` are theirs, and there
+    are neither bodies nor rows.
     """
 
     def __getitem__(self, key: Any) -> Self:
@@ -101,7 +104,7 @@ class SparseSystem(SparseEquations, Displayed):
             raise ResponseError(
                 f"modes: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say how many modes are "
                 f"wanted, modes(10), or modes(10, near=f) around a frequency. For all of them: "
-                f"linearize(method='dense')."
+                f"{self.dense_form}."
             )
         result = modes(self, count, near, System, SomeModes)
         if rtol is not None:
@@ -142,6 +145,7 @@ class SparseSystem(SparseEquations, Displayed):
         from mbsvib.api.some_modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
 
+        self.check_mechanism("mode_sensitivities")
         if modes is None:
             self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
@@ -214,6 +218,7 @@ class SparseSystem(SparseEquations, Displayed):
         """
         from mbsvib.sparse.reachable import reachable
 
+        self.check_mechanism("reachable")
         return reachable(self, outputs, inputs)
 
     def reduced(
@@ -364,7 +369,7 @@ class SparseSystem(SparseEquations, Displayed):
     def _refuse(self, method: str, instead: str) -> NoReturn:
         raise ResponseError(
             f"{method}: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say with how many modes it "
-            f"is to be computed, {instead}, or linearize(method='dense')."
+            f"is to be computed, {instead}, or take {self.dense_form}."
         )
 
     def __repr__(self) -> str:
@@ -374,3 +379,4 @@ class SparseSystem(SparseEquations, Displayed):
 
 tell_where(SparseSystem, System, "dense systems have it, system.reduced(20, correction=True).{name} or that of "
                                  "linearize(method='dense').")  # fmt: skip
+System.large = SparseSystem

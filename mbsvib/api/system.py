@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -43,26 +43,30 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
     cached.
     """
 
+    large: ClassVar[type[Any] | None] = None
+    """The class for sparse matrices, which its module sets."""
+
     @classmethod
     def from_matrices(
-        cls, M: ArrayLike, C: ArrayLike | None, K: ArrayLike, B: ArrayLike | None = None, Cq: ArrayLike | None = None,
-        Cv: ArrayLike | None = None, Ca: ArrayLike | None = None, D: ArrayLike | None = None,
+        cls, M: Any, C: Any, K: Any, B: Any = None, Cq: Any = None, Cv: Any = None, Ca: Any = None, D: Any = None,
         inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         coordinates: Sequence[str] | None = None, name: str = "system",
-    ) -> System:  # fmt: skip
+    ) -> Any:  # fmt: skip
         """Return a system of matrices that come from elsewhere, such as a finite element program.
 
         M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
 
         Parameters
         ----------
-        M : array-like, shape (m, m)
-            Mass matrix, symmetric and positive definite.
-        C : array-like, shape (m, m), or None
+        M : array-like or scipy.sparse, shape (m, m)
+            Mass matrix, symmetric and positive definite. A sparse one may have rows of zeros, of coordinates without
+            mass, which follow from statics.
+        C : array-like or scipy.sparse, shape (m, m), or None
             Damping matrix; its antisymmetric part counts as gyroscopic.
-        K : array-like, shape (m, m)
+        K : array-like or scipy.sparse, shape (m, m)
             Stiffness matrix; its antisymmetric part counts as circulatory. Eigenvalues that are rounding of the matrix,
             scaled to a diagonal of ones, are 0: rigid-body modes.
+            If one of these three is a matrix of scipy.sparse, all stay sparse; then they must be symmetric.
         B : array-like, shape (m, inputs), optional
             Input matrix; default: no inputs.
         Cq, Cv, Ca : array-like, shape (outputs, m), optional
@@ -77,19 +81,25 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
 
         Returns
         -------
-        System
-            With modes, responses, norms and exports of any system. There are no bodies and parameters: shapes of
-            bodies, sensitivities, reactions and the mechanism's pictures are refused.
+        System, or SparseSystem of sparse matrices
+            With modes, responses, norms and exports of any system; a SparseSystem has some modes, responses and reduced
+            models, which have all of these. There are no bodies and parameters: shapes of bodies, sensitivities,
+            reactions and the mechanism's pictures are refused.
 
         Raises
         ------
         ModelError
-            If shapes do not match, M is not symmetric positive definite, numbers are not finite, or a matrix of
-            scipy.sparse takes more than 1 GB as a dense one.
+            If shapes do not match, M is not symmetric positive definite, or numbers are not finite; if sparse matrices
+            are not symmetric, or have dampers at coordinates without mass.
         """
         from mbsvib.equations.from_matrices import from_matrices
 
-        return from_matrices((M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates), name, cls)
+        matrices, ports, names = (M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates)
+        if cls.large is not None and any(hasattr(matrix, "tocsc") for matrix in matrices):
+            from mbsvib.sparse.from_matrices import sparse_from_matrices
+
+            return sparse_from_matrices(matrices, ports, names, name, cls.large)
+        return from_matrices(matrices, ports, names, name, cls)
 
     def modes(
         self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None, confidence: Fit | None = None

@@ -31,6 +31,7 @@ SYMMETRIC = 1e-9
 # A mass matrix of unit diagonal whose smallest eigenvalue is below this share of the largest counts as singular.
 SINGULAR = 1e-13
 OWNERS = ("matrices",)
+OUTPUT_MATRICES = ("Cq", "Cv", "Ca", "D")
 # Sparse matrices whose dense form takes more bytes than this are refused: modes and factors take several times as much.
 LARGEST = 1e9
 
@@ -87,10 +88,8 @@ def _check_size(name: str, label: str, shape: tuple[int, ...]) -> None:
     if size > LARGEST:
         raise ModelError(
             f"System '{name}': {label} is a sparse matrix of shape {tuple(shape)} and takes {size / 1e9:.3g} GB as a "
-            f"dense one, which its equations need; expected at most {LARGEST / 1e9:g} GB. Reduce the matrices first: "
-            f"with the lowest modes Phi = scipy.sparse.linalg.eigsh(K, 50, M, sigma=-1.0)[1] (sigma: below 0, of the "
-            f"size of the lowest omega^2), give Phi.T @ M @ Phi, Phi.T @ C @ Phi, Phi.T @ K @ Phi, Phi.T @ B and "
-            f"Cq @ Phi.", field=label)  # fmt: skip
+            f"dense one beside a dense M, C or K; expected at most {LARGEST / 1e9:g} GB. Give M, C and K as sparse "
+            f"matrices too: they stay sparse.", field=label)  # fmt: skip
 
 
 def _shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | None]) -> Array:
@@ -152,13 +151,12 @@ def _outputs(
     """Names of outputs, Cq, Cv, Ca and D; the coordinates themselves if no matrix is given."""
     coordinates, inputs = columns
     m, u = len(coordinates), len(inputs)
-    labels = ("Cq", "Cv", "Ca", "D")
     if all(value is None for value in matrices):
         output_names = coordinates if names is None else signal_names(names, m, "outputs", f"System '{name}'")
         return output_names, np.eye(m), np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, u))
     first = next(i for i, value in enumerate(matrices) if value is not None)
-    rows = len(_array(name, labels[first], matrices[first]))
+    rows = len(_array(name, OUTPUT_MATRICES[first], matrices[first]))
     arrays = [np.zeros((rows, m if label != "D" else u)) if value is None
               else _shaped(name, label, value, (rows, m if label != "D" else u))
-              for label, value in zip(labels, matrices, strict=True)]  # fmt: skip
+              for label, value in zip(OUTPUT_MATRICES, matrices, strict=True)]  # fmt: skip
     return (signal_names(names, rows, "outputs", f"System '{name}'"), *arrays)  # type: ignore[return-value]

@@ -20,6 +20,11 @@ def explain(system: SparseEquations) -> str:
     """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
     skipped.
     """
+    if system.matrices is not None:
+        given = system.matrices
+        return (f"{system.name}: {system.dof} DOF, sparse matrices\n  made of matrices; there is no mechanism\n"
+                f"  {len(system.joint_coordinates)} coordinates, {len(given.massless)} of them without mass\n"
+                f"  {given.M.nnz} entries in M, {given.C.nnz} in C, {given.K.nnz} in K")  # fmt: skip
     topology = system.topology
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))
     lines = [

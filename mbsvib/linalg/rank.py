@@ -209,3 +209,7 @@ INPUTS_APART = 1e-3
 # Columns of powers over neighbouring lines are independent above this share of the largest pivot: where every second
 # line is not excited it is rounding, of random signals it is 0.01 and more.
 NO_PIVOT = 1e-8
+# Damping that couples modes of sparse matrices by a smaller share of their own damping is rounding of shapes.
+UNCOUPLED = 1e-9
+# Strain energies of modes of sparse matrices below this share of their terms are rounding: rigid-body modes.
+RIGID_ENERGY = 100.0 * EPS

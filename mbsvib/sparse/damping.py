@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes import modes as dense_modes
-from mbsvib.modes.classical import proportional
 from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.reduction import RTOL, reduced
 
@@ -39,19 +37,16 @@ def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
 
     ``result``: modes of the projected small system, of which each eigenvalue and shape is put into the full equations.
     """
-    t, system = space.operator, space.operator.system
-    if proportional(system.row_damping, system.row_stiffness):  # C is a multiple of K, row by row
+    quadratic = space.operator.quadratic
+    if quadratic.proportional:
         return True
-    damped_rows = system.elastic_rows[system.row_damping != 0.0]
-    rigid = z[:, : result.rigid]
-    resisted = np.abs(damped_rows @ rigid) > ZERO_SUM * (abs(damped_rows) @ np.abs(rigid))
-    if not result.classical or resisted.any():
+    if not result.classical or quadratic.is_damped(z[:, : result.rigid]):
         return False
     # C phi must equal Gamma_ii M phi; a solve gives both the same units
-    damping = system.elastic_rows.T @ (system.row_damping[:, None] * (system.elastic_rows @ z))
+    damping = quadratic.damping(z)
     gamma = np.einsum("ij,ij->j", z, damping)
-    residual = _kinetic(t, result.eigenvalues[0::2] * (damping - gamma * (t.wt @ (t.w @ z))))[1]
-    return bool((np.linalg.norm(residual, axis=0) <= CONVERGED).all())
+    residual = _motion(space.operator, result.eigenvalues[0::2] * (damping - gamma * quadratic.inertia(z)))
+    return bool((quadratic.size(residual) <= CONVERGED).all())
 
 
 def coupled(
@@ -75,9 +70,9 @@ def coupled(
             return small, result, np.repeat(space.noise, 2) * (result.eigenvalues != 0.0), selected
         vectors = eigenvectors(result, selected)
         z = basis @ vectors.right
-        residual = t.quadratic.force(vectors.values, z) / np.linalg.norm(t.w @ z, axis=0)
-        correction, rows = _kinetic(t, residual)
-        size = np.linalg.norm(rows, axis=0)
+        residual = t.quadratic.force(vectors.values, z) / t.quadratic.size(z)
+        correction = _motion(t, residual)
+        size = t.quadratic.size(correction)
         unconverged = size > CONVERGED
         if not unconverged.any():
             break
@@ -90,28 +85,25 @@ def coupled(
     return small, result, of_all_eigenvalues(result, vectors, errors), selected
 
 
-def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
-    """The motion under generalised forces, without rigid-body modes, and its rows of kinetic energy."""
-    motion = t.flexible(t.factor.solve(t.right(force)))
-    return motion, t.w @ motion
+def _motion(t: Operator, force: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """The motion under generalised forces, without rigid-body modes."""
+    return t.flexible(t.factor.solve(t.right(force)))
 
 
 def _extended(t: Operator, basis: Array, added: Array) -> Array:
     """The basis extended by some motions, M-orthonormal.
 
-    Corrections are mostly in the basis already. Their remainders are scaled to unit length before the SVD, which would
-    otherwise leave them out.
+    Corrections are mostly in the basis already. Their remainders are scaled to unit length before their Gram matrix is
+    diagonalized, which would otherwise leave them out.
     """
-    basis_rows = t.w @ basis
+    momentum = t.quadratic.inertia(basis)
     for _ in range(2):
-        rows = t.w @ added
-        length = np.linalg.norm(rows, axis=0)
-        amplitudes = basis_rows.T @ rows
-        rows -= basis_rows @ amplitudes
-        remaining = np.linalg.norm(rows, axis=0)
+        length = t.quadratic.size(added)
+        added = added - basis @ (momentum.T @ added)
+        remaining = t.quadratic.size(added)
         used = remaining > NEW * length
-        added, rows = (added - basis @ amplitudes)[:, used] / remaining[used], rows[:, used] / remaining[used]
-        _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        significant = singular > NEW * singular.max(initial=0.0)
-        added = added @ (right[significant].T / singular[significant])
+        added = added[:, used] / remaining[used]
+        square, vectors = np.linalg.eigh(added.T @ t.quadratic.inertia(added))
+        significant = square > NEW**2 * square.max(initial=0.0)
+        added = added @ (vectors[:, significant] / np.sqrt(square[significant]))
     return np.concatenate((basis, added), axis=1)

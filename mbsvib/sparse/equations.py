@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from mbsvib.errors import ModelError
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.massless import SparseSeparation
+    from mbsvib.sparse.matrices import SparseMatrices
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
@@ -36,7 +39,8 @@ class SparseEquations:
     ``gyroscopic`` (unknowns, unknowns) are the antisymmetric parts of K and C from follower loads, torques, rotors
     and cross-coupling, or None. ``separation`` describes the motions without mass, None if there is none. They stay
     among the unknowns; ``D`` includes the direct contribution of the static ones, ``separation.at_once``,
-    as in dense equations.
+    as in dense equations. If the equations are those of ``matrices`` from elsewhere, unknowns are their coordinates,
+    and there are neither bodies nor rows.
     """
 
     kind: ClassVar[str] = "sparse system"
@@ -70,6 +74,7 @@ class SparseEquations:
     circulatory: csr_matrix | None = None
     gyroscopic: csr_matrix | None = None
     separation: SparseSeparation | None = None
+    matrices: SparseMatrices | None = None
 
     @property
     def dof(self) -> int:
@@ -78,7 +83,19 @@ class SparseEquations:
         Motions with neither mass nor damping follow from statics and are no degrees of freedom.
         """
         static = 0 if self.separation is None else len(self.separation.condensed)
-        return len(self.joint_coordinates) - len(self.layout.multiplier) - static
+        massless = 0 if self.matrices is None else len(self.matrices.massless)
+        return len(self.joint_coordinates) - len(self.layout.multiplier) - static - massless
+
+    @property
+    def dense_form(self) -> str:
+        """What gives the dense equations, in words."""
+        return "linearize(method='dense')" if self.matrices is None else "dense matrices, such as K.toarray()"
+
+    def check_mechanism(self, request: str) -> None:
+        """Refuse a request that needs a mechanism."""
+        if self.matrices is not None:
+            raise ModelError(f"{request}: '{self.name}' was made of matrices and has no bodies, joints and elements; "
+                             f"this needs a mechanism: build a Model and linearize it.")  # fmt: skip
 
     @property
     def massless(self) -> int:

@@ -9,7 +9,7 @@ single body on its spring lose no digits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,11 +20,15 @@ from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import undamped
 from mbsvib.sparse.damping import coupled, decoupled
+from mbsvib.sparse.from_matrices import motions_of
+from mbsvib.sparse.matrix_subspace import matrix_subspace
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
-from mbsvib.sparse.subspace import subspace
+from mbsvib.sparse.subspace import subspace as mechanism_subspace
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.subspace import Subspace
@@ -49,6 +53,17 @@ class SomeModes(Modes):
     reduced: Equations = field(repr=False, kw_only=True)
     dof: int = field(kw_only=True)
     missed: int | None = field(kw_only=True)
+    moving: tuple[tuple[str, ...], ...] = field(default=(), kw_only=True)
+    """The coordinate with the largest momentum, for each mode of matrices."""
+
+    @property
+    def coordinate_shapes(self) -> NDArray[Any]:
+        """The shapes in the coordinates of the large system, (coordinates, n)."""
+        return np.asarray(motions_of(self.reduced) @ self.shapes)
+
+    def strongest(self) -> tuple[tuple[str, ...], ...]:
+        """Return for each mode the body with most kinetic energy and its direction, or the coordinate."""
+        return self.moving or super().strongest()
 
     def _shown(self) -> str:
         return f"{len(self)} of {self.dof} DOF"
@@ -78,14 +93,23 @@ def modes(
         result.shapes[:, selected], result.classical, int(np.count_nonzero(selected < result.rigid)),
         result.body_motion, result.inertia_factor, result.damped,
         None if result.first_order is None else result.first_order[selected], reduced=small, dof=system.dof,
-        missed=missed,
+        missed=missed, moving=_moving(system, small, result.shapes[:, selected]),
     )  # fmt: skip
+
+
+def _moving(system: SparseEquations, small: Equations, shapes: NDArray[Any]) -> tuple[tuple[str, ...], ...]:
+    """The coordinate with the largest momentum in each mode of matrices."""
+    if system.matrices is None:
+        return ()
+    amount = np.abs(motions_of(small) @ shapes) ** 2 * system.matrices.M.diagonal()[:, None]
+    return tuple([(system.joint_coordinates[i],) for i in amount.argmax(axis=0).tolist()])
 
 
 def _symmetric(
     system: SparseEquations, k: int, near: float, dense: type[Equations]
 ) -> tuple[Equations, Modes, Array, Index, int | None]:
     """The small system, its modes with errors, the numbers of the wanted ones, and how many were missed."""
+    subspace = mechanism_subspace if system.matrices is None else matrix_subspace
     space = subspace(system, k, near)
     basis, bound, rigid = _nearest(system, space, k)
     requested = k
@@ -102,6 +126,11 @@ def _symmetric(
     missed = space.missed
     certain = result.rigid == space.rigid and float(truncation.max(initial=0.0)) < CONVERGED
     unknown = _unknown_overdamped(system, result, selected) if certain else 1
+    if unknown and system.matrices is not None:
+        raise ResponseError(
+            f"modes: dampers of '{system.name}' are so strong that other modes than these may be among the lowest {k}; "
+            f"ask for more modes, or give dense matrices."
+        )
     if unknown:  # strong dampers make slow modes of fast undamped ones
         small, result, truncation, selected = general_modes(system, k, near, dense)
     if unknown is None or unknown:
@@ -132,7 +161,7 @@ def _unknown_overdamped(system: SparseEquations, result: Modes, selected: Index)
 def _check(system: SparseEquations, k: int) -> None:
     if not system.dof:
         raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
-                            f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip
+                            f"{system.dense_form} for them, or frequency_response.")  # fmt: skip
     if isinstance(k, bool) or not hasattr(k, "__index__") or not 1 <= k <= system.dof:
         raise ResponseError(
             f"modes: count = {k!r}; expected a whole number from 1 to {system.dof}, the degrees of freedom of "

@@ -85,8 +85,7 @@ class Operator:
 
     def flexible(self, z: NDArray[Any]) -> NDArray[Any]:
         """Return motions (size, n) without their components along the rigid-body modes."""
-        count = self.rigid.shape[1]
-        return z - self.rigid @ (self.deflated[:, :count].T @ (self.w @ z)) if count else z
+        return z - self.rigid @ (self.quadratic.inertia(self.rigid).T @ z) if self.rigid.shape[1] else z
 
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""

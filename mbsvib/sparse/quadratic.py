@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.modes.classical import proportional
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -69,10 +72,37 @@ class Quadratic:
         result = rows.T @ (weights * (rows @ z)) + self.wt @ ((self.w @ z) * values**2)
         return np.asarray(result + self._antisymmetric(values, 1.0, z, transposed))
 
+    def inertia(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return M z."""
+        return np.asarray(self.wt @ (self.w @ z))
+
+    def damping(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return the forces of dampers, C z."""
+        rows = self.system.elastic_rows
+        return np.asarray(rows.T @ (self.system.row_damping[:, None] * (rows @ z)))
+
+    def size(self, z: NDArray[Any]) -> Array:
+        """Return sqrt(z^H M z) of each column."""
+        return np.asarray(np.sqrt(np.abs(np.einsum("ij,ij->j", z.conj(), self.inertia(z)))))
+
+    def is_damped(self, z: Array) -> bool:
+        """Whether dampers resist some of the motions (size, n), beyond rounding."""
+        rows = self.system.elastic_rows[self.system.row_damping != 0.0]
+        return bool((np.abs(rows @ z) > ZERO_SUM * (abs(rows) @ np.abs(z))).any())
+
+    @property
+    def damped(self) -> bool:
+        """Whether responses differ in phase: by dampers or spin."""
+        return bool(self.system.row_damping.any()) or self.system.gyroscopic is not None
+
+    @property
+    def proportional(self) -> bool:
+        """Whether C is a multiple of K, row by row."""
+        return proportional(self.system.row_damping, self.system.row_stiffness)
+
     def slope(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
         """Return P'(lambda) z = (2 lambda M + C + G) z, column by column (size, n), or P'(lambda)^T z."""
-        rows = self.system.elastic_rows
-        result = rows.T @ (self.system.row_damping[:, None] * (rows @ z)) + self.wt @ ((self.w @ z) * (2.0 * values))
+        result = self.damping(z) + self.inertia(z) * (2.0 * values)
         return np.asarray(result + self._antisymmetric(1.0, 0.0, z, transposed))
 
     def _antisymmetric(self, spin: Any, circulation: float, z: NDArray[Any], transposed: bool) -> Any:

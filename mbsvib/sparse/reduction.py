@@ -11,6 +11,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED
+from mbsvib.sparse.from_matrices import projected
 from mbsvib.sparse.subspace import strains
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def reduced(
 
     The first ``rigid`` shapes deform no spring, the last ``massless`` ones have damping but no mass.
     """
+    if system.matrices is not None:
+        return projected(system, z, rigid, form)
     n = z.shape[1]
     elastic, _ = strains(system, z, rigid)
     nonzero = elastic.any(axis=1)

@@ -21,9 +21,10 @@ from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
 from mbsvib.sparse.first_order import split_massless
+from mbsvib.sparse.from_matrices import motions_of, quadratic_of
 from mbsvib.sparse.galerkin import extended
+from mbsvib.sparse.matrix_subspace import flexible_static
 from mbsvib.sparse.operator import operator
-from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
 from mbsvib.sparse.tableau import FINE, SINGULAR
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.modes.undamped import Undamped
     from mbsvib.sparse.equations import SparseEquations
 
 E = TypeVar("E", bound=Equations)
@@ -38,15 +40,15 @@ E = TypeVar("E", bound=Equations)
 def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)."""
     w = angular(omega)
-    right = Quadratic(system).right(system.input_rows.toarray().T)
-    damped = bool(system.row_damping.any()) or system.gyroscopic is not None
+    right = quadratic_of(system).right(system.input_rows.toarray().T)
+    damped = quadratic_of(system).damped
     displacement, velocity, acceleration = system.output_rows
     through = _through(system)
     result = np.zeros((len(system.outputs), len(system.inputs), len(w)), dtype=complex)
     for i, frequency in enumerate(w.tolist()):
         s = 1j * frequency
         answer = _answer(system, right, s, damped)
-        if answer is None and not frequency:
+        if answer is None and not frequency and system.matrices is None:
             at_zero = _beside_free_motions(system)
             if at_zero is not None:
                 result[:, :, i] = at_zero
@@ -68,7 +70,7 @@ def _beside_free_motions(system: SparseEquations) -> Array | None:
     z_-2 / s^2 + z_-1 / s + z_0 + ... are in the span of N, K^+ B and K^+ C N, and their equations at s = 0 are those of
     the system in this span, which the dense path answers.
     """
-    quadratic = Quadratic(system)
+    quadratic = quadratic_of(system)
     t = operator(system, None, system.dof)
     if t.sigma or not t.rigid.shape[1] or not quadratic.symmetric:
         return None
@@ -86,7 +88,7 @@ def _beside_free_motions(system: SparseEquations) -> Array | None:
 
 def static_compliance(system: SparseEquations) -> Array:
     """Return Cq K^-1 B + D, (outputs, inputs)."""
-    answer = _answer(system, Quadratic(system).right(system.input_rows.toarray().T), 0.0, False)
+    answer = _answer(system, quadratic_of(system).right(system.input_rows.toarray().T), 0.0, False)
     if answer is None:
         raise ResponseError(
             f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism has no "
@@ -121,25 +123,46 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     """
     if is_general(small):
         # G(0) - G_small(0); K is regular, or static_compliance refuses
-        full = static_compliance(system) - system.D
-        return replace(small, D=small.D + (full - small.Cq @ np.linalg.solve(small.K, small.B)))
-    t = operator(system, None, system.dof)
-    rigid = t.rigid.shape[1]
+        static_part = static_compliance(system) - system.D
+        return replace(small, D=small.D + (static_part - small.Cq @ np.linalg.solve(small.K, small.B)))
     basis = undamped(small, RTOL)
-    if t.sigma or basis.rigid < rigid:
+    static = _static if system.matrices is None else _static_of_matrices
+    full, rigid = static(system, small, basis)
+    if full is None:
         free = f"at least {rigid}" if rigid else "others"
         raise ResponseError(
             f"reduced: static correction of '{system.name}' with {count} modes; free motions have no static part, so "
             f"all of them must be among the modes, and differ from slow ones: ask for more modes ({free}), or for no "
             f"correction."
         )
+    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
+    return replace(small, D=small.D - at_once + (full - _of_modes(small, basis)))
+
+
+def _static(system: SparseEquations, small: Equations, basis: Undamped) -> tuple[Array | None, int]:
+    """The static response of all flexible modes, (outputs, inputs), None if free motions are missing in the basis; and
+    the number of free motions.
+    """
+    del small
+    t = operator(system, None, system.dof)
+    rigid = t.rigid.shape[1]
+    if t.sigma or basis.rigid < rigid:
+        return None, rigid
     force = np.asarray(system.input_rows.toarray().T)
     force = force - t.wt @ t.deflated[:, :rigid] @ (t.rigid.T @ force)
-    full = np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force))))
+    return np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force)))), rigid
+
+
+def _static_of_matrices(system: SparseEquations, small: Equations, basis: Undamped) -> tuple[Array | None, int]:
+    rigid = motions_of(small) @ basis.shapes[:, : basis.rigid]
+    motion = flexible_static(system, rigid, system.input_rows.toarray().T)
+    return (None if motion is None else np.asarray(system.output_rows[0] @ motion)), 0
+
+
+def _of_modes(small: Equations, basis: Undamped) -> Array:
+    """The static response of flexible modes, (outputs, inputs)."""
     phi = basis.shapes[:, basis.rigid :]
-    modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
-    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
-    return replace(small, D=small.D - at_once + (full - modal))
+    return np.asarray((small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B))
 
 
 def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike) -> Array:

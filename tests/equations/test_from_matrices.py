@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
-from scipy.sparse.linalg import eigsh
 
 import mbsvib as mv
 import mbsvib_export as mx
@@ -77,29 +76,18 @@ def test_damping_of_all_kinds():
 
 
 @pytest.mark.parametrize("form", [sp.csr_array, sp.coo_matrix])
-def test_sparse_matrices(form):
+def test_sparse_ports(form):
     mass, stiffness = masses(6)
     b, c = np.eye(6)[:, :2], np.eye(6)[3:]
-    system = mv.System.from_matrices(form(mass), form(0.01 * stiffness), form(stiffness), form(b), form(c))
+    system = mv.System.from_matrices(mass, 0.01 * stiffness, stiffness, form(b), form(c))
     s = 1j * W[:3, None, None]
     direct = c @ np.linalg.solve((1.0 + 0.01 * s) * stiffness + s * s * mass, b)
     assert_allclose(system.frequency_response(W[:3]).transpose(2, 0, 1), direct, rtol=1e-9)
 
 
-def test_large_sparse_matrices_are_refused_with_a_way_that_works():
-    n, count = 12_000, 4
-    # a bar of length, stiffness and mass 1, held at one end, in linear finite elements with lumped mass
-    last = np.append(np.ones(n - 1), 0.5)
-    stiffness = n * sp.diags([2.0 * last, -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1], format="csc")
-    mass = sp.diags([last / n], [0], format="csc")
-    with pytest.raises(mv.ModelError, match=r"'bar': M is a sparse matrix of shape \(12000, 12000\).*1\.15 GB"):
-        mv.System.from_matrices(mass, None, stiffness, name="bar")
-    with pytest.raises(mv.ModelError, match=r"Cq is a sparse matrix of shape \(70000000, 2\)"):
+def test_ports_that_are_too_large_as_dense_matrices_are_refused():
+    with pytest.raises(mv.ModelError, match=r"Cq is a sparse matrix of shape \(70000000, 2\) and takes 1\.12 GB"):
         mv.System.from_matrices(np.eye(2), None, np.eye(2), Cq=sp.csr_array((70_000_000, 2)))
-    phi = eigsh(stiffness, count, mass, sigma=-1.0)[1]
-    system = mv.System.from_matrices(*[phi.T @ matrix @ phi for matrix in (mass, 1e-3 * stiffness, stiffness)])
-    exact = 2.0 * n * np.sin((2.0 * np.arange(1, count + 1) - 1.0) * np.pi / (4.0 * n))
-    assert_allclose(system.modes().natural, exact, rtol=1e-7)
 
 
 def test_names_and_default_outputs():

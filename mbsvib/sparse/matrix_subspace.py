@@ -1,0 +1,213 @@
+"""The subspace of the modes nearest to a shift, of sparse matrices: block Lanczos, with a count of eigenvalues.
+
+(K - sigma M)^-1 M is applied to blocks of motions in units of the square root of the diagonal of M. The residual of a
+Ritz vector is that of one more solve, (K - sigma M)^-1 (K - lambda M) x; x minus this is its next iterate. Modes are
+counted by the inertia of K - s M at shifts s in the largest gap behind the last wanted mode, away from any mode.
+
+Source: Parlett, The Symmetric Eigenvalue Problem (1998), chapters 3 and 13; Grimes, Lewis & Simon, SIAM J. Matrix
+Anal. Appl. 15 (1994) 228.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS, RIGID_ENERGY
+from mbsvib.sparse.arnoldi import arnoldi
+from mbsvib.sparse.from_matrices import matrices_of, quadratic_of
+from mbsvib.sparse.operator import Operator, count_below
+from mbsvib.sparse.subspace import OFFSETS, SEARCHES, SLOW, Subspace
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.sparse.equations import SparseEquations
+
+# The shift for the lowest modes, as a share of the square of a typical frequency of single coordinates: below the
+# flexible modes of most structures, and far enough from 0 that rigid-body modes do not drown the others in rounding.
+BELOW = 1e-9
+# Residual of Ritz values: the error of eigenvalues is its square.
+TOLERANCE = 1e-9
+# Vectors of a block: repeated modes of up to this multiplicity are found by one search.
+BLOCK = 6
+# Additional modes, among which the count finds a gap, and the least relative gap.
+GUARDS, GAP = 4, 1e-6
+# Coordinates up to which all modes are computed.
+FEW = 100
+# Dimension of the basis, at which it is first tested and at most: multiples of the number of modes, and more.
+FIRST, MOST, MORE = 1.5, 8, 200
+# Steps of the static iteration of free bodies.
+STATIC = 40
+# Largest dense matrix for all modes [coordinates]: 1 GB.
+LARGEST = 11_000
+
+
+def matrix_subspace(system: SparseEquations, k: int, near: float) -> Subspace:
+    """Return vectors that span the k lowest modes, or the k nearest to a frequency ``near`` [Hz], and some more."""
+    quadratic, dof = quadratic_of(system), system.dof
+    centre, requested = 2.0 * np.pi * near, k + GUARDS
+    if centre <= SLOW * quadratic.speed:
+        t, centre = _operator(system, -BELOW * quadratic.speed**2), 0.0
+    else:
+        t = _apart(system, centre)
+        requested += k // 2
+    if dof <= max(FEW, 2 * requested):
+        return _all_modes(t, centre)
+    missed = None
+    for _ in range(SEARCHES):
+        without_rigid, found = _modes(t, _basis(t, min(requested, dof - 1)))
+        distance = np.abs(found.square - t.sigma)
+        radius, inside = _gap(distance, k)
+        missed = None if radius is None else _counted(t, radius) - inside
+        if not missed and missed is not None:
+            break
+        requested += max(GUARDS, missed or 0)
+        if 2 * requested >= dof:
+            return _all_modes(t, centre)
+    return found.space(without_rigid, max(inside, k), radius or float(distance.max()), missed, centre)
+
+
+def flexible_static(system: SparseEquations, rigid: Array, force: Array) -> Array | None:
+    """Return the static motions (size, n) of flexible modes under forces; None if rigid-body modes are missing among
+    ``rigid`` (size, r).
+
+    With these, K is singular and x = (K - sigma M)^-1 (f - sigma M x) is iterated: the error shrinks by
+    sigma / (omega^2 - sigma) of the flexible modes, a shift below them.
+    """
+    if not rigid.shape[1]:
+        return np.asarray(system.tableau.factor().solve(force))
+    t = replace(_operator(system, -BELOW * quadratic_of(system).speed ** 2), rigid=rigid)
+    force = force - t.quadratic.inertia(rigid) @ (rigid.T @ force)
+    x = np.zeros_like(force)
+    for _ in range(STATIC):
+        before, x = x, t.flexible(t.factor.solve(force - t.sigma * t.quadratic.inertia(x)))
+        if (np.abs(x - before).max(axis=0) <= EPS * np.abs(x).max(axis=0)).all():
+            return x
+    return None
+
+
+def _operator(system: SparseEquations, sigma: float) -> Operator:
+    return Operator(quadratic_of(system), sigma, system.tableau.factor(square=sigma),
+                    np.zeros((system.layout.size, 0)), np.zeros((0, 0)), None)  # fmt: skip
+
+
+def _apart(system: SparseEquations, centre: float) -> Operator:
+    """The operator at a frequency, or beside it if a mode is there."""
+    for offset in OFFSETS:
+        try:
+            t = _operator(system, (1.0 + offset) * centre**2)
+        except np.linalg.LinAlgError:
+            continue
+        x = np.random.default_rng(1).standard_normal(system.layout.size)
+        for _ in range(2):
+            x = t.factor.solve(t.quadratic.inertia(x / np.sqrt(x @ t.quadratic.inertia(x))))
+        if np.sqrt(x @ t.quadratic.inertia(x)) * t.sigma * GAP < 1.0:
+            break
+    return t
+
+
+def _basis(t: Operator, requested: int) -> Array:
+    """A basis of the modes nearest to the shift."""
+    given, n = matrices_of(t.system), t.system.layout.size
+    m = given.M.diagonal()
+    unit = np.sqrt(np.where(m > 0.0, m, np.abs(given.K.diagonal()) / t.quadratic.speed**2))[:, None]
+
+    def apply(y: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(unit * t.factor.solve(given.M @ (y / unit), 0))
+
+    start = apply(np.random.default_rng(2).standard_normal((n, BLOCK)))
+    last = min(MOST * requested + MORE, n)
+    ritz = arnoldi(apply, start, lambda r: r.converged(TOLERANCE) >= requested, (int(FIRST * requested), last))
+    if ritz.converged(TOLERANCE) < min(requested, len(ritz.values)):
+        raise ResponseError(f"modes: {requested} modes of '{t.system.name}' did not converge in {last} vectors; ask "
+                            f"for fewer, or near another frequency.")  # fmt: skip
+    return np.asarray(ritz.subspace(requested) / unit)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """M-orthonormal shapes ``z`` (size, n), of which the first ``rigid`` deform nothing, the ``square`` of each
+    frequency, the ``residual`` and the relative rounding of the strain energy, ``noise`` (n,).
+    """
+
+    z: Array
+    rigid: int
+    square: Array
+    residual: Array
+    noise: Array
+
+    def space(self, t: Operator, count: int, reach: float, missed: int | None, centre: float) -> Subspace:
+        """Return the subspace of those nearest to the shift."""
+        nearest = np.sort(np.argsort(np.abs(self.square - t.sigma), kind="stable")[:count])
+        rigid = int(np.count_nonzero(nearest < self.rigid))
+        residual, noise = self.residual[nearest], self.noise[nearest]
+        return Subspace(t, self.z[:, nearest], rigid, residual, noise, reach, missed, centre)
+
+
+def _modes(t: Operator, basis: Array) -> tuple[Operator, _Found]:
+    """The modes of a basis, improved by one solve, and the operator without its rigid-body modes.
+
+    Those are rigid-body modes whose strain energy is rounding of its terms.
+    """
+    from scipy.linalg import eigh
+
+    given = matrices_of(t.system)
+    square, y = eigh(basis.T @ (given.K @ basis), basis.T @ (given.M @ basis))
+    x = basis @ y
+    terms = np.einsum("ij,ij->j", np.abs(x), abs(given.K) @ np.abs(x))
+    order = np.argsort(np.abs(square) > RIGID_ENERGY * terms, kind="stable")
+    rigid = int(np.count_nonzero(np.abs(square) <= RIGID_ENERGY * terms))
+    x, square, terms = x[:, order], square[order], terms[order]
+    square[:rigid], terms[:rigid] = 0.0, 0.0
+    t = replace(t, rigid=x[:, :rigid])
+    step = np.zeros_like(x)
+    force = given.K @ x[:, rigid:] - (given.M @ x[:, rigid:]) * square[rigid:]
+    step[:, rigid:] = t.flexible(t.factor.solve(force, 0))
+    z = x - step
+    noise = np.divide(EPS * terms, np.abs(square), out=np.zeros_like(square), where=square != 0.0)
+    return t, _Found(z / t.quadratic.size(z), rigid, square, t.quadratic.size(step), noise)
+
+
+def _gap(distance: Array, k: int) -> tuple[float | None, int]:
+    """A distance from the shift in the largest gap behind the k-th mode, and how many modes are nearer; None if the
+    modes behind it are as far away.
+    """
+    ordered = np.sort(distance)
+    gaps = np.diff(ordered[k - 1 :]) / ordered[k:]
+    best = int(np.argmax(gaps)) if len(gaps) else 0
+    if not len(gaps) or gaps[best] < GAP:
+        return None, len(distance)
+    return float(0.5 * (ordered[k - 1 + best] + ordered[k + best])), k + best
+
+
+def _counted(t: Operator, radius: float) -> int:
+    """The number of modes within a distance from the shift."""
+    above = count_below(t.system, t.sigma + radius) or 0
+    if t.factor.negative(t.system.layout) == 0:  # none is below the shift
+        return above
+    return above - (count_below(t.system, t.sigma - radius) or 0)
+
+
+def _all_modes(t: Operator, centre: float) -> Subspace:
+    """All modes, by a dense solver."""
+    from scipy.linalg import eigh
+
+    given, dof = matrices_of(t.system), t.system.dof
+    if t.system.layout.size > LARGEST:
+        raise ResponseError(f"modes: so many of the {dof} modes of '{t.system.name}' need its dense matrices; ask for "
+                            f"fewer, at most {dof // 2 - 2 * GUARDS} of the lowest.")  # fmt: skip
+    k, m = given.K.toarray(), given.M.toarray()
+    sigma = -BELOW * t.quadratic.speed**2
+    while True:  # below all modes, also those that diverge
+        try:
+            z = eigh(m, k - sigma * m)[1][:, -dof:]
+            break
+        except np.linalg.LinAlgError:
+            sigma *= 1e3
+    t, found = _modes(t, z)
+    return replace(found, residual=np.zeros(dof)).space(t, dof, np.inf, 0, centre)
