@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from mbsvib.api.batch import Batch
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
+from mbsvib.equilibrium.balanced_variants import balanced_batch
+from mbsvib.errors import EquilibriumError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.api.model import Model
 
@@ -23,3 +26,13 @@ def in_equilibrium(
     coordinates and cut joints.
     """
     return at_equilibrium(model, independent, cut, dense=System, sparse=SparseSystem)
+
+
+def batch_in_equilibrium(model: Model, values: Mapping[str, Any]) -> Batch:
+    """Return the variants of a model in equilibrium, with ``values`` (n,) of parameters, at once: as they are described
+    where they balance, else in the equilibrium of each.
+    """
+    try:
+        return model.linearize(values=values)
+    except EquilibriumError:
+        return balanced_batch(model, values, System, Batch)

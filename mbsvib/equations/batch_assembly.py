@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.load_stiffness import LoadedPairs
+    from mbsvib.equations.posed_forces import PosedForces
     from mbsvib.equations.posed_scene import PosedScene
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
@@ -117,7 +118,7 @@ class BatchPlan:
     @cached_property
     def posed_scene(self) -> PosedScene | None:
         """How the arrays of the mechanism follow from poses, None where that is not stated."""
-        if self.poses is None or self.geometry.matrices:
+        if self.poses is None:
             return None
         varying = preloaded(self.model, self.slots.complete) if loaded_in_variants(self.model, self.slots.index) else ()
         return posed_scene(self.user_model, self.model, self.scene, self.relaxed, varying)
@@ -369,18 +370,24 @@ class _Assembled:
         return terms.named() | {"closure": None if reduction is self.plan.pivots.reduction else reduction.matrix}
 
 
+def described_variants(plan: BatchPlan, values: Values) -> tuple[Scene, PosedForces | None]:
+    """Return the arrays of variants in the described pose, and their forces in other poses, None without any."""
+    scene, posed = plan.geometry.at(values), plan.posed_scene
+    forces = None if posed is None else posed.forces
+    if not plan.with_forces:
+        return scene, forces
+    also = () if forces is None else forces.applied.names
+    applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also)
+    return replace(scene, loads=(applied, {})), None if forces is None else forces.of_variants(applied, values)
+
+
 def _scene_of_variants(
     plan: BatchPlan, values: Values, first: int
 ) -> tuple[Scene, tuple[Mapping[str, Array], Mapping[str, Array]], Pose | None]:
     """The arrays of variants, axes and lengths of joints by name where these vary, and their poses, if they have any.
     """
-    scene, posed = plan.geometry.at(values), plan.posed_scene
-    forces = None if posed is None else posed.forces
-    if plan.with_forces:
-        also = () if forces is None else forces.applied.names
-        applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also)
-        scene = replace(scene, loads=(applied, {}))
-        forces = None if forces is None else forces.of_variants(applied, values)
+    scene, forces = described_variants(plan, values)
+    posed = plan.posed_scene
     if posed is None or plan.poses is None:
         return scene, joint_axes(scene.topology.joints, values), None
     pose = posed.whole(plan.poses(values, first))

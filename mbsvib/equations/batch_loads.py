@@ -127,12 +127,7 @@ def _check_balance(
     model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, first: int
 ) -> None:
     """Refuse a variant that is not in balance, by index."""
-    assert scene.loads is not None
-    applied = scene.loads[0]
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
-    reach = max(float(np.abs(array).max(initial=0.0)) for array in (applied.pairs.start, scene.position))
-    residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
+    residual, size = forces_along(scene, terms.body_motion)
     for i in np.flatnonzero((np.abs(residual) > BALANCE * size).any(axis=-1)).tolist():
         at = [array if array.ndim == k else array[i] for array, k in ((residual, 1), (size, 1), (terms.K, 2))]
         try:
@@ -141,3 +136,16 @@ def _check_balance(
             error.args = (f"variant {first + i}: {error}", *error.args[1:])
             raise
 
+
+def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
+    """Return the forces along minimal coordinates and the size of those that should cancel there, (..., m) each.
+
+    ``motion`` (..., bodies, 6, m): motion of the bodies.
+    """
+    assert scene.loads is not None
+    applied = scene.loads[0]
+    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
+    points = (applied.pairs.start, scene.position, scene.coordinates.point)
+    reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
+    return balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], motion, reach)

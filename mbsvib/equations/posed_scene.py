@@ -20,12 +20,12 @@ from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.kinematics.pose import Pose, start
 from mbsvib.kinematics.pose_kinematics import pose_kinematics
-from mbsvib.linalg.rotations import components_first
+from mbsvib.linalg.rotations import components_first, components_last
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.posed_forces import PosedForces
     from mbsvib.equations.scene import Scene
@@ -40,17 +40,16 @@ if TYPE_CHECKING:
 class PosedScene:
     """How the arrays of a mechanism follow from poses.
 
-    ``kinematics`` are those of its tree. ``lines`` (k,) are the columns of elements along lines, with their ``start``
-    and ``end`` (k, 3) [m]; ``others`` those of other elements. ``holder`` (ports,) are the bodies of the ports' points.
+    ``kinematics`` are those of its tree. ``straight`` (elements,) are those that act along lines, with their ``start``
+    and ``end`` (elements, 3) [m]. ``holder`` (ports,) are the bodies of the ports' points.
     ``forces`` are those of loads and connections, None where none are asked for. ``held`` are the bodies with which
     bodies within beams and superelements go.
     """
 
     kinematics: PoseKinematics
-    lines: Index
+    straight: Bools
     start: Array
     end: Array
-    others: Index
     holder: Index
     forces: PosedForces | None = None
     held: Mapping[str, str] = field(default_factory=dict)
@@ -99,20 +98,20 @@ class PosedScene:
 
     def _rows(self, scene: Scene, pose: Pose) -> ElementRows:
         """The rows of connections as they go with their bodies."""
-        springs, rows = scene.springs, scene.springs.rows
-        lead, lines, others = pose.centre.shape[:-2], self.lines, self.others
-        force, moment, point = (
-            np.broadcast_to(array.reshape(3, *[1] * len(lead), -1), (3, *lead, array.shape[-1])).copy()
-            for array in (rows.force, rows.moment, rows.point))
-        first, second = rows.first, rows.second
-        begin = pose.points(first[lines], self.start)
-        line = pose.points(second[lines], self.end) - begin
-        line /= np.sqrt((line * line).sum(axis=-1, keepdims=True))
-        force[..., lines], point[..., lines] = components_first(line), components_first(begin)
-        for array, described in ((force, rows.force), (moment, rows.moment)):
-            array[..., others] = components_first(pose.vectors(first[others], described[:, others].T))
-        point[..., others] = components_first(pose.points(second[others], rows.point[:, others].T))
-        return replace(springs, rows=Rows(first, second, point, force, moment))
+        springs, rows, lead = scene.springs, scene.springs.rows, pose.centre.shape[:-2]
+        described = [components_last(array) for array in (rows.force, rows.moment, rows.point)]
+        force, moment, point = (np.array(np.broadcast_to(array, (*lead, *array.shape[-2:]))) for array in described)
+        straight = self.straight[springs.owner]
+        lines, others = straight.nonzero()[0], (~straight).nonzero()[0]
+        first, second, owner = rows.first, rows.second, springs.owner[lines]
+        point[..., lines, :] = begin = pose.points(first[lines], self.start[owner])
+        line = pose.points(second[lines], self.end[owner]) - begin
+        force[..., lines, :] = line / np.sqrt((line * line).sum(axis=-1, keepdims=True))
+        for array in (force, moment):
+            array[..., others, :] = pose.vectors(first[others], array[..., others, :])
+        point[..., others, :] = pose.points(second[others], described[2][..., others, :])
+        vectors = [np.ascontiguousarray(components_first(array)) for array in (point, force, moment)]
+        return replace(springs, rows=Rows(first, second, *vectors))
 
     def joint_axes(self, pose: Pose) -> dict[str, Array]:
         """Return the axes (..., 3, 3) of all joints in a pose, by name."""
@@ -179,11 +178,9 @@ def of_parts(
     ``model`` has bushings instead of torsion springs. ``varying``: elements whose forces vary.
     """
     number = scene.topology.body_numbers
-    owners = [scene.elements[i] for i in scene.springs.owner.tolist()]
-    straight = np.array([part.acts_along_line for part in owners], dtype=bool)
-    lines = np.flatnonzero(straight)
-    ends: list[Any] = [(owners[k].points[0], owners[k].points[-1]) for k in lines.tolist()]
-    begin, end = np.array(ends).reshape(-1, 2, 3).transpose(1, 0, 2)
+    straight = np.array([part.acts_along_line for part in scene.elements], dtype=bool)
+    ends: Any = np.array([(part.points[0], part.points[-1]) if part.acts_along_line else np.zeros((2, 3))
+                          for part in scene.elements]).reshape(-1, 2, 3)  # fmt: skip
     parts: list[Any] = [*(part for part in model.inputs.values() if not part.moves_ground),
                         *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
     ground = len(number) if "ground" not in number else number["ground"]
@@ -192,4 +189,4 @@ def of_parts(
         a, b = number[part.relative_to], number[part.body]
         holder.append(b if part.position is not None or b < ground else a)
     forces = None if described is None else posed_forces(described, model, varying)
-    return PosedScene(kinematics, lines, begin, end, np.flatnonzero(~straight), np.array(holder, dtype=np.intp), forces)
+    return PosedScene(kinematics, straight, ends[:, 0], ends[:, 1], np.array(holder, dtype=np.intp), forces)

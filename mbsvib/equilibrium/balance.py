@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.batch_loads import forces_along
 from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
@@ -15,7 +16,6 @@ from mbsvib.equations.posed_scene import follows_poses, of_parts
 from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.equations.scene import scene
 from mbsvib.equations.spin_terms import cross_couplings
-from mbsvib.equations.statics import balance as sums
 from mbsvib.equations.statics import shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.motion import kinematics_of
@@ -150,13 +150,8 @@ def _loads(
     numbers: Scene, axes: Mapping[str, Array], phi: Array, reduction: Reduction
 ) -> tuple[Array, Array, Array]:
     """The residual of the forces, the size of those that should cancel (m,), and their stiffness (m, m)."""
-    assert numbers.loads is not None
-    applied, _ = numbers.loads
-    wrench, sizes = applied.on_bodies(np.concatenate((numbers.position, np.zeros((1, 3)))).T)
-    points = (applied.pairs.start, numbers.position, numbers.coordinates.point)
-    reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
     motion = reduction.apply_to_bodies(body_motion(numbers.coordinates, numbers.position))
-    residual, size = sums(wrench[:, :-1], sizes[:, :-1], motion, reach)
+    residual, size = forces_along(numbers, motion)
     loaded = loaded_pairs(numbers, axes)
     multipliers = np.zeros(0)
     if numbers.cuts is not None:

@@ -98,8 +98,7 @@ class PosedModel:
             return np.zeros(0)
         values, couplings = self.kinematics.openings(self.pose), self.cuts.couplings
         if couplings is not None:
-            values = np.append(values, np.bincount(couplings.row, couplings.value * self.travel,
-                                                   len(couplings.touched)))  # fmt: skip
+            values = np.append(values, couplings.sums(self.travel))
         return np.asarray(values * self.kinematics.row_scale)
 
     def under(self, model: Mechanism) -> PosedModel:

@@ -207,10 +207,7 @@ class Closing:
                                     None if near is None else near.travel)  # fmt: skip
             tree = couplings.column >= 0
             travel[:, tree] = q[:, couplings.column[tree]]
-            sums = np.zeros((count, len(couplings.touched)), travel.dtype)
-            for k, row in enumerate(couplings.row.tolist()):
-                sums[:, row] += couplings.value[k] * travel[:, k]
-            error = np.concatenate((error, sums), axis=1)
+            error = np.concatenate((error, couplings.sums(travel)), axis=1)
         error = error * kinematics.row_scale
         return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, error, travel)
 

@@ -61,6 +61,10 @@ class Couplings:
         np.maximum.at(result, places, np.moveaxis(np.abs(self.value), -1, 0))
         return result
 
+    def sums(self, travel: Array) -> Array:
+        """Return the sums (..., couplers) of displacements (..., t) of the coordinates, which couplers hold at zero."""
+        return np.asarray((self.value * travel) @ (self.row[:, None] == np.arange(len(self.touched))))
+
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
         """Return factors that scale some rows to entries of at most one, with ``length`` [m] as the unit of length: one
         for all, or one for each (members,).

@@ -12,7 +12,7 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from mbsvib.api.in_equilibrium import in_equilibrium
+from mbsvib.api.in_equilibrium import batch_in_equilibrium, in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import kind_of
 from mbsvib.equations.assembly import is_small
@@ -88,7 +88,7 @@ class Systems:
 
     @cached_property
     def compiled(self) -> CompiledPlant | None:
-        """The compiled model; None where models find their equilibrium, or are large."""
+        """The compiled model; None where models find their equilibrium, or are large. Given poses have to balance."""
         if not is_small(self.model):
             return None
         start, pose = self.design.start, self.design.pose
@@ -96,7 +96,8 @@ class Systems:
             simplefilter("ignore")
             compiled = self.model.compile(list(self.design.values(start)), independent=self.independent, pose=list(
                 self.design.displacements(start)) if pose else None, relaxed=self.design.relaxed)  # fmt: skip
-            if not compiled.loaded and (self.independent is None or compiled.coordinates == tuple(self.independent)):
+            same = self.independent is None or compiled.coordinates == tuple(self.independent)
+            if same and (pose or not compiled.loaded):
                 return compiled
         return None
 
@@ -117,7 +118,7 @@ class Systems:
         """Return the systems at values (n,) of the variables; parameters or a pose are among them."""
         changed = self.design.values(columns)
         if not self.design.pose:
-            return self.model.linearize(values=changed)
+            return batch_in_equilibrium(self.model, changed)
         if self.compiled is None:
             raise ModelError(f"model '{self.model.name}' is not in balance in each pose", field="variables")
         changed |= self.design.displacements(columns)
