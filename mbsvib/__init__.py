@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.api.run import Run
     from mbsvib.api.state_space import StateSpace
     from mbsvib.api.system import System
+    from mbsvib.elements.dynamic import Dynamic
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.measurement.comparing import compare
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AccuracyWarning",
+    "Dynamic",
     "EquilibriumError",
     "ExportError",
     "LargeDisplacementWarning",
@@ -85,6 +87,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Dynamic": "mbsvib.elements.dynamic",
     "MeasuredModes": "mbsvib.measurement.modes",
     "Measurement": "mbsvib.measurement.data",
     "Model": "mbsvib.api.model",

@@ -34,8 +34,9 @@ def assemble(
         By name. Each is in balance by itself: connections carry no force at rest.
     connect : iterable of (str, str, how) or (str, str, how, directions)
         Two ports PART.PORT, as ``model.add_port`` makes them: inputs and outputs PORT.x ... PORT.rz. ``how`` is
-        "rigid", a stiffness (d,) or (d, d) [N/m, N m/rad], or a pair of stiffness and damping. ``directions`` (d,):
-        those that are joined; default: all of the ports, which must be the same. Patterns join ports by position.
+        "rigid", a stiffness (d,) or (d, d) [N/m, N m/rad], or a pair: stiffness and damping, or stiffness and
+        ``mv.Dynamic``, by which it depends on frequency (a rational one, unless a part is measured). ``directions``
+        (d,): those that are joined; default: all of the ports, which must be the same. Patterns join ports by position.
     remove : str or iterable of str
         Parts that are taken away: the measurement of a whole without them is what remains.
     distance : float

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, shown
 from mbsvib.common.expected import kind_of, way_to_system
+from mbsvib.elements.dynamic import Dynamic
 from mbsvib.equations.equations import Connection
 from mbsvib.errors import ModelError, nearest
 from mbsvib.measurement.data import Measurement
@@ -161,19 +162,21 @@ def _connection(
         chosen = tuple(d for d in DIRECTIONS if d in chosen)
     if not chosen:
         raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' have no common direction.", element=names[0])
-    stiffness, damping = _coefficients(how, len(chosen), names)
-    return Connection(*names, chosen, stiffness, damping, _apart(one, other, chosen, names, distance))
+    stiffness, damping, dynamic = _coefficients(how, len(chosen), names)
+    return Connection(*names, chosen, stiffness, damping, dynamic, _apart(one, other, chosen, names, distance))
 
 
-def _coefficients(how: Any, count: int, names: tuple[str, str]) -> tuple[Any, Any]:
-    """Stiffness and damping (count, count), None for rigid connections."""
+def _coefficients(how: Any, count: int, names: tuple[str, str]) -> tuple[Any, Any, Dynamic | None]:
+    """Stiffness and damping (count, count), None for rigid connections, and how the stiffness depends on frequency."""
     if isinstance(how, str):
         if how != "rigid":
             raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' are joined {how!r}; expected 'rigid', a stiffness, "
-                             f"or a stiffness and a damping.", element=names[0])  # fmt: skip
-        return None, None
+                             f"or a stiffness with a damping or a Dynamic.", element=names[0])  # fmt: skip
+        return None, None, None
     stiffness, damping = how if isinstance(how, tuple) and len(how) == 2 else (how, np.zeros(count))
-    return _matrix(stiffness, count, "stiffness", names), _matrix(damping, count, "damping", names)
+    dynamic = damping if isinstance(damping, Dynamic) else None
+    viscous = np.zeros(count) if dynamic is not None else damping
+    return _matrix(stiffness, count, "stiffness", names), _matrix(viscous, count, "damping", names), dynamic
 
 
 def _matrix(value: Any, count: int, label: str, names: tuple[str, str]) -> Array:

@@ -208,7 +208,8 @@ def _compliance(ends: Sequence[Ends], omega: Array) -> tuple[Complex, Bools]:
         which = np.ones(count, dtype=bool)
         if k is not None and c is not None:
             which = (k != 0.0).any(axis=1) | (c != 0.0).any(axis=1)
-            dynamic = k + 1j * omega[:, None, None] * c
+            factor = 1.0 if one.connection.dynamic is None else one.connection.dynamic.factor(omega)[:, None, None]
+            dynamic = k * factor + 1j * omega[:, None, None] * c
             at = np.ix_(np.arange(len(omega)), which, which)
             block[at] = _inverse(dynamic[at], one)
         blocks.append(block)

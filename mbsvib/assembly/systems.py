@@ -93,10 +93,10 @@ def assembled_system(parts: Sequence[Part], connections: Sequence[Connection], n
         raise ModelError(f"{WHO}: '{part.name}' has motions without mass, and rigid connections would change which "
                          f"these are; give the bodies that move there a mass, or join it by a stiffness.",
                          element=part.name)  # fmt: skip
-    for one in soft:
-        whole = _with_spring(whole, one)
     if rigid:
         whole = _joined_rigidly(whole, rigid)
+    for one in soft:
+        whole = _with_spring(whole, one)
     return _with_shared_inputs(whole, parts, shared)
 
 
@@ -165,31 +165,81 @@ def _check_port(whole: Equations, ends: Ends) -> None:
 
 
 def _with_spring(whole: Any, ends: Ends) -> Any:
-    """The equations with a spring-damper between two ports: K + L^T k L, C + L^T c L."""
-    relative, forces = ends.relative(whole.Cq), ends.acting(whole.D)
-    k, c = (np.asarray(one) for one in (ends.connection.stiffness, ends.connection.damping))
-    rows, weights = zip(*(_squares(matrix, relative) for matrix in (k, c)), strict=True)
-    none = [np.zeros(len(one)) for one in weights]
-    count = len(weights[0]) + len(weights[1])
-    springs = (*whole.provenance.springs, ends.name)
+    """The equations with a spring-damper between two ports: K + L^T k L, C + L^T c L.
+
+    A stiffness that depends on frequency adds relaxations: a spring g k in series with a damper g tau k each.
+    """
+    connection, relative, forces = ends.connection, ends.relative(whole.Cq), ends.acting(whole.D)
+    k, c = (np.asarray(one) for one in (connection.stiffness, connection.damping))
+    dynamic = connection.dynamic
+    axes, sizes = _squares(k)
+    whole = replace(whole, provenance=replace(whole.provenance, springs=(*whole.provenance.springs, ends.name)))
+    if dynamic is None:
+        whole = _with_rows(whole, (axes @ relative, sizes, np.zeros(len(sizes))), forces @ axes.T)
+        others, damping = _squares(c)
+        return _with_rows(whole, (others @ relative, np.zeros(len(damping)), damping), forces @ others.T)
+    if dynamic.weights is None or dynamic.times is None:
+        raise ModelError(f"{WHO}: {dynamic!r} between {ends.name} has no states; expected a rational one, as "
+                         f".rational((low, high)) [Hz] makes it. Responses alone take it where a part is measured.",
+                         element=connection.first)  # fmt: skip
+    whole = _with_rows(whole, (axes @ relative, dynamic.static * sizes, dynamic.viscous * sizes), forces @ axes.T)
+    for k_term, (g, tau) in enumerate(zip(dynamic.weights.tolist(), dynamic.times.tolist(), strict=True), 1):
+        names = [f"{ends.name}.relaxation{k_term}.{i + 1}" for i in range(len(sizes))]
+        whole, own = _with_massless(whole, names), np.eye(whole.dof + len(sizes))[whole.dof :]
+        stretched = axes @ ends.relative(whole.Cq) - own
+        whole = _with_rows(whole, (stretched, g * sizes, np.zeros(len(sizes))), forces @ axes.T)
+        whole = _with_rows(whole, (own, np.zeros(len(sizes)), g * tau * sizes), np.zeros((len(forces), len(sizes))))
+    return whole
+
+
+def _with_rows(whole: Any, rows: tuple[Array, Array, Array], forces: Array) -> Any:
+    """The equations with elastic rows of the last spring: rows, stiffness and damping.
+
+    ``forces`` (outputs, rows): how outputs follow the forces along these rows, positive as they act.
+    """
+    elastic, k, c = rows
     return replace(
-        whole, K=whole.K + weighted_gram(rows[0], weights[0]), C=whole.C + weighted_gram(rows[1], weights[1]),
-        Cq=whole.Cq - forces @ k @ relative, Cv=whole.Cv - forces @ c @ relative,
-        elastic_rows=np.concatenate((whole.elastic_rows, *rows)),
-        row_stiffness=np.concatenate((whole.row_stiffness, weights[0], none[1])),
-        row_damping=np.concatenate((whole.row_damping, none[0], weights[1])),
-        row_owner=np.concatenate((whole.row_owner, np.full(count, len(springs) - 1))),
-        provenance=replace(whole.provenance, springs=springs),
+        whole, K=whole.K + weighted_gram(elastic, k), C=whole.C + weighted_gram(elastic, c),
+        Cq=whole.Cq - forces @ (k[:, None] * elastic), Cv=whole.Cv - forces @ (c[:, None] * elastic),
+        elastic_rows=np.concatenate((whole.elastic_rows, elastic)),
+        row_stiffness=np.concatenate((whole.row_stiffness, k)), row_damping=np.concatenate((whole.row_damping, c)),
+        row_owner=np.concatenate((whole.row_owner, np.full(len(k), len(whole.provenance.springs) - 1))),
     )  # fmt: skip
 
 
-def _squares(matrix: Array, relative: Array) -> tuple[Array, Array]:
-    """Rows E and weights w with E^T diag(w) E = L^T matrix L."""
+def _with_massless(whole: Any, names: Sequence[str]) -> Any:
+    """The equations with further coordinates that have no mass, and nothing else yet."""
+    count, m = len(names), whole.dof
+
+    def wide(array: Array | None, both: bool = False) -> Any:
+        widths = [(0, 0)] * (array.ndim - 1) + [(0, count)] if array is not None else []
+        if both:
+            widths[0:1] = [(0, count)] * bool(widths)
+        return None if array is None else np.pad(array, widths)
+
+    null = np.zeros((m, 0)) if whole.null_inertia is None else whole.null_inertia
+    square = {key: wide(getattr(whole, key), True) for key in ("M", "C", "K", "gyroscopic", "circulatory")}
+    flat = {key: wide(getattr(whole, key))
+            for key in ("Cq", "Cv", "Ca", "inertia_factor", "elastic_rows", "body_motion")}  # fmt: skip
+    coordinates = (*whole.coordinates, *names)
+    return replace(
+        whole, **square, **flat, B=np.pad(whole.B, ((0, count), (0, 0))), coordinates=coordinates,
+        coordinate_units=(*whole.coordinate_units, *([""] * count)), massless=whole.massless + count,
+        null_inertia=np.block([[null, np.zeros((m, count))], [np.zeros((count, null.shape[1])), np.eye(count)]]),
+        provenance=replace(whole.provenance, joint_coordinates=coordinates,
+                           reduction=Reduction(np.arange(m + count), None, ())),
+    )  # fmt: skip
+
+
+def _squares(matrix: Array) -> tuple[Array, Array]:
+    """Unit rows E and weights w with E^T diag(w) E = the matrix."""
     size = np.sqrt(np.abs(matrix.diagonal()))
     size = np.where(size > 0.0, size, 1.0)
     weights, vectors = np.linalg.eigh(matrix / size[:, None] / size)
     acts = weights > len(matrix) * ZERO_SUM
-    return (vectors.T * size)[acts] @ relative, weights[acts]
+    rows = (vectors.T * size)[acts]
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows / length, weights[acts] * length[:, 0] ** 2
 
 
 def _joined_rigidly(whole: Any, rigid: Sequence[Ends]) -> Any:

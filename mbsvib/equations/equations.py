@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.dynamic import Dynamic
     from mbsvib.elements.part import Part
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
@@ -88,8 +89,9 @@ class Truncation:
 class Connection:
     """Two ports ``first`` and ``second`` of assembled parts, joined along ``directions`` (d,).
 
-    ``stiffness`` and ``damping`` (d, d) [N/m, N m/rad, ...] are None where they are joined rigidly. ``distance`` [m] is
-    that of their places, None where these are not known.
+    ``stiffness`` and ``damping`` (d, d) [N/m, N m/rad, ...] are None where they are joined rigidly; the stiffness is
+    multiplied by the factor of ``dynamic`` where it depends on frequency. ``distance`` [m] is that of their places,
+    None where these are not known.
     """
 
     first: str
@@ -97,12 +99,14 @@ class Connection:
     directions: tuple[str, ...]
     stiffness: Array | None
     damping: Array | None
+    dynamic: Dynamic | None
     distance: float | None
 
     @property
     def explained(self) -> str:
         """What was joined, how, and how far apart it is."""
-        how = "rigidly" if self.stiffness is None else "by a spring-damper"
+        how = "rigidly" if self.stiffness is None else "by a spring-damper" if self.dynamic is None else \
+            f"by a stiffness with {self.dynamic!r}"
         apart = "" if self.distance is None else f", {1e3 * self.distance:.3g} mm apart"
         return f"{self.first} and {self.second}: joined {how} along {' '.join(self.directions)}{apart}"
 

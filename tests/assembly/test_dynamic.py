@@ -1,0 +1,132 @@
+"""Stiffness that depends on frequency: factors, fits with their errors, and connections with it."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.errors import AccuracyWarning, ModelError
+from tests.assembly.scenes import RIGID, apart
+
+OMEGA = np.geomspace(1.0, 2000.0, 80)
+
+
+def test_factors():
+    s = 1j * OMEGA
+    prony = Dynamic.prony([0.5, 2.0], [0.1, 1e-3])
+    expected = 1.0 + 0.5 * 0.1 * s / (1 + 0.1 * s) + 2.0 * 1e-3 * s / (1 + 1e-3 * s)
+    np.testing.assert_allclose(prony.factor(OMEGA), expected, rtol=1e-15)
+    np.testing.assert_allclose(prony.factor(-OMEGA), expected.conj(), rtol=1e-15)
+    assert prony.factor([0.0])[0] == 1.0
+    hysteretic = Dynamic.hysteretic(0.1)
+    np.testing.assert_array_equal(hysteretic.factor([-3.0, 0.0, 3.0]), [1 - 0.1j, 1.0, 1 + 0.1j])
+    zener = Dynamic.transfer([1.5 * 0.1, 1.0], [0.1, 1.0])
+    np.testing.assert_allclose(zener.factor(OMEGA), Dynamic.prony([0.5], [0.1]).factor(OMEGA), rtol=1e-14)
+    np.testing.assert_allclose([zener.static, *zener.weights, *zener.times], [1.0, 0.5, 0.1], rtol=1e-14)
+    damper = Dynamic.transfer([0.02, 1.0], [1.0])
+    assert (damper.static, damper.viscous, len(damper.weights)) == (1.0, 0.02, 0)
+
+
+def test_a_table_is_exact_at_its_points_and_warns_beyond():
+    f = np.geomspace(1.0, 100.0, 9)
+    factors = 1.0 + 0.2 * np.log10(f) + 0.1j * f**0.1
+    table = Dynamic.table(f, factors)
+    np.testing.assert_allclose(table.factor(2 * np.pi * f[1:-1]), factors[1:-1], rtol=1e-12)
+    with pytest.warns(AccuracyWarning, match="beyond its 1 to 100 Hz"):
+        assert table.factor([2 * np.pi * 300.0])[0] == pytest.approx(factors[-1])
+    assert not table.is_rational
+
+
+# loss factor, decades, least error and error of relaxations [%], by a linear programme with 40 bins a decade
+@pytest.mark.parametrize(("loss", "decades", "least", "error"), [
+    (0.1, 1, 0.28, 3.4), (0.1, 2, 2.1, 7.1), (0.1, 4, 5.4, 9.4), (0.02, 2, 0.40, 1.45), (0.3, 1, 1.1, 10.5),
+])  # fmt: skip
+def test_fits_state_their_error_and_the_least_one(loss, decades, least, error):
+    fit = Dynamic.hysteretic(loss, (1.0, 10.0**decades))
+    assert 100 * fit.least_error == pytest.approx(least, rel=0.04, abs=0.04)
+    assert 100 * fit.error == pytest.approx(error, rel=0.15)
+    w = 2 * np.pi * np.geomspace(1.0, 10.0**decades, 500)
+    found = np.abs(fit.factor(w) / (1.0 + loss * 1j) - 1.0).max()
+    assert found == pytest.approx(fit.error, rel=0.03)
+    everywhere = np.geomspace(1e-6, 1e9, 200)
+    assert (fit.factor(everywhere).imag >= 0.0).all()
+    assert min(fit.static, fit.viscous, *fit.weights) >= 0.0
+
+
+def test_a_passive_factor_has_no_least_error():
+    prony = Dynamic.prony([0.5, 2.0], [0.02, 1e-3])
+    fit = Dynamic.table(np.geomspace(1.0, 100.0, 60), prony.factor(2 * np.pi * np.geomspace(1.0, 100.0, 60)))
+    fit = fit.rational((1.0, 100.0))
+    assert fit.least_error < 2e-3
+    assert fit.error < 2e-2
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("matrix", [False, True])
+def test_two_masses_on_a_prony_mount(measured, matrix):
+    """3 kg on 900 N/m, 2 kg behind a mount, along x and y that the stiffness couples or not; closed form."""
+    parts = {}
+    for name, mass in (("a", 3.0), ("b", 2.0)):
+        model = mv.Model(name)
+        model.add_body("m", mass, (1, 1, 1))
+        model.add_joint("plane", "planar", "ground", "m", (0, 0, 0), axis=(0, 0, 1))
+        model.add_port("p", "m")
+        if name == "a":
+            model.add_bushing("k", "ground", "m", (0, 0, 0), (900.0, 700.0, 0, 0, 0, 50.0))
+        parts[name] = model.linearize()
+    if measured:
+        data = parts["a"].frequency_response(OMEGA)
+        parts["a"] = mv.Measurement(OMEGA, data, parts["a"].outputs, parts["a"].inputs,
+                                    output_units=parts["a"].output_units)  # fmt: skip
+    k = np.array([[600.0, 100.0], [100.0, 400.0]]) if matrix else np.diag([600.0, 400.0])
+    dynamic = Dynamic.prony([0.8, 0.3], [0.02, 1e-3])
+    result = mv.assemble(parts, [("a.p", "b.p", (k, dynamic), ("x", "y"))])
+    z = k * dynamic.factor(OMEGA)[:, None, None]
+    mass = np.kron(np.diag([3.0, 2.0]), np.eye(2))
+    base = np.zeros((4, 4))
+    base[:2, :2] = np.diag([900.0, 700.0])
+    stiffness = base - OMEGA[:, None, None] ** 2 * mass + np.block([[z, -z], [-z, z]])
+    expected = np.linalg.inv(stiffness)[:, [2, 3]][:, :, [0, 1]].transpose(1, 2, 0)
+    names = ["b.p.x", "b.p.y"], ["a.p.x", "a.p.y"]
+    found = result[names].responses if measured else result[names].frequency_response(OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+    if not measured:
+        assert result.massless == 4
+        assert "Dynamic('prony', 2 relaxations)" in result.explain()
+
+
+def test_force_outputs_feel_a_dynamic_mount():
+    base, payload = apart()
+    dynamic = Dynamic.prony([0.8], [0.01])
+    connect = [(*RIGID[0][:2], ([1e5, 2e5, 3e5, 200, 300, 400.0], dynamic))]
+    system = mv.assemble({"base": base, "payload": payload}, connect)
+    omega = np.linspace(2.0, 300.0, 30)
+    linear = base.linearize()
+    data = mv.Measurement(omega, linear.frequency_response(omega), linear.outputs, linear.inputs,
+                          output_units=linear.output_units)  # fmt: skip
+    responses = mv.assemble({"base": data, "payload": payload}, connect)
+    names = ["base.arm.force", "base.link.force", "payload.a"], ["base.F", "payload.root.y"]
+    expected = responses[names].responses
+    size = np.abs(expected).max(axis=2, keepdims=True)
+    np.testing.assert_allclose(system[names].frequency_response(omega) / size, expected / size, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: Dynamic.prony([0.5], [0.1, 0.2]), "expected as many times, above 0 s, as weights"),
+    (lambda: Dynamic.prony([-0.5], [0.1]), "weights = .*expected finite numbers, 0 or more"),
+    (lambda: Dynamic.hysteretic(0.1, (10.0, 1.0)), "band = .*two ascending frequencies above 0 Hz"),
+    (lambda: Dynamic.table([1.0, 2.0], [1.0, 1.0 - 0.1j]), "factor at 2 Hz is .*take energy"),
+    (lambda: Dynamic.table([2.0, 1.0], [1.0, 1.0]), "ascending frequencies above 0 Hz with a factor each"),
+    (lambda: Dynamic.transfer([1.0, 0.0, 0.0, 1.0], [1.0, 1.0]), "at most one degree more"),
+    (lambda: Dynamic.transfer([1.0], [1.0, -1.0]), "pole at 1 rad/s; expected stable ones"),
+    (lambda: Dynamic.transfer([1.0], [0.1, 1.0]), "imaginary part is negative"),
+])  # fmt: skip
+def test_factors_that_no_element_has_are_refused(make, words):
+    with pytest.raises(ModelError, match=f"(?s){words}"):
+        make()
+
+
+def test_a_system_needs_states():
+    base, payload = apart()
+    with pytest.raises(ModelError, match=r"loss factor 0.1.*between base.tip to payload.root has no states"):
+        mv.assemble({"base": base, "payload": payload}, [(*RIGID[0][:2], ([1e5] * 6, Dynamic.hysteretic(0.1)))])
