@@ -279,7 +279,7 @@ def by_rms(scene: Candidates, rms: Any, floor: Any) -> tuple[BestControl, tuple[
     space, through = first_order(system), direct(system)
     w, u = ([system.inputs.index(name) for name in names] for names in (under.names, scene.inputs))
     y, z = ([system.outputs.index(name) for name in names] for names in (scene.outputs, targets))
-    drive = in_rows([part.filter for part in under.densities], levels=True)
+    drive = in_rows(tuple([part.filter for part in under.densities]), levels=True)
     n, k = len(space.A), len(drive.a)
     a = np.block([[space.A, space.B[:, w] @ drive.c], [np.zeros((k, n)), drive.a]])
     b1 = np.concatenate((space.B[:, w] @ drive.d, drive.b))
