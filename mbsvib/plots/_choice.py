@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 from mbsvib.common.expected import a_linear
 from mbsvib.common.selection import Names, selected
@@ -24,11 +24,11 @@ def linear(value: Any) -> Linear:
     if is_control(value) or is_transfer_function(value):
         from mbsvib.responses.state_space import StateSpace
 
-        return cast("Linear", StateSpace.from_control(value))
+        return StateSpace.from_control(value)
     if of_control(value):
         raise ResponseError(f"plots: systems = {type(value).__name__} '{value.name}'; expected equations, a "
                             f"control.StateSpace or control.TransferFunction. Data are drawn by python-control.")
-    return cast("Linear", a_linear(value, "plots", "systems"))
+    return a_linear(value, "plots", "systems")
 
 
 def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Linear]]:

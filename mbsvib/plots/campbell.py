@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,55 +12,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
 
 FEWEST, ABOVE = 8, 4.0  # modes that are drawn by default, and up to which multiple of the highest line
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
 
 
-class CriticalSpeed(Protocol):
-    """A speed at which rotors excite a mode."""
-
-    @property
-    def speed(self) -> float:
-        """Speed [rad/s]."""
-
-    @property
-    def frequency(self) -> float:
-        """Damped frequency [Hz] of the mode there."""
-
-
-class Campbell(Protocol):
-    """Data of a Campbell diagram: modes over the speed of rotors; ``mbsvib.studies.campbell.campbell`` returns one."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-
-    @property
-    def speeds(self) -> Array:
-        """Ascending speeds [rad/s], shape (n,)."""
-
-    @property
-    def frequencies(self) -> Array:
-        """Damped frequencies [Hz], shape (n, modes)."""
-
-    @property
-    def directions(self) -> NDArray[np.str_]:
-        """"forward", "backward" or "" for each, shape (n, modes)."""
-
-    @property
-    def growing(self) -> NDArray[np.bool_]:
-        """Whether each mode is unstable at each speed, shape (n, modes)."""
-
-    @property
-    def critical(self) -> Sequence[CriticalSpeed]:
-        """Critical speeds."""
-
-
-def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None = None) -> Figure:
+def campbell(data: Any, orders: Sequence[float] = (1.0,), modes: int | None = None) -> Figure:
     """Draw a Campbell diagram: damped frequencies over the speed.
 
     Parameters
@@ -126,7 +83,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None
     return figure
 
 
-def _lowest(data: Campbell, orders: Sequence[float]) -> int:
+def _lowest(data: Any, orders: Sequence[float]) -> int:
     """Return how many of the lowest modes are drawn: those of beams reach far above all speeds."""
     line = max((abs(order) for order in orders), default=0.0) * float(np.abs(data.speeds).max()) / (2.0 * np.pi)
     near = data.frequencies.min(axis=0) <= ABOVE * line

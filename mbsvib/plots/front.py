@@ -2,61 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import units
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
-
-
-class Design(Protocol):
-    """Data of one design."""
-
-    @property
-    def model(self) -> Mechanism:
-        """The mechanism."""
-
-    @property
-    def success(self) -> bool:
-        """Whether it is optimal."""
-
-
-class Front(Protocol):
-    """Data of a Pareto front; ``mbsvib.isolation.Passive.front`` returns one."""
-
-    @property
-    def labels(self) -> tuple[str, str]:
-        """Labels of the objective and of the bounded quantity."""
-
-    @property
-    def objective(self) -> Array:
-        """Objective of each design, shape (n,)."""
-
-    @property
-    def price(self) -> Array:
-        """The bounded quantity of each design, shape (n,)."""
-
-    @property
-    def designs(self) -> Sequence[Design]:
-        """The n designs."""
 
 LOG_FROM = 4.0  # ratio of the highest to the lowest value from which an axis is logarithmic
 
 
-def front(data: Front) -> Figure:
+def front(data: Any) -> Figure:
     """Draw a Pareto front.
 
     Parameters
     ----------
     data : Front
-        What ``Passive.front`` returned.
+        What ``mbsvib.isolation.Passive.front`` returned.
 
     Returns
     -------

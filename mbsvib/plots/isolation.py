@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
@@ -11,62 +11,8 @@ from mbsvib.plots import _style as style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Array
 
-
-class Bodies(Protocol):
-    """The isolated body, and what is shaken."""
-
-    @property
-    def body(self) -> str:
-        """Name of the isolated body."""
-
-    @property
-    def base(self) -> str:
-        """Name of the base."""
-
-
-class Named(Protocol):
-    """The equations of a study."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model, and those of its controllers."""
-
-
-class Isolation(Protocol):
-    """Data of a study of isolation; ``mbsvib.isolation.study`` returns one."""
-
-    @property
-    def linear(self) -> Named:
-        """The system, or the closed loop."""
-
-    @property
-    def scene(self) -> Bodies:
-        """The isolated body, and what is shaken."""
-
-    @property
-    def frequencies(self) -> Array:
-        """Frequencies [Hz], shape (n,)."""
-
-    @property
-    def index(self) -> Array:
-        """Frobenius index of the transmissibility, shape (n,)."""
-
-    @property
-    def singular_values(self) -> Array:
-        """Singular values of the transmissibility, in descending order, shape (base directions, n)."""
-
-    @property
-    def compliance_values(self) -> Array:
-        """Singular values of the compliance [m/N], in descending order, shape (6, n)."""
-
-    @property
-    def crossover(self) -> float:
-        """Frequency [Hz] above which the body is isolated."""
-
-
-def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | None = None) -> Figure:
+def isolation(studies: Any, labels: Sequence[str] | None = None) -> Figure:
     """Draw transmissibility and compliance over frequency.
 
     Parameters

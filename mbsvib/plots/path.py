@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equilibrium.equilibrium_path import EquilibriumPath
 
 # Modes that are drawn, and markers of special points.
 LOWEST = 6
@@ -22,67 +20,7 @@ MARKERS = {"limit": ("o", "extreme of the force"), "turning": ("s", "extreme of 
            "branch": ("D", "another path crosses")}  # fmt: skip
 
 
-class Point(Protocol):
-    """A special point."""
-
-    @property
-    def kind(self) -> str:
-        """ "limit", "turning" or "branch"."""
-
-    @property
-    def value(self) -> float:
-        """The coordinate."""
-
-    @property
-    def force(self) -> float:
-        """The holding force."""
-
-    @property
-    def before(self) -> int:
-        """Index of the first value behind it."""
-
-
-class EquilibriumPath(Protocol):
-    """What ``Model.path`` returns."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-
-    @property
-    def coordinate(self) -> str:
-        """Name of the coordinate."""
-
-    @property
-    def unit(self) -> str:
-        """Its unit."""
-
-    @property
-    def values(self) -> Array:
-        """Values (n,) of the coordinate."""
-
-    @property
-    def frequencies(self) -> Array:
-        """Natural frequencies (n, modes) [Hz]."""
-
-    @property
-    def stable(self) -> NDArray[np.bool_]:
-        """Whether the equilibria are stable (n,) under the holding force."""
-
-    @property
-    def curve(self) -> Array:
-        """Coordinate and force (k, 2) of all steps."""
-
-    @property
-    def curve_stable(self) -> NDArray[np.bool_]:
-        """Whether the stiffness is positive there (k,)."""
-
-    @property
-    def points(self) -> Sequence[Point]:
-        """Special points."""
-
-
-def path(data: EquilibriumPath) -> Figure:
+def path(data: EquilibriumPath[Any]) -> Figure:
     """Draw a path of equilibria: the holding force above, natural frequencies below, over the coordinate.
 
     Parameters
@@ -125,7 +63,7 @@ def path(data: EquilibriumPath) -> Figure:
     return figure
 
 
-def _frequency_lines(data: EquilibriumPath) -> tuple[Array, Array]:
+def _frequency_lines(data: EquilibriumPath[Any]) -> tuple[Array, Array]:
     """Coordinates (k,) and natural frequencies (k, modes) to draw, with NaN where lines end.
 
     Lines end where the number of stable modes changes, as this renumbers the modes; at a limit point, where this

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Complex, Index
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
 ROOM = 0.04  # half of a label's width, in parts of the height or, with unequal axes, of the width
@@ -24,35 +23,8 @@ LABEL_HEIGHT = 0.93  # of labels of damping ratios, in parts of the height
 Limits: TypeAlias = "tuple[float, float] | None"
 
 
-class RootLocus(Protocol):
-    """Data of a root locus; ``mbsvib.isolation.root_locus`` returns one."""
-
-    @property
-    def name(self) -> str:
-        """Name of the controller."""
-
-    @property
-    def curves(self) -> Complex:
-        """Poles [1/s] in columns that follow them, (gains, poles), those of open loops first."""
-
-    @property
-    def modes(self) -> Index:
-        """Columns of poles that start with a positive imaginary part."""
-
-    @property
-    def best_poles(self) -> Complex:
-        """Poles [1/s] at the best gain, (poles,)."""
-
-    @property
-    def zeros(self) -> Complex:
-        """Where poles go as the gain grows [1/s]."""
-
-    def summary(self, scale: float = 1.0) -> tuple[str, str]:
-        """Return the effect of the best gain, in two lines; gains are multiplied by the scale."""
-
-
 def root_locus(
-    locus: RootLocus, scale: float = 1.0, *, real: Limits = None, imaginary: Limits = None, equal: bool | None = None
+    locus: Any, scale: float = 1.0, *, real: Limits = None, imaginary: Limits = None, equal: bool | None = None
 ) -> Figure:
     """Draw how poles move as a gain grows.
 

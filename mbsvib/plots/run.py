@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,52 +16,16 @@ from mbsvib.plots._scene import of_model
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots._projection import View
 
 MOST_CURVES = 12  # in one panel that was not asked for by name
 QUANTITIES = {"m": "displacement", "rad": "rotation", "m/s": "velocity", "rad/s": "angular velocity", "N": "force",
               "m/s^2": "acceleration", "rad/s^2": "angular acceleration", "N m": "moment", "1": "strain"}  # fmt: skip
-
-
-class RunData(Protocol):
-    """What a run tells of itself."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-
-    @property
-    def time(self) -> Array:
-        """Times (n,) [s]."""
-
-    @property
-    def outputs(self) -> Mapping[str, Array]:
-        """Outputs (n,) by name."""
-
-    @property
-    def output_units(self) -> Mapping[str, str]:
-        """Their units."""
-
-    @property
-    def coordinates(self) -> Mapping[str, Array]:
-        """Joint coordinates (n,) by name."""
-
-    @property
-    def energy(self) -> Any:
-        """Energies ``kinetic``, ``potential``, ``total`` and ``dissipated`` (n,) [J]."""
-
-    @property
-    def model(self) -> Mechanism:
-        """The mechanism."""
-
-    def frames(self) -> dict[str, tuple[Array, Array]]:
-        """Rotations and shifts of all bodies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +50,7 @@ class RunAnimation(Animation):
         return np.asarray(self.positions[round(phase / (2.0 * np.pi) * self.frames) % self.frames])
 
 
-def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
+def run_figure(run: Any, names: Sequence[str] | str | None) -> Figure:
     """Return outputs or coordinates, and energies, over time.
 
     ``names``: what to draw; default: the outputs, or the coordinates where there are none.
@@ -127,7 +91,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
     return figure
 
 
-def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnimation:
+def run_animation(run: Any, view: View, frames: int, rate: float) -> RunAnimation:
     """Return a run in motion, true to scale, with ``rate`` frames a second [Hz]."""
     for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1)):
         if not least <= value < np.inf:

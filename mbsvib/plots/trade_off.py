@@ -3,48 +3,21 @@
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import units
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Array
 
 # Quantities that are drawn, and panels in a row.
 MOST, COLUMNS = 4, 3
 
 
-class TradeOff(Protocol):
-    """What ``studies.trade_off`` returns."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-
-    @property
-    def labels(self) -> Mapping[str, str]:
-        """What each quantity is, with its unit."""
-
-    @property
-    def values(self) -> Mapping[str, Array]:
-        """Quantities (n,) of the designs by name."""
-
-    @property
-    def ideal(self) -> Mapping[str, float]:
-        """The least of each quantity on its own."""
-
-    @property
-    def began(self) -> Mapping[str, float]:
-        """The quantities of the model that was given."""
-
-
-def trade_off(data: TradeOff) -> Figure:
+def trade_off(data: Any) -> Figure:
     """Draw a trade-off: a panel for each pair of quantities.
 
     Parameters
@@ -75,7 +48,7 @@ def trade_off(data: TradeOff) -> Figure:
     return figure
 
 
-def _panel(figure: Figure, axes: Axes, data: TradeOff, pair: tuple[str, str]) -> None:
+def _panel(figure: Figure, axes: Axes, data: Any, pair: tuple[str, str]) -> None:
     x, y = pair
     third = [name for name in data.values if name not in pair]
     if len(third) == 1:
