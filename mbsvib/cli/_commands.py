@@ -18,8 +18,8 @@ HOMES = {
     "compare": "_comparing", "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying",
     "path": "_studying", "isolation": "_studying",
     "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",
-    "export": "_exporting", "check-export": "_checking",
-    "cosim": "_cosimulating", "report": "_reporting", "schema": "_looking",
+    "export": "_exporting", "check-export": "_exporting",
+    "cosim": "_exporting", "report": "_comparing", "schema": "_looking",
 }  # fmt: skip
 OPTIONS = {
     "--help, -h": "Show this message and exit.",

@@ -1,18 +1,13 @@
-"""The command that compares two models, or a model with measured data."""
+"""Commands that compare two models or a model with measured data, and that write a report for a browser."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, Command, file_argument, positional
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
 from mbsvib.cli._figures import check_format, deliver
-from mbsvib.cli._lookup import model_or_measurement
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from mbsvib.cli._arguments import ModelFile
+from mbsvib.cli._lookup import model_of, model_or_measurement
 
 
 def compare(first: ModelFile, second: ModelFile, file: Path | None = None, as_json: bool = False) -> None:
@@ -31,9 +26,45 @@ def compare(first: ModelFile, second: ModelFile, file: Path | None = None, as_js
         deliver(result.plot(), file, as_json)
 
 
+def report(
+    model: ModelFile, file: Path | None = None, inputs: list[str] | None = None, outputs: list[str] | None = None,
+    as_json: bool = False, compare: ModelFile | None = None,
+) -> None:  # fmt: skip
+    """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy.
+
+    With ``--compare`` the page has the modes of both side by side, their responses in one figure, and differences.
+    """
+    if file is not None and file.suffix.lower() not in (".html", ".htm"):
+        raise shell.UsageProblem(f"'{file}': reports end in .html.")
+    source = model_of(model)
+    from mbsvib.report import write
+
+    path = file if file is not None else Path(f"{source.name}-report.html".replace("/", "_"))
+    if compare is None:
+        write(source, path, outputs or None, inputs or None)
+    else:
+        other, names = model_or_measurement(compare), (Path(model.word).stem, Path(compare.word).stem)
+        write(source, path, outputs or None, inputs or None, compare=other,
+              names=names if names[0] != names[1] else (model.word, compare.word))  # fmt: skip
+    size = path.stat().st_size
+    if as_json:
+        shell.say_written(path, as_json, bytes=size)
+    else:
+        shell.say(f"Written: {shell.shown(path)} ({size / 1e6:.1f} MB, needs no network)")
+
+
 WORDS = "Model file, name of a built-in model, or measured data: .uff, .unv or .npz."
-COMMANDS = {"compare": Command(compare, (
-    positional("first", "A", WORDS, completes="model"),
-    positional("second", "B", WORDS, completes="model"),
-    file_argument("MAC and differences of the frequencies, as .png, .pdf or .svg."), JSON,
-))}  # fmt: skip
+COMMANDS = {
+    "compare": Command(compare, (
+        positional("first", "A", WORDS, completes="model"),
+        positional("second", "B", WORDS, completes="model"),
+        file_argument("MAC and differences of the frequencies, as .png, .pdf or .svg."),
+        JSON,
+    )),
+    "report": Command(report, (
+        MODEL, INPUTS, OUTPUTS, file_argument("Where to. Default: NAME-report.html."),
+        option("--compare", to="compare", metavar="MODEL", completes="model",
+               words="Model or measured data to compare with: .uff, .unv or .npz."),
+        JSON,
+    )),
+}  # fmt: skip

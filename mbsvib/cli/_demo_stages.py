@@ -68,7 +68,7 @@ class Work:
 def model_and_modes(work: Work) -> None:
     """Build the platform, linearize it, and show its modes."""
     from mbsvib import library, plots
-    from mbsvib.cli._records import csv_text
+    from mbsvib.cli._looking import csv_text
     from mbsvib.common.atomic_file import write_atomic
     from mbsvib.files import save
 

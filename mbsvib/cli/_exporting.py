@@ -1,4 +1,7 @@
-"""The command that writes systems and models for other tools."""
+"""Commands that write systems and models for other tools, read what was written, and run two FMUs together.
+
+The last two are for CI: exit status 0 if all is well, 1 if not.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, number, option
-from mbsvib.cli._lookup import model_of
+from mbsvib.cli._arguments import (
+    INPUTS,
+    JSON,
+    MODEL,
+    OUTPUTS,
+    Command,
+    ModelFile,
+    file_argument,
+    flag,
+    number,
+    option,
+    positional,
+)
+from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._lookup import model_of, system_of
 from mbsvib.errors import nearest
 from mbsvib_export.targets import BY_SUFFIX, TARGETS
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
+    from mbsvib_export import CosimulationCheck
 
 KINDS = {target.suffixes[0]: target.contents for target in TARGETS} | {".yaml": "the model itself, to be edited"}
 STEP = 1e-4  # s between samples of .c
@@ -77,22 +94,101 @@ def _write(system: System, file: Path, choices: dict[str, Any]) -> str:
     return target.contents
 
 
-COMMANDS = {"export": Command(export, (
-    MODEL,
-    file_argument(f"Where to: {', '.join(KINDS)}.", required=True),
-    INPUTS,
-    OUTPUTS,
-    option("--realization", to="realization", metavar="KIND",
-           completes=("physical", "modal", "balanced"), words="States: physical (of .c: modal), modal or balanced."),
-    option("--step", "--dt", to="step", metavar="SECONDS", type=number,
-           words=f"Time between samples, for .c. Default: {STEP:g}."),
-    option("--method", to="method", metavar="KIND", completes=("zoh", "foh", "tustin"),
-           words="Discretization, for .c: zoh, foh or tustin."),
-    option("--fmi", to="version", metavar="VERSION", choices=("2.0", "3.0"),
-           words="Of an FMU: 2.0 or 3.0. Default: 3.0."),
-    option("--platforms", to="platforms", metavar="NAMES", words="Of an FMU: all, or names with commas between."),
-    option("--tunable", to="tunable", metavar="PARAMETER", action="append", completes="parameter",
-           words="Parameter that the user of an FMU may change, such as 'leg*.k.stiffness'; may be given several "
-                 "times."),
-    JSON,
-))}  # fmt: skip
+def check_export(
+    file: Path, model: ModelFile | None = None, limit: float = 1e-6, run: bool = False, as_json: bool = False
+) -> None:
+    """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
+    import mbsvib_export as mx
+
+    result = mx.check_export(file, None if model is None else system_of(model), limit, run=run)
+    if as_json:
+        rows = [{key: getattr(row, key) for key in ("quantity", "against", "error", "limit", "passed")}
+                for row in result.comparisons]  # fmt: skip
+        shell.say_json({"file": str(file), "passed": result.passed, "comparisons": rows, "remarks": result.remarks})
+    else:
+        shell.say(str(result))
+    if not result.passed:
+        raise shell.CheckFailed
+
+
+def cosim(
+    plant: Path, controller: Path, step: float, master: list[str] | None = None, connect: list[str] | None = None,
+    duration: float | None = None, file: Path | None = None, as_json: bool = False,
+) -> None:  # fmt: skip
+    """Co-simulate two FMUs: error against step, order, largest stable step; exit status 1 if it fails."""
+    import mbsvib_export as mx
+
+    pairs = {}
+    for connection in connect or []:
+        name, sign, source = connection.partition("=")
+        if not sign or not name:
+            raise shell.UsageProblem(f"--connect {connection}: expected INPUT=OUTPUT, such as --connect F=u.")
+        pairs[name] = source or None
+    check_format(file)
+    result = mx.check_cosimulation(plant, controller, step, masters=master, connections=pairs, duration=duration)
+    if as_json:
+        shell.say_json(_record(result))
+    else:
+        shell.say(str(result))
+    if file is not None:
+        deliver(result.plot(), file, as_json)
+    if not result.passed:
+        raise shell.CheckFailed
+
+
+def _record(result: CosimulationCheck) -> dict[str, Any]:
+    masters = [{"master": master.method, "steps": master.steps, "errors": master.errors, "worst_output": master.worst,
+                "order": master.order, "fmu_against_reference": master.difference, "stable": master.stable,
+                "largest_stable_step": master.largest_stable_step, "passed": master.passed}
+               for master in result.masters]  # fmt: skip
+    return {"plant": result.plant, "controller": result.controller, "step": result.step, "duration": result.duration,
+            "connections": result.connections, "growth": result.growth, "passed": result.passed, "masters": masters,
+            "remarks": result.remarks}  # fmt: skip
+
+
+COMMANDS = {
+    "export": Command(export, (
+        MODEL,
+        file_argument(f"Where to: {', '.join(KINDS)}.", required=True),
+        INPUTS,
+        OUTPUTS,
+        option("--realization", to="realization", metavar="KIND", completes=("physical", "modal", "balanced"),
+               words="States: physical (of .c: modal), modal or balanced."),
+        option("--step", "--dt", to="step", metavar="SECONDS", type=number,
+               words=f"Time between samples, for .c. Default: {STEP:g}."),
+        option("--method", to="method", metavar="KIND", completes=("zoh", "foh", "tustin"),
+               words="Discretization, for .c: zoh, foh or tustin."),
+        option("--fmi", to="version", metavar="VERSION", choices=("2.0", "3.0"),
+               words="Of an FMU: 2.0 or 3.0. Default: 3.0."),
+        option("--platforms", to="platforms", metavar="NAMES", words="Of an FMU: all, or names with commas between."),
+        option("--tunable", to="tunable", metavar="PARAMETER", action="append", completes="parameter",
+               words="Parameter that the user of an FMU may change, such as 'leg*.k.stiffness'; may be given several "
+                     "times."),
+        JSON,
+    )),
+    "check-export": Command(check_export, (
+        positional("file", "FILE", "What mbsvib export wrote.", type=Path, completes="file"),
+        positional("model", "MODEL", "The model that it came from: a file or a built-in name.", nargs="?",
+                   completes="model"),
+        option("--limit", to="limit", metavar="ERROR", type=number, default=1e-6,
+               words="Largest relative error to pass. Default: 1e-6."),
+        flag("--run", "run", "Load the binary of an .fmu and compare its answers. It is a program: only if you trust "
+             "the file."),
+        JSON,
+    )),
+    "cosim": Command(cosim, (
+        positional("plant", "PLANT.fmu", "FMU of the plant.", type=Path, completes="file"),
+        positional("controller", "CONTROLLER.fmu", "FMU of the controller.", type=Path, completes="file"),
+        option("--step", "--dt", to="step", metavar="SECONDS", type=number, required=True, words="Communication step."),
+        option("--master", to="master", metavar="NAME", action="append",
+               choices=("jacobi", "gauss-seidel", "slopes", "iteration"),
+               words="jacobi, gauss-seidel, slopes (linear extrapolation) or iteration; may be given several times. "
+                     "Default: all."),
+        option("--connect", to="connect", metavar="INPUT=OUTPUT", action="append",
+               words="Where names differ; nothing behind = leaves it free."),
+        option("--duration", to="duration", metavar="SECONDS", type=number,
+               words="Time to simulate. Default: 256 steps."),
+        file_argument("Error against step, as .png, .svg or .pdf."),
+        JSON,
+    )),
+}  # fmt: skip

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, flag
 from mbsvib.cli._lookup import system_of
+
+if TYPE_CHECKING:
+    from mbsvib.modes import Modes
 
 
 def models(as_json: bool = False) -> None:
@@ -27,12 +32,44 @@ def modes(model: ModelFile, as_csv: bool = False, as_json: bool = False) -> None
     from mbsvib.common import tables
 
     result = system_of(model).modes()
-    if as_csv or as_json:
-        from mbsvib.cli import _records as records
+    if as_json:
+        columns = _columns(result)
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        shell.say_json({"name": result.name, "dof": len(result), "modes": rows})
+    elif as_csv:
+        shell.say(csv_text(result).rstrip("\n"))
+    else:
+        tables.show(**result.table())
 
-        shell.say(records.json_text(result) if as_json else records.csv_text(result).rstrip("\n"))
-        return
-    tables.show(**result.table())
+
+def csv_text(modes: Modes) -> str:
+    """Return modes as CSV with a header and every digit, lines ended by a line feed."""
+    import csv
+    from io import StringIO
+
+    columns, stream = _columns(modes), StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return stream.getvalue()
+
+
+def _columns(modes: Modes) -> dict[str, list[Any]]:
+    """Numbers, frequencies [Hz], damping ratios, both eigenvalues [1/s], errors, and what moves most, by mode.
+
+    A mode of first order has one eigenvalue, and no second one.
+    """
+    first, second = modes.pairs.T
+    single = [False] * len(modes) if modes.first_order is None else modes.first_order.tolist()
+    return {
+        "mode": list(range(1, len(modes) + 1)), "natural_hz": modes.frequencies.tolist(),
+        "damped_hz": modes.damped_frequencies.tolist(), "damping_ratio": modes.damping_ratios.tolist(),
+        "real_1": first.real.tolist(), "imag_1": first.imag.tolist(),
+        **{key: [None if alone else value for alone, value in zip(single, values.tolist(), strict=True)]
+           for key, values in (("real_2", second.real), ("imag_2", second.imag))},
+        "relative_error": modes.pair_errors.max(axis=1, initial=0.0).tolist(),
+        "moves_most": list(map(" ".join, modes.strongest())),
+    }  # fmt: skip
 
 
 def check(model: ModelFile, as_json: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Models, systems, inputs and outputs from arguments of the command line."""
+"""Models, systems, inputs, outputs and ranges of values from arguments of the command line."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _robots as robots
 from mbsvib.cli._shell import UsageProblem, complain
+from mbsvib.common.number_text import integer, real
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
@@ -127,6 +131,24 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     remark = (f"Drawn: {sources[0]} to {results[0]}. Others by --input and --output; inputs: "
               f"{', '.join(system.inputs)}; outputs: {', '.join(system.outputs)}.")  # fmt: skip
     return sources[:1], results[:1], remark
+
+
+def range_of(text: str, option: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
+    """Return the name and the values (COUNT,) of NAME=FROM:TO[:COUNT]; 11 of them by default."""
+    import numpy as np
+
+    expected = f"'{text}': expected {option}=FROM:TO or {option}=FROM:TO:COUNT, such as {example}."
+    name, _, words = text.partition("=")
+    try:
+        first, last, *more = words.split(":")
+        start, end, count = real(first), real(last), integer(more[0]) if more else 11
+    except ValueError:
+        raise UsageProblem(expected) from None
+    if len(more) > 1 or count < 2 or not name:
+        raise UsageProblem(expected)
+    if log and min(start, end) <= 0.0:
+        raise UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
+    return name, np.geomspace(start, end, count) if log else np.linspace(start, end, count)
 
 
 def _models_in_folder(path: Path) -> list[Path]:

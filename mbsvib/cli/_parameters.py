@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, option, positional, whole_number
-from mbsvib.cli._lookup import model_of
-from mbsvib.cli._ranges import range_of
+from mbsvib.cli._lookup import model_of, range_of
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
