@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
     Ask = Callable[[System], Complex]
 
-INSTALL = "mbsvib[casadi]"
 # Pade approximant of degree 13 and the norm up to which it is right to rounding.
 # Source: N. J. Higham, "The scaling and squaring method for the matrix exponential revisited" (2005), table 2.3.
 _PADE = (64764752532480000.0, 32382376266240000.0, 7771770303897600.0, 1187353796428800.0, 129060195264000.0,
@@ -119,7 +118,7 @@ def to_casadi(
         If the realization, or the name of an output or input, is unknown.
     """
     system = with_ports(system, outputs, inputs)
-    casadi = need("casadi", "to_casadi", INSTALL)
+    casadi = need("casadi", "to_casadi")
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
@@ -312,7 +311,7 @@ def to_casadi_response(
 
 
 def _names(system: System, parameters: str | Sequence[str], caller: str) -> tuple[str, ...]:
-    need("casadi", caller, INSTALL)
+    need("casadi", caller)
     if not isinstance(system, System):
         raise refusal(system, caller, "a System (model.linearize())")
     return names_of(origin_of(system, caller).parameters, parameters)

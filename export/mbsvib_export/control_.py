@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from mbsvib_export.neutral import Source
 
 
-_INSTALL = "control>=0.10.1"
 SAME = 1e-9  # share by which two sample times may differ and be one
 
 
@@ -106,7 +105,7 @@ def to_control(
     UserWarning
         If an input and an output have one name: ``control.interconnect`` would wire the system to itself.
     """
-    need("control", "to_control", _INSTALL)
+    need("control", "to_control")
     from mbsvib.api.batch import Batch
     from mbsvib.feedback.sampled import SampledLoop
 
@@ -186,13 +185,12 @@ def to_frd(
     ResponseError
         If a frequency is not finite or is an undamped pole of the system.
     """
-    control = need("control", "to_frd", _INSTALL)
+    control = need("control", "to_frd")
     linear = linear_of(system)
     if linear is None:
         raise refusal(system, "to_frd", "a System (model.linearize()), a closed loop or a state space, which have a "
                       "frequency response")  # fmt: skip
-    if outputs is not None or inputs is not None:
-        linear = linear.with_ports(outputs, inputs)
+    linear = linear.with_ports(outputs, inputs)
     return control.FrequencyResponseData(
         linear.frequency_response(omega), omega,
         name=SignalNames.system_to_control(linear.name, linear.inputs + linear.outputs),

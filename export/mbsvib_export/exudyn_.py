@@ -62,7 +62,7 @@ def to_exudyn(model: Model, inputs: Mapping[str, Signal] | None = None) -> Any:
     LeftOutWarning
         Of base motions and outputs of forces, which the system does without.
     """
-    exu = need("exudyn", "to_exudyn", "exudyn>=1.13")
+    exu = need("exudyn", "to_exudyn")
     if not isinstance(model, Model):
         raise ExportError(f"to_exudyn: model = {type(model).__name__}; expected a Model, as exudyn linearizes and "
                           f"simulates by itself.")  # fmt: skip

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import Source, SystemData
 
-_INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 
 
@@ -67,7 +66,7 @@ def to_hdf5(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    h5py = need("h5py", "to_hdf5", _INSTALL)
+    h5py = need("h5py", "to_hdf5")
     arrays = arrays_of(data_of(system, realization, "to_hdf5", outputs, inputs))
     stream = BytesIO()
     with h5py.File(stream, "w", userblock_size=HEAD) as file:
@@ -98,7 +97,7 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData | StateSpace:
     ExportError
         If h5py is not installed, or the file cannot be read, is damaged, or is of a later version of the format.
     """
-    h5py = need("h5py", "from_hdf5", _INSTALL)
+    h5py = need("h5py", "from_hdf5")
     with content_read(path, "HDF5 file", "hdf5") as raw:
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")

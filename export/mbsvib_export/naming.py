@@ -48,7 +48,7 @@ def named(
     ExportError
         If the numbers of inputs, outputs or states do not fit.
     """
-    need("control", "named", "control>=0.10.1")
+    need("control", "named")
     plants = list(like) if isinstance(like, (list, tuple)) else [like]
     for system in (result, *plants):
         if not hasattr(system, "input_labels"):
@@ -124,7 +124,7 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
     ExportError
         If the function is not known, or needs slycot, which is not installed. Its own errors are not touched.
     """
-    need("control", "with_names", "control>=0.10.1")
+    need("control", "with_names")
     function_name = getattr(function, "__name__", repr(function))
     name = _SAME.get(function_name, function_name)
     if name not in (*_OF_FIRST, *_SYNTHESES, "series"):

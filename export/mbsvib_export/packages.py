@@ -7,17 +7,18 @@ from typing import Any
 
 from mbsvib.errors import ExportError
 
+# What pip is told to install for each: a requirement, or an extra of mbsvib.
+INSTALL = {"control": "control>=0.10.1", "h5py": "mbsvib[hdf5]", "exudyn": "exudyn>=1.13", "fmpy": "mbsvib[fmu]",
+           "casadi": "mbsvib[casadi]"}  # fmt: skip
 
-def need(package: str, caller: str, install: str) -> Any:
-    """Import a package that an exporter requires, by its import name, such as ``"scipy.signal"``.
 
-    ``install``: what pip is told to install: a requirement, or an extra such as ``"mbsvib[casadi]"``.
-    """
+def need(package: str, caller: str) -> Any:
+    """Import a package of ``INSTALL`` that an exporter requires."""
     try:
         return import_module(package)
     except ModuleNotFoundError as error:
-        if error.name != package.split(".")[0]:  # the package is there; something it needs itself is not
+        if error.name != package:  # the package is there; something it needs itself is not
             raise
         raise ExportError(
-            f'{caller}: the package {error.name} is not installed; install it with:  pip install "{install}"'
+            f'{caller}: the package {package} is not installed; install it with:  pip install "{INSTALL[package]}"'
         ) from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib_export.neutral import state_space_of
-from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
     from scipy import signal
@@ -46,5 +45,6 @@ def to_scipy(
         If the realization, or the name of an output or input, is unknown.
     """
     space = state_space_of(system, realization, "to_scipy", outputs, inputs)
-    signal = need("scipy.signal", "to_scipy", "scipy>=1.11.4")
+    from scipy import signal
+
     return signal.StateSpace(space.A.copy(), space.B.copy(), space.C.copy(), space.D.copy())

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib_export.control_space import NamedStateSpace
 
-_INSTALL = "control>=0.10.1"
 
 
 def hinfsyn(
@@ -142,12 +141,10 @@ def augw(g: control.StateSpace, w1: Any = None, w2: Any = None, w3: Any = None) 
     ExportError
         If there is no weight, or its number of inputs is another one than that of the signals.
     """
-    need("control", "augw", _INSTALL)
+    need("control", "augw")
     from mbsvib_export.control_space import NamedStateSpace
 
-    if not is_control(g) or g.dt not in (None, 0):
-        raise ExportError(f"augw: g = {type(g).__name__}; expected a control.StateSpace in continuous time, as "
-                          f"to_control makes it.")  # fmt: skip
+    _check_continuous(g, "augw", "g")
     ny, nu, n = g.noutputs, g.ninputs, g.nstates
     weights = {name: _weight(value, count, name) for name, value, count in (
         ("w1", w1, ny), ("w2", w2, nu), ("w3", w3, ny)) if value is not None}  # fmt: skip
@@ -198,10 +195,14 @@ def _weight(value: Any, count: int, name: str) -> Any:
     return space
 
 
-def _checked(plant: Any, nmeas: int, ncon: int, caller: str) -> tuple[Array, Array, Array, Array]:
-    if not is_control(plant) or plant.dt not in (None, 0):
-        raise ExportError(f"{caller}: plant = {type(plant).__name__}; expected a control.StateSpace in continuous "
+def _check_continuous(value: Any, caller: str, field: str) -> None:
+    if not is_control(value) or value.dt not in (None, 0):
+        raise ExportError(f"{caller}: {field} = {type(value).__name__}; expected a control.StateSpace in continuous "
                           f"time, as to_control makes it.")  # fmt: skip
+
+
+def _checked(plant: Any, nmeas: int, ncon: int, caller: str) -> tuple[Array, Array, Array, Array]:
+    _check_continuous(plant, caller, "plant")
     if not (0 < nmeas < plant.noutputs and 0 < ncon < plant.ninputs):
         raise ExportError(f"{caller}: nmeas = {nmeas}, ncon = {ncon}; the plant has {plant.noutputs} outputs and "
                           f"{plant.ninputs} inputs; expected fewer, from 1 on.")  # fmt: skip

@@ -60,7 +60,7 @@ def to_transfer_function(
     ResponseError
         If a name is unknown.
     """
-    control = need("control", "to_transfer_function", "control>=0.10.1")
+    control = need("control", "to_transfer_function")
     linear = linear_of(system)
     if linear is None or kind_of(system) == "sparse system":
         raise refusal(system, "to_transfer_function", "a System (model.linearize()), whose poles and zeros are "

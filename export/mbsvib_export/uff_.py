@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from mbsvib_export.uff_records import AUTO_SPECTRUM, DENSITY, RECORD
 from mbsvib_export.uff_writing import measurement_sets
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib_export.neutral import Source
     from mbsvib_export.uff_records import Function
+T = TypeVar("T")
 
 
 def to_uff(
@@ -181,15 +183,10 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     ExportError
         If the file cannot be read or is damaged, or its responses have different frequencies.
     """
-    where = os.fspath(a_path(path, "from_uff", ExportError))
-    raw = content_of(where, ExportError, "a universal file")
-    try:
-        result, modes = measurement_of(raw)
-    except (ContentError, ResponseError) as error:
-        raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
+    result, modes = _read(path, "from_uff", measurement_of)
     if modes:
-        warnings.warn(f"from_uff: {where}: modes are left out: {'; '.join(modes)}; expected displacements at nodes, of "
-                      f"3 or 6 real or complex values.", LeftOutWarning, stacklevel=2)  # fmt: skip
+        warnings.warn(f"from_uff: {os.fspath(path)}: modes are left out: {'; '.join(modes)}; expected displacements "
+                      f"at nodes, of 3 or 6 real or complex values.", LeftOutWarning, stacklevel=2)  # fmt: skip
     return result
 
 
@@ -262,11 +259,16 @@ def densities_from_uff(path: str | os.PathLike[str], bandwidth: float | None = N
 
 def _series(path: str | os.PathLike[str], caller: str, what: str, *kinds: int) -> list[Function]:
     """Return the functions of some ``kinds`` of a file."""
+    functions = _read(path, caller, lambda raw: series_of(raw, kinds))
+    if not functions:
+        raise ExportError(f"{caller}: {os.fspath(path)} holds no {what}.")
+    return functions
+
+
+def _read(path: str | os.PathLike[str], caller: str, parse: Callable[[bytes], T]) -> T:
+    """Return what a function makes of the content of a file, with all its errors as ``ExportError``."""
     where = os.fspath(a_path(path, caller, ExportError))
     try:
-        functions = series_of(content_of(where, ExportError, "a universal file"), kinds)
-    except ContentError as error:
+        return parse(content_of(where, ExportError, "a universal file"))
+    except (ContentError, ResponseError) as error:
         raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
-    if not functions:
-        raise ExportError(f"{caller}: {where} holds no {what}.")
-    return functions

@@ -276,7 +276,8 @@ class Doors:
         ResponseError
             If the columns do not have two levels, a pair is there twice, or the rows are no frequencies in Hz.
         """
-        index, columns = getattr(table, "index", None), getattr(table, "columns", None)
+        index: Any = getattr(table, "index", None)
+        columns: Any = getattr(table, "columns", ())
         if getattr(columns, "nlevels", 0) != 2 or getattr(index, "name", None) not in (None, HERTZ):
             raise ResponseError(f"from_pandas: {type(table).__name__} with rows {getattr(index, 'name', None)!r} and "
                                 f"{getattr(columns, 'nlevels', 0)} levels of columns; expected a DataFrame with rows "

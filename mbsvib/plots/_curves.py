@@ -78,7 +78,7 @@ def shared_grid(
             choice.pick(system, "output", output)
             choice.pick(system, "input", source)
     # zeros of a sampled loop are near those of its continuous one
-    alike = [getattr(system, "continuous", system) for system in systems]
+    alike: list[Linear] = [getattr(system, "continuous", system) for system in systems]
     values = [poles, *(system.transmission_zeros(*pair) for system in alike for pair in pairs)]
     return resolving_frequencies(np.concatenate(values), poles, low, high)
 

@@ -63,7 +63,8 @@ def noted_differences(first: Any, second: Any) -> list[str]:
         result = compare(first, second)
     except ResponseError:
         return []
-    return result.table()["notes"][len(result.remarks) :]  # the remarks are on other pairs of modes
+    notes: list[str] = result.table()["notes"]
+    return notes[len(result.remarks) :]  # the remarks are on other pairs of modes
 
 
 def measured_against(system: Any, data: Measurement | MeasuredModes) -> dict[str, Any]:
@@ -96,8 +97,8 @@ def _curves(result: Any, data: Any) -> dict[str, Any]:
     for i, output in enumerate(result.outputs):
         for j, source in enumerate(result.inputs):
             ends = [np.where(values[i, j] == 0.0, np.nan, values[i, j]) for values in result.responses]
-            both = known.get(output), known.get(source)
-            unit = units.pretty(units.ratio(*both)) if all(both) else ""
+            over, under = known.get(output), known.get(source)
+            unit = units.pretty(units.ratio(over, under)) if over and under else ""
             curves.append({"name": f"{source} → {output}", "unit": unit, "curves": [
                 {"size": _listed(np.abs(values)), "phase": _listed(np.degrees(np.angle(values)))} for values in ends]})
     return {"frequencies": _listed(result.omega / (2 * np.pi)), "pairs": curves}

@@ -73,7 +73,7 @@ class UnitFile:
 @contextmanager
 def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
     """Unpack an FMU for the time of a with statement."""
-    fmpy = need("fmpy", caller, "mbsvib[fmu]")
+    fmpy = need("fmpy", caller)
     file = a_path(path, caller, ExportError)
     with TemporaryDirectory(prefix="mbsvib-", ignore_cleanup_errors=True) as folder:
         try:
