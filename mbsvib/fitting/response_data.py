@@ -215,7 +215,6 @@ def weights(responses: Complex, variance: Array | None, averages: float | None) 
         with np.errstate(all="ignore"):
             median = np.array([np.nanmedian(row) if np.isfinite(row).any() else 1.0 for row in size.swapaxes(0, 1)])
         return np.where(counts, np.sqrt(2.0) / median[:, None], 0.0), False
-    counts &= np.isfinite(variance)
     least = np.where(counts & (variance > 0.0), variance, np.inf).min(axis=0)
     variance = np.where(variance > 0.0, variance, least)  # a coherence of 1 is not known to so many digits
     counts &= np.isfinite(variance)

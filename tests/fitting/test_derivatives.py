@@ -29,6 +29,20 @@ def spinning():
     return model
 
 
+def springs():
+    """A node without mass between two springs, whose displacement is fed through from a force that acts on it."""
+    model = mv.Model("springs")
+    model.add_body("node", 0.0, (0, 0, 0), position=(0, 0, 1.0))
+    model.add_body("top", 2.0, (1, 1, 1), position=(0, 0, 2.0))
+    for i, (body, below) in enumerate((("node", "ground"), ("top", "node"))):
+        model.add_joint(f"rail_{body}", "prismatic", "ground", body, axis=(0, 0, 1))
+        model.add_spring(f"k{i}", below, body, (0, 0, float(i)), (0, 0, i + 1.0), 1e4 * (i + 1.0))
+        model.add_input(f"F{i}", body, "z")
+        model.add_output(f"z{i}", body, "z")
+    model.add_spring("damper", "ground", "top", (0, 1, 0), (0, 1, 2.0), damping=5.0)
+    return model
+
+
 def scene(kind):
     if kind == "rotor":
         model = spinning()
@@ -36,6 +50,8 @@ def scene(kind):
         free = ["near.stiffness.*", "far.damping.y", "shaft.mass", "shaft.inertia.xx", "shaft.position.x",
                 "near.position.z", "near.orientation.ry", "wheel.inertia"]  # fmt: skip
         return model, data, free, ()
+    if kind == "springs":
+        return springs(), measured(springs(), OMEGA, 0.02, 1), ["k*.stiffness", "damper.damping"], ()
     model = chain()
     if kind == "modes":
         return model, modes_of(model, (1, 0, 2)), ["k*.stiffness", "k*.damping", "b*.mass"], ()
@@ -47,7 +63,7 @@ def scene(kind):
 
 
 @pytest.mark.parametrize("far", [False, True])
-@pytest.mark.parametrize("kind", ["chain", "shared", "modes", "rotor"])
+@pytest.mark.parametrize("kind", ["chain", "shared", "modes", "rotor", "springs"])
 def test_derivatives_of_residuals(kind, far):
     model, data, free, channels = scene(kind)
     chosen = variables(model.parameters, free, (), {free[-1]: (1.0, 0.1)} if kind == "rotor" else None, None)

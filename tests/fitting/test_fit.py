@@ -53,6 +53,18 @@ def test_covariance_is_the_inverse_of_the_information():
     np.testing.assert_allclose(modes.frequency_intervals.mean(axis=1), modes.frequencies, rtol=1e-12)
 
 
+def test_noise_that_is_not_known_is_that_of_the_residuals():
+    """Their sum of squares over the numbers that are measured less the values that are fitted."""
+    model = chain()
+    data = measured(model, OMEGA[::16], 0.02, 3, ["z2"], ["F"], known=False)
+    fit = model.fit(data, "k*.stiffness")
+    residuals = fit.responses() - data.responses
+    slopes = fit.model.linearize().frequency_response_sensitivities(data.omega, list(fit.values), "z2", "F")
+    rows = slopes.reshape(3, -1).view(float)
+    power = np.square(np.abs(residuals)).sum() / (rows.shape[1] - 3)
+    np.testing.assert_allclose(fit.covariance, power * np.linalg.inv(rows @ rows.T), rtol=1e-4)
+
+
 def covered(runs, known):
     model, hits, failed = chain(), [], 0
     for seed in range(runs):
@@ -86,6 +98,36 @@ def test_channels_are_found_with_signs():
                                                "z0.lag", "z2.lag"}  # fmt: skip
     assert fit.units["z0.delay"] == "s"
     np.testing.assert_allclose(fit.responses(), data.responses, rtol=0.06)
+    drawn = fit.plot().axes[0].lines
+    assert [line.get_label() for line in drawn[:2]] == ["measured", "fit of chain"]
+    np.testing.assert_array_equal(drawn[1].get_ydata(), np.abs(fit.responses()[0, 0]))
+
+
+def test_gains_come_from_the_inputs_that_were_measured():
+    """An amplifier of another sign whose response to the first input is missing."""
+    model = chain()
+    exact = -3.0 * model.linearize().frequency_response(OMEGA)
+    exact[0, 0] = exact[2, 1] = np.nan
+    start = away(model, ["k*.stiffness"], 0.3, 1)
+    fit = start.fit(mv.Measurement(OMEGA, exact, ["z0", "z1", "z2"], ["F", "F0"]), "k*.stiffness", channels="gain")
+    np.testing.assert_allclose(relative(fit, model), 0.0, atol=1e-9)
+    assert [fit.values[f"{name}.gain"] for name in ("z0", "z1", "z2", "F0")] == pytest.approx([-3.0] * 3 + [1.0])
+
+
+def test_responses_that_the_model_does_not_have_leave_the_others_alone():
+    """What is measured at a body apart is noise to the model, whose logarithm there is of no use."""
+    model = chain()
+    model.add_body("apart", 1.0, (1, 1, 1), position=(1, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "apart", axis=(0, 0, 1))
+    model.add_spring("k", "ground", "apart", (1, 0, -1), (1, 0, 0), stiffness=1e4, damping=3.0)
+    model.add_output("other", "apart", "z")
+    data = measured(model, OMEGA, 0.01, 1)
+    responses, variance = data.responses.copy(), data.variance.copy()
+    variance[3] = 1e-14
+    responses[3] = 1e-7 * np.exp(1j * np.arange(2 * len(OMEGA))).reshape(2, -1)
+    data = mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=variance)
+    fit = away(model, ["k?.stiffness"], 0.6, 1).fit(data, "k?.stiffness")
+    np.testing.assert_allclose(relative(fit, model), 0.0, atol=5e-3)
 
 
 def test_springs_in_series_are_told_by_their_sum_only():
@@ -122,7 +164,6 @@ def test_springs_in_series_are_told_by_their_sum_only():
     best = fit.next_sensor()
     assert [one.name for one in best] == ["middle"]
     assert best[0].narrower > 10.0
-
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -245,18 +286,20 @@ def test_loads_take_the_model_to_its_equilibrium():
 
 
 def test_lines_without_noise_and_pairs_that_were_not_measured():
-    """A variance of 0 counts as the least one, NaN as not measured."""
+    """A variance of 0 counts as the least one, an infinite one and NaN as not measured."""
     model = chain()
     data = measured(model, OMEGA, 0.01, 1)
     variance, responses = data.variance.copy(), data.responses.copy()
     variance[0, 0, 3] = 0.0
     responses[1, 1] = responses[2, 0, 7] = np.nan
+    responses[0, 1, 5], variance[0, 1, 5] = 1e3, np.inf
     fit = model.fit(mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=variance), FREE)
-    assert np.isfinite(list(fit.values.values())).all()
+    assert [fit.values[f"k{i}.stiffness"] for i in range(3)] == pytest.approx([1e4, 2e4, 3e4], rel=0.02)
     assert np.isnan(fit.responses()[1, 1]).all()
-    assert np.isfinite(fit.responses()[0]).all()
+    np.testing.assert_array_equal(np.flatnonzero(~np.isfinite(fit.responses()[0, 1])), [5])
+    assert np.isfinite(fit.responses()[0, 0]).all()
     with pytest.raises(ResponseError, match="no line that was measured with a known noise"):
-        model.fit(mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=0.0 * variance), FREE)
+        model.fit(mv.Measurement(OMEGA, responses, data.outputs, data.inputs, variance=np.zeros_like(variance)), FREE)
 
 
 def test_what_cannot_be_fitted_is_named():

@@ -35,6 +35,8 @@ def test_modes_alone_do_not_tell_the_scale():
     ratio = fit.values["k1.stiffness"] / fit.values["b2.mass"]
     assert ratio == pytest.approx(2e4 / 3.0, rel=1e-4)
     known = away(model, ["k*.stiffness"], 0.05, 2).fit(modes_of(model, damping=False), ["k*.stiffness", "b1.mass"])
+    with pytest.raises(ResponseError, match="no frequency responses were fitted"):
+        known.next_sensor()
     assert known.unidentified == ()
     assert known.values["b1.mass"] == pytest.approx(2.0, rel=1e-5)
 
