@@ -137,7 +137,7 @@ class Space(Part):
     def values(self, sizes: Sizes) -> list[Value]:
         """Return the values of A, then of B unless they follow from A, of C and of D."""
         k, rate = self.order, sizes.rate
-        spread = np.linspace(1.0, 2.0, k) if k > 1 else np.ones(1)
+        spread = np.linspace(1.0, 2.0, k)
         if self.structure == "full":
             values = [Value(f"A[{r + 1},{c + 1}]", rate, -spread[r] if r == c else 0.0, SPREAD if r == c else 0.1)
                       for r in range(k) for c in range(k)]  # fmt: skip

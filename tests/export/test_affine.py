@@ -19,6 +19,17 @@ def test_a_slider():
         assert not any(result.slopes[other][i].any() for other in MATRICES if other != label)
 
 
+def test_a_slider_of_a_picogram():
+    """Rounding is judged against the entries: no slope of a micromechanism is lost."""
+    model = mv.Model("micro")
+    model.add_body("mass", 1e-15, (1e-27, 1e-27, 1e-27), (0, 0, 1e-6))
+    model.add_joint("guide", "prismatic", "ground", "mass", (0, 0, 0))
+    model.add_spring("k", "ground", "mass", (0, 0, 0), (0, 0, 1e-6), stiffness=1e-9, damping=1e-17)
+    result = affine(model.linearize(), ["k.stiffness", "k.damping", "mass.mass"], "test")
+    for i, label in enumerate("KCM"):
+        assert result.slopes[label][i] == pytest.approx(np.eye(1), rel=1e-14)
+
+
 def test_derivatives_are_those_of_the_sensitivities():
     names = ("leg1.k.stiffness", "leg2.k.damping", "platform.mass", "platform.inertia.xy")
     result, truth = affine(stewart(), names, "test"), stewart().matrix_derivatives(names)

@@ -26,6 +26,8 @@ CASES = {**SYSTEMS, "massless": massless, "stiff": lambda: stiff_model().lineari
 def test_every_system_passes(case, realization, tmp_path):
     system = CASES[case]()
     path = mx.to_npz(system, tmp_path / "x.npz", realization)
+    found = [item.quantity for item in mx.check_export(path, system).comparisons]
+    assert found == ["response of A B C D", "response of M C K", "poles", "displacements of the bodies"]
     for result in (mx.check_export(path, system), mx.check_export(path)):
         assert result.passed, str(result)
         assert all(item.error < 1e-8 for item in result.comparisons), str(result)

@@ -50,6 +50,40 @@ def test_exudyn_linearizes_to_the_same_eigenvalues(name):
     assert (np.abs(found[:, None] - ours).min(axis=0) < 1e-8 * size).all()
 
 
+def test_distance_joints_and_follower_loads_of_turned_bodies():
+    """A body on a rigid rod has five motions; a load that follows it is stated in the body's own axes."""
+    model = mv.Model("rod")
+    turn = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    model.add_body("b", 2.0, (0.2, 0.3, 0.4), (0, 0, 1.0), orientation=turn)
+    model.add_joint("rod", "distance", "ground", "b", (0.5, 0, 1.0), end=(0.1, 0.2, 1.1))
+    model.add_bushing("k", "ground", "b", (0, 0, 1.0), (1e3, 2e3, 3e3, 40.0, 50.0, 60.0), (1, 2, 3, 0.1, 0.2, 0.3))
+    ours, found = model.linearize().modes().eigenvalues, eigenvalues(mx.to_exudyn(model))
+    assert len(found) == len(ours) == 10
+    assert (np.abs(found[:, None] - ours).min(axis=0) < 1e-8 * np.abs(ours)).all()
+    model.add_load("jet", "b", force=(1.0, 2.0, 3.0), follower=True)
+    model.add_load("wind", "b", torque=(1.0, 2.0, 3.0))
+    mbs = mx.to_exudyn(model)
+    assert_allclose([mbs.GetLoad(k)["loadVector"] for k in range(2)], [np.transpose(turn) @ [1, 2, 3], [1, 2, 3]])
+
+
+def held_by(kind, **changes):
+    """A body on six springs and a joint."""
+    model = mv.Model("held")
+    model.add_body("b", 2.0, (0.2, 0.3, 0.4), (0, 0, 1.0))
+    model.add_joint("j", kind, "ground", "b", (0, 0, 0.5), **changes)
+    model.add_bushing("k", "ground", "b", (0, 0, 1.0), (1e3, 2e3, 3e3, 40.0, 50.0, 60.0), (1, 2, 3, 0.1, 0.2, 0.3))
+    return model
+
+
+@pytest.mark.parametrize(("kind", "changes"), [("universal", {"axis": (1, 0, 0), "axis2": (0, 1, 0)}),
+                                               (None, {"free": ("x", "rz")})])  # fmt: skip
+def test_joints_of_two_motions(kind, changes):
+    model = held_by(kind, **changes)
+    ours, found = model.linearize().modes().eigenvalues, eigenvalues(mx.to_exudyn(model))
+    assert len(found) == len(ours) == 4
+    assert (np.abs(found[:, None] - ours).min(axis=0) < 1e-8 * np.abs(ours)).all()
+
+
 def pendulum():
     """A pendulum on a preloaded spring under gravity, a dead load and a follower load, all in balance."""
     model = mv.Model("pendulum", gravity=(0, 0, -9.81))
@@ -107,6 +141,9 @@ def test_what_exudyn_has_nothing_for_is_refused_by_name():
     for model, words in (
         (mv.library.cantilever(), "tube: flexible parts"), (mv.library.rotor_stator(), "exudyn has no rotor"),
         (mv.library.pendulum_chain(), "m1: a body without mass"), (mv.library.engine_on_mounts(), "mount1: a bushing"),
+        (held_by("screw", pitch=0.1, axis=(0, 0, 1)), "j: exudyn has no joint of the kind 'screw'"),
+        (held_by("homokinetic", axis=(0, 0, 1)), "j: exudyn has no joint of the kind 'homokinetic'"),
+        (held_by(None, free=("x", "rx", "rz")), "j: exudyn has no joint of the kind 'custom'"),
     ):  # fmt: skip
         with pytest.raises(mv.ExportError, match=words):
             mx.to_exudyn(model)

@@ -67,6 +67,7 @@ def test_variance_is_that_of_coherence_or_of_the_covariance():
     noise = np.array([[2.0, 1j], [-1j, 3.0]])[:, :, None] * np.ones(3)
     data = roved(covariance=noise)
     assert data.variance[:, 1, 0].tolist() == [2.0, 3.0]
+    np.testing.assert_array_equal(roved(covariance=noise.tolist())["b", "*"].covariance, 3.0 * np.ones((1, 1, 3)))
 
 
 def test_parts_of_the_data():

@@ -69,6 +69,9 @@ def test_numpy_file_there_and_back(tmp_path):
     (tmp_path / "none.npz").write_bytes(b"no archive")
     with pytest.raises(mv.ResponseError, match=r"none.npz: no file of arrays that can be read"):
         mv.Measurement.from_npz(tmp_path / "none.npz")
+    np.savez(tmp_path / "lines.npz", responses=data.responses, outputs=data.outputs, inputs=data.inputs)
+    with pytest.raises(mv.ResponseError, match="omega is missing; the file has responses, outputs, inputs"):
+        mv.Measurement.from_npz(tmp_path / "lines.npz")
     raw, broken = (tmp_path / "data.npz").read_bytes(), tmp_path / "broken.npz"
     for k in range(0, len(raw), 40):
         broken.write_bytes(raw[:k] + bytes(20) + raw[k + 20 :] if k % 80 else raw[:k])

@@ -162,6 +162,14 @@ def test_several_inputs_by_several_experiments_or_at_once(method):
     assert data.input_units == ("N", "N")
 
 
+def test_condition_of_inputs_does_not_depend_on_their_units():
+    """Two independent inputs, one in N and one in kN, are as independent as before."""
+    u = np.random.default_rng(6).standard_normal((2, 3000))
+    notes = [mv.Measurement.from_records(STEP, {"a": u[0], "b": unit * u[1]}, {"p": u[0] + u[1]}, segments=20).notes[-1]
+             for unit in (1.0, 1e-3)]  # fmt: skip
+    assert notes[0] == notes[1]
+
+
 def test_periodic_data_give_noise_and_distortion_apart():
     """Two inputs by two orthogonal experiments, four realisations, five periods; every second line is excited."""
     rng = np.random.default_rng(7)

@@ -29,6 +29,9 @@ def test_densities_and_cumulative_values():
     np.testing.assert_allclose(budget.cumulative([3.0, 7.0]), np.array([list(b.values()) for b in bands]).T, rtol=1e-12)
     np.testing.assert_allclose(budget.cumulative([1e5])[:, 0], list(budget.rms.values()), rtol=1e-4)
     np.testing.assert_array_equal(budget.cumulative([0.2, 0.5], "F1"), 0.0)
+    shown, dense = budget.frequencies(), np.geomspace(0.5, 30.0, 4000)
+    assert {0.5, 30.0} <= set(shown.tolist())
+    np.testing.assert_allclose(budget.psd(shown).max(axis=1), budget.psd(dense).max(axis=1), rtol=1e-3)
 
 
 def test_it_prints_sources_in_the_order_of_their_size():

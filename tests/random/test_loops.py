@@ -214,3 +214,10 @@ def test_sampled_densities_have_cumulative_values():
     """Sampled loops have no continuous equations that these could ask for."""
     budget = controlled().sampled(60.0).budget({"F": 1.0}, "x", band=(0.5, 40.0))
     np.testing.assert_allclose(budget.cumulative([40.0])[0], budget.rms["x"], rtol=1e-10)
+
+
+def test_sampling_folds_a_wide_table_as_white_noise():
+    """A table that is constant up to ten times the rate, beyond which a mass hardly moves."""
+    loop, f = controlled().sampled(60.0, 3e-3), np.array([0.7, 3.3, 29.0, 41.0])
+    table, white = (loop.psd("x", {"F": density}, f) for density in ([(1e-3, 2.0), (600.0, 2.0)], 2.0))
+    np.testing.assert_allclose(table, white, rtol=1e-4)
