@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, shown
-from mbsvib.common.expected import kind_of, way_to_system
+from mbsvib.common.expected import kind_of
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.equations.equations import Connection
 from mbsvib.errors import ModelError, nearest
@@ -64,7 +64,8 @@ def part_of(name: Any, given: Any) -> Part:
         raise ModelError(f"{WHO}: a part has the name {shown(name)}; expected a text that is not empty.")
     linear = given.linearize() if kind_of(given) == "model" else given
     if not isinstance(linear, Measurement) and kind_of(linear) != "system":
-        hint = way_to_system(linear) if kind_of(linear) == "sparse system" else "Of a state space, give the responses."
+        hint = ("It is held sparse: give some of its modes, reduced(40) without correction."
+                if kind_of(linear) == "sparse system" else "Of a state space, give the responses.")  # fmt: skip
         raise ModelError(f"{WHO}: part '{name}' is a {kind_of(linear) or type(linear).__name__}; expected a Model, a "
                          f"System or a Measurement. {hint}", element=name)  # fmt: skip
     known, ports = set(linear.inputs), dict[str, tuple[str, ...]]()

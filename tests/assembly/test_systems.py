@@ -252,6 +252,9 @@ def test_parts_are_models_systems_or_measurements():
     base, payload = apart()
     with pytest.raises(ModelError, match="part 'space' is a state space; expected a Model, a System or a Measurement"):
         mv.assemble({"base": base, "space": payload.linearize().state_space()}, RIGID)
+    sparse = payload.linearize(method="sparse")
+    with pytest.raises(ModelError, match="part 'space' is a sparse system"):
+        mv.assemble({"base": base, "space": sparse}, RIGID)
     with pytest.raises(ModelError, match="expected two or more by name"):
         mv.assemble({"base": base}, RIGID)
     with pytest.raises(ModelError, match="remove has 'load'; expected names of parts"):
@@ -271,3 +274,9 @@ def test_a_port_has_six_pairs_or_none():
     with pytest.raises(ModelError, match=r"q\.rz"):
         model.add_port("q", "link")
     assert (list(model.inputs), list(model.outputs)) == before
+
+
+def test_a_part_in_all_of_its_modes_is_the_part():
+    base, payload = apart()
+    modal = payload.linearize(method="sparse").reduced(9)
+    same(mv.assemble({"base": base, "payload": modal}, RIGID), whole(fixed), NAMES, 1e-9)
