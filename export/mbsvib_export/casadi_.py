@@ -18,7 +18,7 @@ from mbsvib.api.system import System
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.common.display import Displayed
 from mbsvib.equations.terms import MATRICES
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
+from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError, counted
 from mbsvib.linalg.balancing import exponents
 from mbsvib_export.affine import names_of, origin_of, physical_affine

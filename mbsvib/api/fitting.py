@@ -11,7 +11,7 @@ from mbsvib.api.system import System
 from mbsvib.common.arguments import count, refuse
 from mbsvib.common.progress import counting
 from mbsvib.equations.terms import MATRICES
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
+from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.fitting.data import KINDS, conditioned, mode_data, response_data
 from mbsvib.fitting.knowledge import knowledge

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.api.batch import Batch
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.equilibrium.balanced_variants import balanced_batch
+from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
 
 if TYPE_CHECKING:

@@ -89,7 +89,7 @@ def linearize(
     """
     model = a_model(model, "linearize")
     if model.composed:
-        from mbsvib.equilibrium.displaced_balance import check_displacements
+        from mbsvib.equilibrium.search import check_displacements
 
         check_displacements(model)
     if values is not None:

@@ -27,7 +27,7 @@ from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.loops import Cuts, Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -109,8 +109,9 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
         stiffness = stiffness + motion.T @ part.stiffness @ motion
     residual = balanced_forces = np.zeros(len(stiffness))
     if numbers.loads is not None:
-        residual, balanced_forces, of_loads = _loads(numbers, axes, phi, reduction)
-        stiffness = stiffness + of_loads
+        solve = partial(_multipliers, numbers.cuts, reduction, phi)
+        residual, balanced_forces, loaded = of_loads(numbers, axes, reduction, solve)
+        stiffness = stiffness + loaded
     names = tuple([numbers.coordinates.names[i] for i in reduction.independent.tolist()])
     lengths = at.scale[reduction.independent]
     size = np.maximum(balanced_forces, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
@@ -146,21 +147,29 @@ def _posed(model: Mechanism, cut: tuple[str, ...]) -> tuple[Scene, PosedScene] |
     return numbers, of_parts(plain, numbers, kinematics_of(model, cut), model)
 
 
-def _loads(
-    numbers: Scene, axes: Mapping[str, Array], phi: Array, reduction: Reduction
+def of_loads(
+    numbers: Scene, axes: Mapping[str, Array], reduction: Reduction, multipliers: Callable[[Array], Array]
 ) -> tuple[Array, Array, Array]:
-    """The residual of the forces, the size of those that should cancel (m,), and their stiffness (m, m)."""
+    """Return the residual of the forces, the size of those that should cancel (..., m), and their stiffness
+    (..., m, m).
+
+    ``axes`` (..., 3, 3): of joints that have turned, by name. ``multipliers`` takes dV / dq (..., n) and returns lambda
+    (..., locked rows) with Phi^T lambda = -dV / dq.
+    """
     motion = reduction.apply_to_bodies(body_motion(numbers.coordinates, numbers.position))
     residual, size = forces_along(numbers, motion)
     loaded = loaded_pairs(numbers, axes)
-    multipliers = np.zeros(0)
-    if numbers.cuts is not None:
-        multipliers = loop_multipliers(numbers.cuts, reduction, phi, -loaded.gradient[:, None])[:, 0]
-    stiffness = load_tangent(numbers, reduction, loaded, multipliers)
+    forces = np.zeros(0) if numbers.cuts is None else multipliers(loaded.gradient)
+    stiffness = load_tangent(numbers, reduction, loaded, forces)
     if any(coupler.curvatures for coupler in numbers.couplers):
-        rows, values, _ = curvature_stiffness(numbers, reduction, -multipliers)
+        rows, values, _ = curvature_stiffness(numbers, reduction, -forces)
         stiffness = stiffness + weighted_gram(rows, values)
     return residual, size, stiffness
+
+
+def _multipliers(cuts: Cuts | None, reduction: Reduction, phi: Array, gradient: Array) -> Array:
+    assert cuts is not None
+    return loop_multipliers(cuts, reduction, phi, -gradient[:, None])[:, 0]
 
 
 def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:

@@ -14,17 +14,14 @@ import numpy as np
 
 from mbsvib.equations.batch_assembly import batch_plan, described_variants
 from mbsvib.equations.batch_equations import BatchEquations
-from mbsvib.equations.batch_loads import forces_along
 from mbsvib.equations.batch_loops import reduce_batch
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
-from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
-from mbsvib.equilibrium.balance import RESOLVED
+from mbsvib.equilibrium.balance import RESOLVED, of_loads
 from mbsvib.equilibrium.path import BALANCED, CLOSED, CONTRACTION, LONGEST, NEWTON_STEPS
 from mbsvib.equilibrium.posed_variants import PLACES
+from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
-from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.kinematics.coupler_travel import coupler_travel
 from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.pose_kinematics import locked
@@ -155,11 +152,8 @@ class BalancedVariants:
             if decided:
                 raise _lost(first)
         rows = reduction.apply_exactly(relative.dense(locked, locked + len(scene.springs.owner)))
-        loaded = loaded_pairs(scene, posed.joint_axes(pose))
-        multipliers = pivots.multipliers(phi, loaded.gradient)
-        tangent = weighted_gram(rows, scene.springs.stiffness) + load_tangent(scene, reduction, loaded, multipliers)
-        motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
-        residual, size = forces_along(scene, motion)
+        residual, size, tangent = of_loads(scene, posed.joint_axes(pose), reduction, partial(pivots.multipliers, phi))
+        tangent = tangent + weighted_gram(rows, scene.springs.stiffness)
         unit = posed.kinematics.scale[reduction.independent]
         size = np.maximum(size, EPS / RESOLVED * (np.abs(tangent) @ unit))
         scaled = tangent * np.multiply.outer(unit, unit)

@@ -1,11 +1,14 @@
-"""The pose of equilibrium of a model."""
+"""The pose of equilibrium of a model, and whether a pose is one."""
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
 from mbsvib.elements.coupler import refuse_curved
+from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
@@ -17,7 +20,10 @@ from mbsvib.equilibrium.preloads import RESIDUAL, without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
 from mbsvib.kinematics.pose import Pose
+from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.sparse.choice import linearized
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +31,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 M = TypeVar("M", bound=Mechanism)
+E = TypeVar("E", bound=Equations)
+S = TypeVar("S", bound=SparseEquations)
 
 
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
@@ -75,3 +83,43 @@ def _unreachable(result: SearchResult) -> EquilibriumError:
         f"{result.stopped}. After {result.steps} steps {text}. Hold it with a spring or a load, lower the load, or "
         f"start from a pose nearer to the equilibrium.", **details,
     )  # fmt: skip
+
+
+def at_equilibrium(
+    model: M, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None, method: str | None = None,
+    dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
+) -> tuple[M, E | S]:  # fmt: skip
+    """Return a model in equilibrium with its equations: the model as it is if it balances.
+
+    ``independent``, ``cut``: requested minimal coordinates and cut joints. ``method``: "dense" or "sparse"; default: by
+    size. Returns the model in its pose of equilibrium; its equations.
+    """
+    try:
+        check_displacements(model)
+        return model, linearized(model, independent, cut, method, dense, sparse)
+    except EquilibriumError:
+        balanced = equilibrium(model).model
+        equations = linearized(balanced, independent, cut, method, dense, sparse)
+    if isinstance(equations, Equations):  # parameters act on the model before the motion
+        provenance = replace(equations.provenance, origin=copy(model), moved_to_equilibrium=True)
+        equations = replace(equations, provenance=provenance)
+    return balanced, equations
+
+
+def check_displacements(model: Mechanism) -> None:
+    """Refuse a model whose beams and superelements state displacements that do not balance its loads.
+
+    Without stated displacements nothing is checked, as forces then follow from statics. Warns if they are not small.
+    """
+    if all(part.displacements is None for part in model.composed.values()):
+        return
+    at = posed_model(static_model(articulated(model)))
+    forces = balance(at)
+    if forces.share > BALANCE:
+        text, details = unbalanced_force(at, forces)
+        raise EquilibriumError(
+            f"model '{model.name}' is not in balance in the given pose: {text}, by the "
+            f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "
+            f"displacements out where the pose given is the loaded one.", **details,
+        )  # fmt: skip
+    warn_beyond(model)

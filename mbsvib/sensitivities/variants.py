@@ -29,7 +29,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
 from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.articulation import with_rigid_parts
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
+from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.linalg.differences import slope

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equilibrium.at_equilibrium import at_equilibrium
+from mbsvib.equilibrium.search import at_equilibrium
 from tests.beams.reference import assembled, matrices
 
 G = 9.81
