@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.common.json_content import read_json_content
+from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, SystemData, data_of
 from mbsvib_export.record import SPACE_FORMAT, VERSION, check_version, data_from, record_of

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.file_content import ContentError, check_shape
-from mbsvib.common.nastran_numbers import nastran_integer, nastran_real
+from mbsvib.common.number_text import nastran_integer, nastran_real
 from mbsvib.measurement.points import Point
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -71,8 +71,6 @@ def _content(path: Path) -> Any:
     read: Callable[[Path], Any]
     raw, suffix = content_of(path, ModelError, "a controller"), path.suffix.lower()
     if suffix == ".json":
-        from mbsvib.common.json_content import read_json_content
-
         fields, read = read_json_content(raw), mx.from_json
         if not isinstance(fields, dict):
             raise ContentError("expected an object with the keys A, B, C and D")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.file_content import ContentError, check_dense
-from mbsvib.common.nastran_numbers import nastran_integer, nastran_real
+from mbsvib.common.number_text import nastran_integer, nastran_real
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -34,8 +34,8 @@ and a merge key (``leg1: &leg {...}``, ``leg2: {<<: *leg, position: [...]}``). E
 ``schema()``.
 """
 
-from mbsvib.files.json_schema import schema
 from mbsvib.files.loading import load
 from mbsvib.files.saving import save
+from mbsvib.files.words import schema
 
 __all__ = ["load", "save", "schema"]

@@ -75,8 +75,6 @@ def _inline(value: Any, text: Any) -> str:
         return f"{{{', '.join(f'{text(key)}: {_inline(item, text)}' for key, item in value.items())}}}"
     if isinstance(value, tuple):
         return f"[{', '.join(_inline(item, text) for item in value)}]"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{text(key)}: {_inline(item, text)}" for key, item in value.items()) + "}"
     if isinstance(value, str):
         return str(text(value))
     return json.dumps(value) if value is None or isinstance(value, int) else number(value)

@@ -12,8 +12,6 @@ from mbsvib.plots._choice import listed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.common.arrays import Array
     from mbsvib.plots._system import Linear
 
@@ -21,13 +19,6 @@ if TYPE_CHECKING:
 PERIODS = 25.0
 DECAY_TIMES = 5.0  # time constants: 0.7 % is left
 MOST_TIMES = 20_000
-
-
-def upper_eigenvalues(systems: Sequence[Linear]) -> NDArray[np.complex128]:
-    """Return the eigenvalues [1/s] of all ``systems`` that are neither zero nor the lower half of a pair."""
-    values = np.concatenate([np.zeros(0, complex), *(np.asarray(system.poles()) for system in systems)])
-    upper: NDArray[np.complex128] = values[(values != 0.0) & (values.imag >= 0.0)]
-    return upper
 
 
 def time_grid(systems: Linear | Sequence[Linear], duration: float | None = None) -> Array:
@@ -53,7 +44,8 @@ def time_grid(systems: Linear | Sequence[Linear], duration: float | None = None)
     ResponseError
         If the duration is not positive.
     """
-    poles = upper_eigenvalues([system for _, system in listed(systems, None)])
+    poles = np.concatenate([np.zeros(0, complex), *(np.asarray(one.poles()) for _, one in listed(systems, None))])
+    poles = poles[(poles != 0.0) & (poles.imag >= 0.0)]
     if duration is None:
         decaying = -poles.real[poles.real < 0.0]
         swinging = poles.imag[poles.imag > 0.0]

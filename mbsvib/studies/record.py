@@ -16,8 +16,7 @@ import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.common.json_content import read_json_content
+from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:

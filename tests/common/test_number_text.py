@@ -6,8 +6,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import library, studies
 from mbsvib.common.file_content import ContentError
-from mbsvib.common.nastran_numbers import nastran_integer, nastran_real
-from mbsvib.common.number_text import integer, real
+from mbsvib.common.number_text import integer, nastran_integer, nastran_real, real
 from mbsvib_export.uff_records import data_sets
 from tests.support.cli import invoke
 
