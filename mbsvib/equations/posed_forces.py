@@ -186,7 +186,7 @@ def posed_forces(described: Mechanism, model: Mechanism, also: Iterable[str] = (
     ends: Any = np.array([model.springs[name].points for name in lines]).reshape(-1, 2, 3)
     k, c = (np.array([bushing.matrix6(getattr(part, key)) for part in parts]).reshape(-1, 6, 6)
             for key in ("stiffness", "damping"))  # fmt: skip
-    twists = np.array([_law(described.springs[name]) is twist for name in others], dtype=bool)
+    twists = np.array([_law(described.springs.get(name)) is twist for name in others], dtype=bool)
     preload = np.array([part.preload or bushing.ZERO for part in parts]).reshape(-1, 6)
     first, second, owner = (np.array(values, dtype=np.intp) for values in (
         [number[part.first] for part in parts], [number[part.second] for part in parts],
@@ -198,7 +198,7 @@ def posed_forces(described: Mechanism, model: Mechanism, also: Iterable[str] = (
 
 
 def _law(part: Any) -> Any:
-    return None if part.law is None else part.law.deformation
+    return None if part is None or part.law is None else part.law.deformation
 
 
 def _stiffness_at_rest(part: Any) -> Any:

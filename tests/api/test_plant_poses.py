@@ -73,6 +73,16 @@ def flexible_arm():
     return model
 
 
+def loaded_arm():
+    """A beam on an upright hinge under gravity."""
+    model = mv.Model("arm", gravity=(0.0, 0.0, -9.81))
+    model.add_body("hub", 1.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.0))
+    model.add_joint("hinge", "revolute", "ground", "hub", (0.0, 0.0, 0.0), axis=(0, 0, 1))
+    model.add_beam("beam", "hub", None, beams.Circle(0.02), beams.Material(2e11, 7800.0, 0.3), start=(0.0, 0.0, 0.0),
+                   end=(0.5, 0.0, 0.0), elements=1)  # fmt: skip
+    return model
+
+
 MODELS = {
     "stewart": (mv.library.stewart, ["leg1.slide.z", "leg4.slide.z"], ["leg*.k.stiffness"], True),
     "moved points": (mv.library.stewart, ["leg2.slide.z"], ["platform.position.x", "leg3.k.start.y"], True),
@@ -86,6 +96,7 @@ MODELS = {
                        True),
     "geared loop": (geared, ["A.rz"], ["spring.stiffness.rz"], True),
     "redundant loop": (mv.library.hoeken, None, [], True),
+    "loaded beam": (loaded_arm, ["hinge.rz"], ["hub.inertia.zz"], True),
     "beam and superelement": (flexible_arm, ["hinge.rz"], ["hub.inertia.yy", "k.stiffness.ry"], True),
 }
 
@@ -95,7 +106,7 @@ def first_coordinate(model):
 
 
 # Models of which each variant is made anew.
-ANEW = ("moved points",)
+ANEW = ("moved points", "loaded beam")
 
 
 @pytest.mark.parametrize("name", MODELS)
