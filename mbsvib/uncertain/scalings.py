@@ -99,8 +99,7 @@ def _factors(m: Complex, n: int, inputs: int) -> Array:
     """Factors of ``balancing`` (n + 1,) of the channels of the parameters and of the gain as one more."""
     size = np.zeros((n + 1, n + 1), dtype=complex)
     size[:n, :n] = np.abs(m[:n, :n])
-    if inputs:
-        size[:n, n], size[n, :n] = np.linalg.norm(m[:n, n:], axis=1), np.linalg.norm(m[n:, :n], axis=0)
+    size[:n, n], size[n, :n] = np.linalg.norm(m[:n, n:], axis=1), np.linalg.norm(m[n:, :n], axis=0)
     return balancing(size, n + 1)
 
 

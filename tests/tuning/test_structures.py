@@ -79,6 +79,10 @@ def test_fixed_controllers_may_be_factors():
     fixed = mv.StateSpace.from_arrays([[-2.0]], [[1.0]], [[3.0]], [[0.0]], inputs=["b"], outputs=["y"])
     known, p = at_random(T.gain("a", "y") * fixed)
     np.testing.assert_allclose(transfer(known.realized(p)[0].matrices, S)[:, 0, 0], p[0] * 3.0 / (S + 2.0), rtol=1e-12)
+    last = mv.StateSpace.from_arrays([[-2.0]], [[1.0]], [[3.0]], [[0.0]], inputs=["y"], outputs=["a"])
+    assert (last * T.gain("y", "b")).inputs == ("b",)
+    with pytest.raises(mv.ResponseError, match="acts first"):
+        fixed * T.gain(["y", "z"], ["a", "b"])
 
 
 @pytest.mark.parametrize(("make", "words"), [

@@ -8,9 +8,10 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
+from mbsvib.uncertain.certain import Proof, RobustStability
 from mbsvib.uncertain.intervals import Channels, cover, least
 from mbsvib.uncertain.scalings import best_scalings
-from mbsvib.uncertain.search import perturbed, values_at
+from mbsvib.uncertain.search import gain, growth, perturbed, values_at
 from tests.random.scenes import oscillator, two_masses
 
 M, C, K = 2.0, 3.0, 800.0
@@ -157,8 +158,8 @@ def test_a_mass_that_vanishes_makes_the_equations_singular():
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 def test_bounds_of_gains_do_not_depend_on_units(size):
     """0.5 + 0.1 d / (1 - 0.5 d) is 0.7 at most; the unit of the channel between parameter and gain is free."""
-    for gain, proven in ((0.71, True), (0.69, False)):
-        m = np.array([[0.5, 0.1 * size], [1.0 / size, 0.5]], dtype=complex) / np.array([[1.0], [gain]])
+    for bound, proven in ((0.71, True), (0.69, False)):
+        m = np.array([[0.5, 0.1 * size], [1.0 / size, 0.5]], dtype=complex) / np.array([[1.0], [bound]])
         scalings, _ = best_scalings(m, (1,), 1)
         phi = scalings.phi(m, 1)
         unit = 1.0 / np.sqrt([scalings.d[0, 0].real, 1.0])
@@ -213,6 +214,55 @@ def test_a_cover_finds_a_single_frequency():
         if proven:
             best = np.max([least(channels, part, grid) for part in scalings], axis=0)
             assert (best > 0.0).all()
+            assert cover(channels, [], most=len(scalings)) is None
+            assert cover(channels, [], most=len(scalings) - 1) is not None
+
+
+def test_what_is_said_of_factors():
+    for lower, upper, words in ((0.4, 0.9, "Not stable within the limits."), (1.1, 1.2, "Stable within the limits."),
+                                (0.9, 1.1, "is not proven, and not refuted.")):  # fmt: skip
+        assert words in str(RobustStability("plant", lower, upper, {}, np.nan))
+
+
+@pytest.mark.parametrize("measure", [growth, gain])
+def test_gradients_of_growth_and_gain(measure):
+    """Along random changes of equations without symmetry, against differences."""
+    rng = np.random.default_rng(2)
+    n, inputs, outputs = 4, 2, 3
+    full = rng.normal(size=(n + outputs, n + inputs))
+    full[:n, :n] -= 3.0 * np.eye(n)
+
+    def value(matrix):
+        return measure((matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]))
+
+    slopes, step = value(full)[1], 1e-6
+    for change in rng.normal(size=(3, *full.shape)):
+        difference = (value(full + step * change)[0] - value(full - step * change)[0]) / (2.0 * step)
+        assert (slopes * change).sum() == pytest.approx(difference, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_gain_that_is_highest_within_the_limits():
+    """A second mass that is tuned to the drive carries most: neither limit of its spring is the worst value."""
+    plant = two_masses().linearize().uncertain({"k2.stiffness": (150.0, 600.0)})
+    found, delta = perturbed(plant, "x2", "F1").highest(gain)
+    w = np.linspace(10.0, 45.0, 2001)
+    peaks = {k: np.abs(plant.at({"k2.stiffness": k}).frequency_response(w, "x2", "F1")).max()
+             for k in np.linspace(150.0, 600.0, 16)}  # fmt: skip
+    best = max(peaks, key=peaks.get)
+    assert 160.0 < best < 590.0
+    assert found >= 0.999 * peaks[best]
+    assert values_at(plant, delta)["k2.stiffness"] == pytest.approx(best, abs=30.0)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_gain_is_proven_above_its_peak_only(size):
+    """1 / (s + 2 + 0.5 d) has the gain 1 / 1.5 at most."""
+    a, one = np.array([[-2.0]]), np.ones((1, 1))
+    proof = Proof((a, np.hstack((one, one)), np.vstack((-0.5 * one, size * one)), np.zeros((2, 2))), (1,), 1.0)
+    limits = np.array([[-1.0, 1.0]])
+    assert proof.holds(limits, [], 1.01 * size / 1.5, most=10)
+    assert not proof.holds(limits, [], 0.99 * size / 1.5, most=10)
 
 
 def test_samples_and_copies():
