@@ -6,18 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import (
-    JSON,
-    MODEL,
-    OUTPUTS,
-    Argument,
-    Command,
-    ModelFile,
-    file_argument,
-    number,
-    option,
-)
-from mbsvib.cli._controllers import read_controller
+from mbsvib.cli._arguments import JSON, MODEL, OUTPUTS, Argument, Command, ModelFile, file_argument, number, option
+from mbsvib.cli._controllers import DELAY, RATE, check_delay, read_controller
 from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import system_of
 from mbsvib.common.number_text import real
@@ -41,8 +31,7 @@ def budget(
     plant = system_of(model)
     if controllers:
         loop, rate = closed(plant, controllers, rate)
-        if delay and rate is None:
-            raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
+        check_delay(delay, rate)
         plant = loop if rate is None else loop.sampled(rate, delay)
     elif rate is not None or delay:
         raise shell.UsageProblem("--rate and --delay are those of a controller; give it by --controller FILE.")
@@ -170,9 +159,7 @@ COMMANDS = {"budget": Command(budget, (
     option("--weighting", to="weighting", metavar="NAME", choices=("Wk", "Wd"),
            words="Weighting of ISO 2631-1 of all outputs."),
     CONTROLLERS,
-    option("--rate", to="rate", metavar="HZ", type=number,
-           words="Rate at which the controllers run in discrete time. Default: that of a file with dt or Ts, else "
-                 "continuous time."),
-    option("--delay", to="delay", metavar="SECONDS", type=number, default=0.0, words="Their delay."),
+    RATE,
+    DELAY,
     file_argument("Density and cumulative root mean square of the first output, as .png, .pdf or .svg."), JSON,
 ))}  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
+from mbsvib.cli._arguments import number, option
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ModelError
 
@@ -21,6 +22,18 @@ DESCRIPTOR = "E"
 KNOWN = (*MATRICES, DESCRIPTOR, *PERIODS, *SIGNALS, *SIGNALS.values(), "format", "mbsvib")
 # --rate beside a sample time in the file may differ from it by rounding of printed digits.
 SAME_RATE = 1e-6
+
+RATE = option("--rate", to="rate", metavar="HZ", type=number,
+              words="Rate at which controllers run in discrete time. Default: that of a file with dt or Ts, else "
+                    "continuous time.")  # fmt: skip
+DELAY = option("--delay", to="delay", metavar="SECONDS", type=number, default=0.0,
+               words="Delay of controllers in discrete time. Default: 0.")  # fmt: skip
+
+
+def check_delay(delay: float, rate: float | None) -> None:
+    """Refuse a delay in continuous time."""
+    if delay and rate is None:
+        raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
 
 
 def read_controller(

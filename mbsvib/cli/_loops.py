@@ -6,19 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import (
-    INPUTS,
-    JSON,
-    MODEL,
-    OUTPUTS,
-    Command,
-    ModelFile,
-    file_argument,
-    number,
-    option,
-    positional,
-)
-from mbsvib.cli._controllers import FORMATS, read_controller
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
+from mbsvib.cli._controllers import DELAY, FORMATS, RATE, check_delay, read_controller
 from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import ports, system_of
 
@@ -37,8 +26,7 @@ def loop(
     law, rate = read_controller(controller, sensors, actuators, rate)
     if rate is not None and file is not None:
         raise shell.UsageProblem(f"'{file}': Bode plots are of loops in continuous time; leave -o out, or --rate.")
-    if delay and rate is None:
-        raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
+    check_delay(delay, rate)
     plant = system_of(model)
     loop = plant.feedback(law, sensors, actuators, controller.stem)
     closed: ClosedLoop | SampledLoop = loop if rate is None else loop.sampled(rate, delay)
@@ -75,9 +63,5 @@ COMMANDS = {"loop": Command(loop, (
                  "inputs."),
     option("--actuator", to="actuators", metavar="NAME", action="append", completes="input",
            words="Input of the model that it drives; may be given several times. Default: the names of its outputs."),
-    option("--rate", to="rate", metavar="HZ", type=number,
-           words="Rate at which the controller runs in discrete time. Default: that of a file with dt or Ts, else "
-                 "continuous time."),
-    option("--delay", to="delay", metavar="SECONDS", type=number, default=0.0, words="Its delay."),
-    INPUTS, OUTPUTS, file_argument("Bode plot of open and closed loop, as .png, .pdf or .svg."), JSON,
+    RATE, DELAY, INPUTS, OUTPUTS, file_argument("Bode plot of open and closed loop, as .png, .pdf or .svg."), JSON,
 ))}  # fmt: skip

@@ -101,10 +101,10 @@ class Comparison(Displayed):
         notes += [f"and {counted(more, 'other difference')}: .differences"] if more > 0 else []
         for o, i in worst[:NOTES]:
             zero = {0.0: "zero in the second", np.inf: "zero in the first"}.get(float(self.ratio[o, i]))
-            told = zero or f"FRAC {self.frac[o, i]:.4f}, rms times {self.ratio[o, i]:.4g}"
+            told = zero or f"FRAC {self.frac[o, i]:.4f}, rms ratio {self.ratio[o, i]:.4g}"
             notes.append(f"{self.outputs[o]} / {self.inputs[i]}: {told}")
         more = len(worst) - NOTES
-        notes += [f"and {counted(more, 'other response')} with higher FRAC"] if more > 0 else []
+        notes += [f"and {counted(more, 'other response')} with FRAC as high or higher"] if more > 0 else []
         return {"title": f"{self.names[0]} and {self.names[1]}",
                 "columns": [*((header, "right") for header in headers), ("largest motion", "left")],
                 "rows": rows, "notes": notes}  # fmt: skip
