@@ -42,7 +42,7 @@ def robust(
             "stable": stable.lower >= 1.0, "stability": _bounds(stable),
             "gains": [{"output": output, "input": source, **_bounds(result)}
                       for (output, source), result in zip(gains or [], results[2:], strict=True)],
-            "rms": None if worst is None else {"lower": dict(worst.lower), "values": {
+            "rms": None if worst is None else {"lower": dict(worst.lower), "upper": dict(worst.upper), "values": {
                 name: dict(values) for name, values in worst.values.items()}},
         })  # fmt: skip
     else:

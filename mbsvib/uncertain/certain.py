@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.display import Displayed
+from mbsvib.common.display import upper as rounded_up
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import closed_space, regular
 from mbsvib.linalg.balancing import scaled
@@ -20,6 +21,7 @@ from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.intervals import Channels, cover
+from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
 from mbsvib.uncertain.search import gain, peak_of, perturbed, values_at
 
 if TYPE_CHECKING:
@@ -107,13 +109,14 @@ class WorstGain(Displayed):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class WorstRms(Displayed):
-    """The largest root mean squares found within limits, ``lower`` {output: rms}, with the ``values`` {output:
-    {parameter: value}} at which they are; no upper bounds.
+    """The largest root mean squares within limits: they are reached, ``lower`` {output: rms}, at ``values`` {output:
+    {parameter: value}}, and never above ``upper`` {output: rms}, infinite where nothing is proven.
     """
 
     name: str
     lower: Mapping[str, float]
     values: Mapping[str, Mapping[str, float]]
+    upper: Mapping[str, float]
 
     def table(self) -> dict[str, Any]:
         """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -126,9 +129,10 @@ class WorstRms(Displayed):
         rows = []
         for name, value in self.lower.items():
             places = [f"{p} = {v:.5g}" for p, v in self.values[name].items()]
-            rows.append((name, f"{value:.5g}", ", ".join(places[:SHOWN]) + (", ..." if len(places) > SHOWN else "")))
-        return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"), ("rms", "right"),
-                ("at", "left")], "rows": rows, "notes": ["The largest found, no upper bounds."]}  # fmt: skip
+            rows.append((name, f"{value:.5g}", rounded_up(self.upper[name]),
+                         ", ".join(places[:SHOWN]) + (", ..." if len(places) > SHOWN else "")))  # fmt: skip
+        return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"),
+                ("reached", "right"), ("proven", "right"), ("at", "left")], "rows": rows, "notes": []}  # fmt: skip
 
     def __repr__(self) -> str:
         return f"WorstRms({self.name!r}: {', '.join(f'{name} {value:.4g}' for name, value in self.lower.items())})"
@@ -204,7 +208,7 @@ def _halves(box: Array, k: int) -> list[Array]:
     return [low, high]
 
 
-def _proof(plant: Any, problem: Perturbed) -> Proof:
+def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
     r = len(problem.owner)
     a, b, c, d = problem.space
     rows, columns = [*range(r), *problem.shown], [*range(r), *problem.sources]
@@ -220,7 +224,7 @@ def _proof(plant: Any, problem: Perturbed) -> Proof:
     unit = float(np.exp(np.log(sizes).mean())) if len(sizes) else 1.0
     space = *scaled(rest.a / unit, rest.b / unit, rest.c), d
     inertial = np.repeat([block.inertial for block in plant.parameters], list(plant.blocks.values()))
-    space = even_gain(by_velocities(space, np.flatnonzero(inertial), r), r)
+    space = even_gain(by_velocities(space, np.flatnonzero(inertial), r) if velocities else space, r)
     return Proof(space, tuple(plant.blocks.values()), unit)
 
 
@@ -330,13 +334,13 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
 
 
 def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
-    """Return the largest root mean squares found within the limits."""
+    """Return bounds of the largest root mean squares within the limits."""
     under = random(plant.nominal, floor, outputs, None, None, None)
     if not under.exact:
         raise ResponseError(f"worst_rms of '{plant.name}': expected filtered white noise at all sources, whose mean "
                             f"squares are exact: a number, or isolation.shaped(...).")  # fmt: skip
     everywhere = list(range(len(under.sources.names)))
-    result, places = {}, {}
+    result, places, upper = {}, {}, {}
     for name in under.outputs:
         single = replace(under, linear=under.linear.with_ports(name), weights=(None,))
         problem = perturbed(plant, name, list(under.sources.names))
@@ -352,4 +356,15 @@ def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
         value, delta = problem.highest(square)
         places[name] = values_at(plant, delta)
         result[name] = float(np.sqrt(value))
-    return WorstRms(plant.name, result, places)
+        upper[name] = result[name] if value in {0.0, np.inf} else max(result[name], _rms_bound(plant, problem, single))
+    return WorstRms(plant.name, result, places, upper)
+
+
+def _rms_bound(plant: Any, problem: Perturbed, under: Any) -> float:
+    """A root mean square that no values exceed, infinite if none is proven."""
+    white = behind_filters(problem, [part.filter for part in under.sources.densities])
+    proofs = [_proof(plant, white, velocities) for velocities in (True, False)]
+    within, beyond = [proof.channels(white.limits, 1.0) for proof in proofs]
+    if within is None or beyond is None:
+        return np.inf
+    return float(np.sqrt(proofs[0].unit * mean_square_bound(within, beyond)))

@@ -205,7 +205,11 @@ class UncertainPlant(Displayed):
         return worst_gain(self, outputs, inputs, accuracy)
 
     def worst_rms(self, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
-        """Return the largest root mean squares under noise that ascents within the limits find.
+        """Return the largest root mean squares under noise within the limits.
+
+        ``lower`` is reached at ``values``. ``upper`` is proven: the integral over bands of frequencies of the worst
+        gain of each by scalings D and G, whose values may differ from band to band. It is near ``lower`` where
+        resonances are wider than the parameters move them, and up to a few times above it where they are not.
 
         Parameters
         ----------
@@ -217,8 +221,7 @@ class UncertainPlant(Displayed):
         Returns
         -------
         WorstRms
-            ``lower`` {output: rms} with the ``values`` of the parameters of each, shown by linearizing anew. They are
-            no upper bounds.
+            ``lower`` and ``upper`` {output: rms}, with the ``values`` of the parameters at which each is reached.
 
         Raises
         ------

@@ -1,0 +1,184 @@
+"""A root mean square that no values within limits exceed: worst gains of bands of frequencies, each of them proven.
+
+E[y^2] = (1 / pi) integral over w of |G(i w)|^2 <= (1 / pi) (sum over bands of g^2 (w2 - w1) + g'^2 / w_last)
+
+g bounds the gain from white noise of intensity 1 to y within a band for all values of the parameters, and g' that of
+i w G above the last band; both by scalings D and G. Values may differ from one frequency to the next: the bound is near
+what is reached where resonances are wider than the parameters move them, and above it where they are not.
+
+Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 4.3 (integral); Fan, Tits & Doyle, IEEE Trans.
+Automatic Control 36 (1991) 25 (scalings).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.random.moments import in_rows
+from mbsvib.uncertain.intervals import Channels, interval
+from mbsvib.uncertain.scalings import best_scalings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.responses.densities import Shaped
+    from mbsvib.uncertain.search import Perturbed
+
+    Band = tuple[float, float]
+
+CORNERS, INSIDE = 6, 64  # parameters of which all vertices are samples; samples at random beside them
+VARIES = 0.1  # share by which gains of samples vary within a band
+SMALL = 2e-3  # share of the mean square up to which a band is not divided
+FACTORS = (1.01, 1.05, 1.2, 1.6, 3.0)  # on the gain of samples, at which a bound is to be proven in turn
+ENOUGH = 1e-3  # least eigenvalue of Phi, against D, at which scalings are good enough
+TAIL = (30.0, 100.0, 300.0, 1000.0)  # times the fastest pole, about which the last bound is to begin
+LEAST = 1e-6  # share of the highest gain, below which gains are not told apart
+MOST = 600  # bands
+
+
+def behind_filters(problem: Perturbed, filters: Sequence[Shaped]) -> Perturbed:
+    """Return the equations with white noise of intensity 1 before the filters of their sources."""
+    (a, b, c, d), r = problem.space, len(problem.owner)
+    drive = in_rows(tuple(filters), levels=True)
+    n, k, own = len(a), len(drive.a), b[:, problem.sources]
+    through = d[:, problem.sources]
+    space = (
+        np.block([[a, own @ drive.c], [np.zeros((k, n)), drive.a]]),
+        np.block([[b[:, :r], own @ drive.d], [np.zeros((k, r)), drive.b]]),
+        np.concatenate((c, through @ drive.c), axis=1),
+        np.concatenate((d[:, :r], through @ drive.d), axis=1),
+    )  # fmt: skip
+    return replace(problem, space=space, sources=list(range(r, r + len(filters))))
+
+
+def mean_square_bound(channels: Channels, beyond: Channels) -> float:
+    """Return a mean square, in units of time of the channels, that no values exceed; infinite if none is proven.
+
+    ``beyond``: the same plant, in which noise comes through to no signal directly, for high frequencies.
+    """
+    if not len(channels.a) or beyond.d[:, beyond.count :].any():
+        return np.inf
+    deltas = _samples(channels)
+    tail = _tail(beyond, deltas)
+    if tail is None:
+        return np.inf
+    total = tail[1] ** 2 / tail[0]
+    bands, highest = _bands(channels, deltas, tail[0])
+    if highest == 0.0:
+        return 0.0
+    for band in bands:
+        bound = _over_band(channels, deltas, band, LEAST * highest)
+        if bound is None:
+            return np.inf
+        total += bound
+    return float(total / np.pi)
+
+
+def _samples(channels: Channels) -> Array:
+    """Changes (k, channels) of the parameters from -1 to 1: none, vertices, and points at random."""
+    count, rng = len(channels.sizes), np.random.default_rng(0)
+    corners = np.array(list(product((-1.0, 1.0), repeat=count))) if count <= CORNERS else rng.choice(
+        (-1.0, 1.0), (INSIDE, count))  # fmt: skip
+    points = np.concatenate((np.zeros((1, count)), corners, rng.uniform(-1.0, 1.0, (INSIDE, count))))
+    return np.repeat(points, channels.sizes, axis=1)
+
+
+def _reached(channels: Channels, deltas: Array, w: Array) -> Array:
+    """The largest gains (len(w),) of samples."""
+    n, m = channels.count, channels.at(w)[:, None]
+    inner = np.eye(n) - m[..., :n, :n] * deltas[:, None, :]
+    gain = m[..., n:, n:] + (m[..., n:, :n] * deltas[:, None, :]) @ np.linalg.solve(inner, np.broadcast_to(
+        m[..., :n, n:], (*inner.shape[:-1], channels.inputs)))  # fmt: skip
+    return np.asarray(np.linalg.norm(gain, axis=(-2, -1)).max(axis=1))
+
+
+def _bands(channels: Channels, deltas: Array, last: float) -> tuple[list[Band], float]:
+    """Bands from 0 to ``last`` in which the gains of samples vary little, or count little, and the highest gain."""
+    poles = channels.poles()
+    ends = np.unique(np.clip(np.concatenate(([0.0, last], np.abs(poles), np.abs(poles.imag))), 0.0, last))
+    bands = list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+    gains = _reached(channels, deltas, np.concatenate((ends, 0.5 * (ends[1:] + ends[:-1]))))
+    known = dict(zip([*ends.tolist(), *(0.5 * (ends[1:] + ends[:-1])).tolist()], gains.tolist(), strict=True))
+    done: list[Band] = []
+    while bands:
+        unit = sum(_size(known, band) for band in (*done, *bands))
+        split: list[Band] = []
+        for low, high in bands:
+            three = [known[w] for w in (low, 0.5 * (low + high), high)]
+            flat = max(three) <= (1.0 + VARIES) * min(three)
+            if flat or _size(known, (low, high)) <= SMALL * unit or len(done) + 2 * len(split) > MOST:
+                done.append((low, high))
+            else:
+                split += [(low, 0.5 * (low + high)), (0.5 * (low + high), high)]
+        bands = split
+        new = np.array([0.5 * (low + high) for low, high in bands])
+        known |= dict(zip(new.tolist(), _reached(channels, deltas, new).tolist(), strict=True)) if bands else {}
+    return done, max(known.values())
+
+
+def _size(known: dict[float, float], band: Band) -> float:
+    """About what a band may add to the mean square."""
+    low, high = band
+    return max(known[w] for w in (low, 0.5 * (low + high), high)) ** 2 * (high - low)
+
+
+def _over_band(channels: Channels, deltas: Array, band: Band, least: float) -> float | None:
+    """A bound of the integral of the squared gain over a band, None if it is not proven."""
+    left, total = [band], 0.0
+    for _ in range(MOST):
+        if not left:
+            return total
+        low, high = left.pop()
+        w = 0.5 * (low + high)
+        proven = _proven(channels, max(least, float(_reached(channels, deltas, np.array([low, w, high])).max())), w)
+        if proven is None:
+            return None
+        bound, a, b = proven[0], max(low, proven[1]), min(high, proven[2])
+        if b - a <= 1e-6 * (high - low):
+            return None
+        total += bound**2 * (b - a)
+        left += [piece for piece in ((low, a), (b, high)) if piece[1] > piece[0]]
+    return None
+
+
+def _proven(channels: Channels, gain: float, w: float) -> tuple[float, float, float] | None:
+    """A bound of the gain near that of samples, and an interval about ``w`` on which it is proven."""
+    for factor in FACTORS:
+        scaled = _at_level(channels, factor * gain)
+        scalings, s = best_scalings(scaled.at(np.array([w]))[0], channels.sizes, channels.inputs, ENOUGH)
+        if s > 0.0:
+            low, high = interval(scaled, scalings, w)
+            if high > low:
+                return factor * gain, low, high
+    return None
+
+
+def _at_level(channels: Channels, gain: float) -> Channels:
+    """Channels in which a gain is 1."""
+    n, unit = channels.count, 1.0 / np.sqrt(gain)
+    left, right = np.ones(len(channels.c)), np.ones(channels.b.shape[1])
+    left[n:] = right[n:] = unit
+    return replace(channels, b=channels.b * right, c=left[:, None] * channels.c, d=left[:, None] * channels.d * right)
+
+
+def _tail(channels: Channels, deltas: Array) -> tuple[float, float] | None:
+    """A frequency, and a bound of w |G| above it; None if it is not proven or infinite."""
+    n = channels.count
+    b, d = channels.b.copy(), channels.d.copy()
+    b[:, n:], d[:, n:] = channels.a @ channels.b[:, n:], channels.c @ channels.b[:, n:]
+    rate = replace(channels, b=b, d=d)
+    fastest = float(np.abs(channels.poles()).max())
+    for times in TAIL:
+        last = times * fastest
+        gain = float(_reached(rate, deltas, last * np.array([1.0, 2.0, 5.0, 20.0, np.inf])).max())
+        if gain == 0.0:
+            return last, 0.0
+        proven = _proven(rate, gain, 2.0 * last)
+        if proven is not None and np.isinf(proven[2]):
+            return max(last, proven[1]), proven[0]
+    return None
