@@ -46,7 +46,7 @@ if __name__ == "__main__":
     print(f"{len(design.values)} values, norm {design.objective:.6f}, {time.process_time() - began:.0f} s of CPU")
     print("searches end at", ", ".join(f"{history[-1]:.4f}" for history in design.history))
     try:
-        from mbsvib.isolation.slicot import hinf_synthesis
+        from mbsvib.isolation.synthesis import hinf_synthesis
 
         space = plant()
         print("full order:", hinf_synthesis((space.A, space.B, space.C, space.D), 6, 6, "benchmark").norm)

@@ -20,7 +20,7 @@ LONGEST = 160
 INTERNAL = ("mbsvib.elements", "mbsvib.equations", "mbsvib.mechanism.mechanism", "mbsvib.modes.damped",
             "mbsvib.modes.general", "mbsvib.responses.basis", "mbsvib.responses.batch", "mbsvib.responses.energy_schur",
             "mbsvib.responses.modal_sum", "mbsvib.responses.rounding", "mbsvib.feedback.loop.Resolution",
-            "mbsvib.feedback.loop_gradient",
+            "mbsvib.feedback.closing",
             "mbsvib.sensitivities.basis", "mbsvib.sensitivities.loaded_network", "mbsvib.sensitivities.network",
             "mbsvib.sensitivities.parameter_group", "mbsvib.sensitivities.ports", "mbsvib.sensitivities.products",
             "mbsvib.sensitivities.reference_pose", "mbsvib.sensitivities.spectrum", "mbsvib.sensitivities.variants",

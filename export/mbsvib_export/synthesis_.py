@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.isolation.slicot import Synthesis, h2_synthesis, hinf_synthesis
+from mbsvib.isolation.synthesis import Synthesis, h2_synthesis, hinf_synthesis
 from mbsvib.responses.from_control import is_control
 from mbsvib_export.packages import need
 

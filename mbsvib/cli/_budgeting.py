@@ -97,7 +97,7 @@ def units_of(linear: Any, pattern: str) -> set[str]:
 def density_of(word: str, units: set[str]) -> float | Table | Shaped:
     """Return a density of a number, of the name of a curve, or of a file with columns of frequency and density."""
     from mbsvib import isolation
-    from mbsvib.random.octaves import VC
+    from mbsvib.random.curves import VC
 
     try:
         return real(word)

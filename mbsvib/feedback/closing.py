@@ -1,7 +1,17 @@
-"""Closed loops of first-order equations: a plant and a controller whose signals meet."""
+"""Closed loops of first-order equations, and gradients to the entries of their plant and of their controller.
+
+The equations of a loop are a linear fractional map of those of the plant, M = [A B; C D], and of the controller,
+X = [A_k B_k; C_k D_k]: dM_closed = E_L dM E_R. A change of M adds dM (x, u) to (x', y), of which the loop makes further
+terms; (x, u) itself is a linear map of what drives the loop. The same holds for X. So a gradient of a number to the
+entries of M_closed, G, is one to those of M by E_L^T G E_R^T.
+
+Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 10.1.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -64,3 +74,125 @@ def closed_space(plant: Matrices, law: Matrices, sensors: list[int], actuators: 
     closed_c[:, :n] += c
     return ClosedSpace(closed_a, np.concatenate((b + acts @ push, kb @ direct)), closed_c, d + d[:, actuators] @ push,
                        gain, push)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Ports by number among those of a plant, some of them more than once: ``rows`` of outputs, ``columns`` of inputs,
+    -1 for none. ``direct``: numbers of outputs and of inputs gathered, of which each output has one input added to it.
+    """
+
+    rows: list[int]
+    columns: list[int]
+    direct: tuple[list[int], list[int]] = ([], [])
+
+    def of(self, plant: Matrices) -> Matrices:
+        """Return A, B, C, D with these ports."""
+        a, b, c, d = plant
+        through = np.pad(d, (0, 1))[np.ix_(self.rows, self.columns)]
+        through[self.direct] += 1.0
+        return a, np.pad(b, ((0, 0), (0, 1)))[:, self.columns], np.pad(c, ((0, 1), (0, 0)))[self.rows], through
+
+    def back(self, gradient: Array, plant: Matrices) -> Array:
+        """Return the gradient to [A B; C D] of the plant, of one to those with these ports."""
+        n, (p, q) = len(plant[0]), plant[3].shape
+        result = np.zeros((n + p + 1, n + q + 1))
+        rows, columns = ([*range(n), *[n + k % (count + 1) for k in numbers]] for numbers, count in
+                         ((self.rows, p), (self.columns, q)))  # fmt: skip
+        np.add.at(result, np.ix_(rows, columns), gradient)
+        return result[:-1, :-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """A plant A, B, C, D under u = w + K y with the ``law`` A, B, C, D from the outputs ``sensors`` to the inputs
+    ``actuators``, seen from the inputs ``sources`` to the outputs ``shown``, all by number.
+    """
+
+    plant: Matrices
+    law: Matrices
+    sensors: list[int]
+    actuators: list[int]
+    shown: list[int]
+    sources: list[int]
+
+    @cached_property
+    def _space(self) -> ClosedSpace:
+        return closed_space(self.plant, self.law, self.sensors, self.actuators)
+
+    @property
+    def closed(self) -> Matrices:
+        """A, B, C, D of the loop from the sources to the outputs shown; states of the plant come first."""
+        a, b, c, d, *_ = self._space
+        return a, b[:, self.sources], c[self.shown], d[np.ix_(self.shown, self.sources)]
+
+    @cached_property
+    def _acts(self) -> Array:
+        """T, by which a command d of the controller becomes u = T d in the loop, (1 - D_k D_yu)^-1."""
+        through = self.plant[3][np.ix_(self.sensors, self.actuators)]
+        return np.asarray(np.linalg.inv(np.eye(len(self.actuators)) - self.law[3] @ through))
+
+    @cached_property
+    def _pushed(self) -> Array:
+        """(x', z', y) of the loop by a command of the controller, (closed rows, actuators)."""
+        _, b, _, d = self.plant
+        at_sensors = self.law[1] @ d[np.ix_(self.sensors, self.actuators)]
+        rows = b[:, self.actuators], at_sensors, d[np.ix_(self.shown, self.actuators)]
+        return np.concatenate(rows) @ self._acts
+
+    @cached_property
+    def _around_plant(self) -> tuple[Array, Array]:
+        """E_L and E_R of the plant."""
+        (a, b, c, _), (ka, kb, *_), gain, push = self.plant, self.law, self._space.gain, self._space.push
+        n, k, p, q = len(a), len(ka), len(c), b.shape[1]
+        left = np.zeros((n + k + len(self.shown), n + p))
+        left[:n, :n] = np.eye(n)
+        left[n + k + np.arange(len(self.shown)), n + np.array(self.shown, dtype=np.intp)] = 1.0
+        sensors = n + np.array(self.sensors, dtype=np.intp)
+        left[n : n + k, sensors] += kb
+        left[:, sensors] += self._pushed @ self.law[3]
+        right = np.zeros((n + q, n + k + len(self.sources)))
+        right[:n, :n] = np.eye(n)
+        right[n + np.array(self.sources, dtype=np.intp), n + k + np.arange(len(self.sources))] = 1.0
+        right[n + np.array(self.actuators, dtype=np.intp)] += np.concatenate((gain, push[:, self.sources]), axis=1)
+        return left, right
+
+    @cached_property
+    def _around_law(self) -> tuple[Array, Array]:
+        """E_L and E_R of the controller."""
+        (a, _, c, d), (ka, _, kc, kd) = self.plant, self.law
+        n, k = len(a), len(ka)
+        left = np.zeros((n + k + len(self.shown), k + len(self.actuators)))
+        left[n : n + k, :k] = np.eye(k)
+        left[:, k:] = self._pushed
+        through = d[np.ix_(self.sensors, self.actuators)]
+        measured = np.concatenate((c[self.sensors], through @ kc, d[np.ix_(self.sensors, self.sources)]), axis=1)
+        seen = np.linalg.solve(np.eye(len(self.sensors)) - through @ kd, measured)
+        right = np.zeros((k + len(self.sensors), n + k + len(self.sources)))
+        right[:k, n : n + k] = np.eye(k)
+        right[k:] = seen
+        return left, right
+
+    def to_plant(self, gradient: Array) -> Array:
+        """Return the gradient to the entries of [A B; C D] of the plant, (states + outputs, states + inputs).
+
+        ``gradient`` (closed states + shown, closed states + sources): that to the entries of the ``closed`` equations.
+        """
+        left, right = self._around_plant
+        return np.asarray(left.T @ gradient @ right.T)
+
+    def to_law(self, gradient: Array) -> Array:
+        """Return the gradient to the entries of [A B; C D] of the controller, (states + actuators, states + sensors).
+
+        ``gradient``: as of ``to_plant``.
+        """
+        left, right = self._around_law
+        return np.asarray(left.T @ gradient @ right.T)
+
+    def along(self, plant: Array | None, law: Array | None) -> Array:
+        """Return the changes of [A B; C D] of the ``closed`` equations that those of the plant and of the controller
+        make, (..., closed states + shown, closed states + sources); None: no change.
+        """
+        changes = [(pair, change) for pair, change in ((self._around_plant, plant), (self._around_law, law))
+                   if change is not None]  # fmt: skip
+        return np.asarray(sum(left @ change @ right for (left, right), change in changes))

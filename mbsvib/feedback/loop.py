@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
-    from mbsvib.feedback.loop_gradient import Gathered
+    from mbsvib.feedback.closing import Gathered
     from mbsvib.responses.state_space import StateSpace
 
 

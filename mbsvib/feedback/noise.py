@@ -13,8 +13,8 @@ import numpy as np
 
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.controller import Controller
-from mbsvib.feedback.loop_gradient import Gathered
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

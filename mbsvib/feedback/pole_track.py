@@ -1,15 +1,28 @@
-"""Tracks of poles over a gain, one column each, and the gain that maximizes a measure of them."""
+"""Tracks of poles over a gain, one column each, and the gain that maximizes a measure of them.
+
+Two poles belong together if the trapezoidal rule takes the one to the other, and if their derivatives agree:
+
+    r_ij = |b_j - a_i - h (a_i' + b_j') / 2|,    d_ij = h |b_j' - a_i'|
+
+The first term is of third order in the step h, the second of second order. Poles that cross differ by the second term,
+nearly equal poles that move together by the first. Where a pair of poles meets on the real axis and goes on as two real
+poles, there is no derivative and no continuation: by convention, the pole with the positive imaginary part becomes the
+right one. Where two real poles go on as a pair, the one of a mode, or else the right one, takes the positive imaginary
+part. So modes end in zeros, and the choice depends on the poles alone, not on the steps.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.feedback.gain_spectrum import OSCILLATES, GainSpectrum
-from mbsvib.feedback.pole_matching import matched
+from mbsvib.linalg.groups import linked_items
+from mbsvib.linalg.spectrum import spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,6 +30,200 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex, Index
+
+ALIKE = 1e-7  # relative distance below which poles coincide
+OSCILLATES = 1e-6  # relative imaginary parts that rounding gives to repeated real poles
+SEPARATE = 1e-12  # reciprocal condition of the products of left and right vectors below which poles are defective
+DEFECTIVE = 1e2  # distances and errors of coinciding poles by which A in their subspace may differ from a multiple of 1
+
+
+@dataclass(frozen=True)
+class GainSpectrum:
+    """Eigenvalues ``poles`` (n,) of the state ``matrix`` (n, n) at a ``gain``, in ascending order of magnitude."""
+
+    gain: float
+    matrix: Array
+
+    @property
+    def poles(self) -> Complex:
+        """Eigenvalues [1/s], (n,), 0 where they differ from it by rounding; those with positive imaginary part come
+        before their conjugates.
+        """
+        return self._decomposition[0]
+
+    @cached_property
+    def values(self) -> Complex:
+        """Eigenvalues, exactly real where they differ from that by rounding."""
+        poles = self.poles.copy()
+        poles.imag[np.abs(poles.imag) <= OSCILLATES * np.abs(poles)] = 0.0
+        return poles
+
+    @property
+    def errors(self) -> Array:
+        """Bounds of the rounding of the eigenvalues [1/s], (n,)."""
+        return self._decomposition[1]
+
+    @cached_property
+    def tolerance(self) -> Array:
+        """Distance from each eigenvalue below which another one coincides with it [1/s], (n,)."""
+        return np.maximum(ALIKE * np.abs(self.values), self.errors)
+
+    def slopes(self, change: Array) -> Complex:
+        """Return the derivatives (n,) of ``values``; zero where an eigenvalue is defective and has none.
+
+        For a simple eigenvalue lambda' = y^H A' x / (y^H x); for one of multiplicity m, the m eigenvalues of
+        (Y^H X)^-1 Y^H A' X with its left and right vectors Y and X, in ascending order of real plus imaginary part.
+
+        ``change`` (n, n): derivative A' of the state matrix.
+
+        Source: Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
+        """
+        _, _, left, right, scale = self._decomposition
+        rows = left.conj().T
+        moved = (change / scale[:, None] * scale) @ right
+        overlap = np.einsum("ij,ji->i", rows, right)
+        regular = np.abs(overlap) > SEPARATE
+        result = np.einsum("ij,ji->i", rows, moved) / np.where(regular, overlap, np.inf)
+        of_a, of_change = (matrix / scale[:, None] * scale for matrix in (self.matrix, change))
+        for clusters in self._clusters:
+            y, x = (np.linalg.qr(vectors.T[clusters].swapaxes(1, 2))[0] for vectors in (left, right))
+            y = y.conj().swapaxes(1, 2)
+            overlaps, rates = y @ x, y @ of_change @ x
+            sizes = np.linalg.svd(overlaps, compute_uv=False)
+            regular = sizes[:, -1] > SEPARATE * sizes[:, 0]
+            overlaps[~regular] = np.eye(clusters.shape[1])
+            within = np.linalg.solve(overlaps, y @ of_a @ x)  # a multiple of 1 where each eigenvalue has a vector
+            values = self.values[clusters]
+            within -= values.mean(axis=1)[:, None, None] * np.eye(clusters.shape[1])
+            spread = np.abs(values - values[:, :1]).max(axis=1) + self.errors[clusters].max(axis=1)
+            regular &= np.abs(within).max(axis=(1, 2)) <= DEFECTIVE * spread
+            rates[~regular] = 0.0
+            slopes = np.linalg.eigvals(np.linalg.solve(overlaps, rates))
+            in_order = np.argsort(slopes.real + slopes.imag, axis=-1, kind="stable")
+            result[clusters] = np.take_along_axis(slopes, in_order, axis=-1)
+        return np.asarray(result)
+
+    @cached_property
+    def _clusters(self) -> list[Index]:
+        """Columns (clusters, multiplicity) of repeated eigenvalues, one array for each multiplicity."""
+        values = self.values
+        groups = linked_items(np.abs(values[:, None] - values) <= np.minimum(self.tolerance[:, None], self.tolerance))
+        sizes = sorted({len(group) for group in groups})
+        return [np.array([group for group in groups if len(group) == size]) for size in sizes]
+
+    @cached_property
+    def _decomposition(self) -> tuple[Complex, Array, Complex, Complex, Array]:
+        """Eigenvalues, errors, left and right vectors (n, n) as columns, in states of the units ``scale`` (n,)."""
+        of_a = spectrum(self.matrix)
+        order = np.lexsort((-of_a.values.imag, np.abs(of_a.values)))
+        values = np.where(of_a.at_zero, 0.0, of_a.values)[order]
+        return (values, of_a.errors[order], of_a.left[:, order].astype(complex),
+                of_a.right[:, order].astype(complex), np.ldexp(1.0, of_a.power))  # fmt: skip
+
+
+SHORT = 0.3  # share of the differences with two poles exchanged, and of their distance, below which a match is certain
+CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a larger distance do not cross
+
+
+def matched(first: GainSpectrum, second: GainSpectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
+    """Return ``order`` (n,) and whether it is certain: ``second.values[order]`` continue ``first.values``.
+
+    It is certain if position and slope tell this order from all others; if not, the step must be shorter. ``modes``
+    (n,): which poles of the first gain were modes at the outset.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    step = second.gain - first.gain
+    change = (second.matrix - first.matrix) / step
+    before, after = first.slopes(change) * step, second.slopes(change) * step
+    distance = second.values - first.values[:, None]
+    residual = np.abs(distance - 0.5 * (before[:, None] + after))
+    turn = np.abs(after - before[:, None])
+    # squares keep the order of poles on the real axis, where sums of distances have many minima
+    order = linear_sum_assignment(np.square(residual + 0.5 * turn))[1]
+    size = np.abs(first.values) + np.abs(second.values[order])
+    closest = _closest(first.values, second.values[order], after[order] - before)
+    equal = _equal(first, np.arange(len(order))) | _equal(second, order)
+    crossing = np.where(equal, np.inf, CROSSING * (size[:, None] + size))
+    separated = _separated(residual[:, order], turn[:, order], closest, crossing)
+    certain = True
+    for columns in linked_items(~separated):
+        # in an ambiguous set the order of real plus imaginary part stays: right ones are those with positive parts
+        ours = columns[_ascending(first.values[columns])]
+        theirs = np.sort(order[columns])
+        theirs = theirs[_ascending(second.values[theirs])]
+        copies = _coincide(first, ours) and _coincide(second, theirs)
+        pair = _conjugate(first.values[ours]) or _conjugate(second.values[theirs])
+        certain &= (copies or pair) and _same_kind(first, ours) and _same_kind(second, theirs)
+        if not first.values[ours].imag.any() and second.values[theirs].imag.all():
+            ours = ours[np.argsort(modes[ours], kind="stable")]
+        order[ours] = theirs
+    return order, certain
+
+
+def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) -> NDArray[np.bool_]:
+    """Return which poles cannot be exchanged, (n, n); chosen differences are on the diagonals.
+
+    Poles closer than ``crossing`` cross; it is infinite for those that are equal at one of the gains.
+    """
+    own_residual, exchanged_residual = _swaps(residual)
+    own_turn, exchanged_turn = _swaps(turn)
+    nearer = (own_residual < SHORT * np.minimum(exchanged_residual, closest)) & (exchanged_turn >= SHORT * own_turn)
+    # poles that pass each other at the distance e move along a hyperbola, which leaves its asymptotes by e^2 / turn
+    passing = np.sqrt(own_residual * exchanged_turn)
+    by_slope = (own_turn < SHORT * exchanged_turn) & (passing < crossing)
+    by_slope &= np.isfinite(crossing) | (own_residual < SHORT * exchanged_residual)
+    return np.asarray(nearer | by_slope)
+
+
+def _closest(start: Complex, end: Complex, curvature: Complex) -> Array:
+    """Return a lower bound (n, n) of the distances of poles along their paths; ``curvature`` is h (b' - a') of each.
+
+    A path of constant second derivative deviates from the straight line by an eighth of that.
+    """
+    first, last, relative = (values[:, None] - values for values in (start, end, curvature))
+    along = last - first
+    length = np.abs(along) ** 2
+    share = np.divide(-(first * along.conj()).real, length, out=np.zeros_like(length), where=length > 0.0)
+    share = np.clip(share, 0.0, 1.0)
+    return np.asarray(np.abs(first + share * along) - 0.125 * np.abs(relative))
+
+
+def _swaps(difference: Array) -> tuple[Array, Array]:
+    """Return the differences of two poles as they are, and exchanged, (n, n) each."""
+    matched = np.diag(difference)
+    return matched[:, None] + matched, difference + difference.T
+
+
+def _ascending(values: Complex) -> Index:
+    """Return the order of real plus imaginary part; of equals, the order in which they are."""
+    return np.argsort(values.real + values.imag, kind="stable")
+
+
+def _equal(spectrum: GainSpectrum, columns: Index) -> NDArray[np.bool_]:
+    """Return which poles of some columns are equal but for rounding, (columns, columns)."""
+    values, tolerance = spectrum.values[columns], spectrum.tolerance[columns]
+    return np.asarray(np.abs(values[:, None] - values) <= np.maximum(tolerance[:, None], tolerance))
+
+
+def _coincide(spectrum: GainSpectrum, columns: Index) -> bool:
+    """Return whether poles are equal but for rounding."""
+    values = spectrum.values[columns]
+    return bool((np.abs(values - values[0]) <= spectrum.tolerance[columns].max()).all())
+
+
+def _conjugate(values: Complex) -> bool:
+    """Return whether the first half of poles in ascending order are the conjugates of the second half."""
+    half = len(values) // 2
+    return bool((values[:half].imag < 0.0).all() and (values[half:].imag > 0.0).all())
+
+
+def _same_kind(spectrum: GainSpectrum, columns: Index) -> bool:
+    """Return whether poles in ascending order are copies of one, or of two: a pair, or two real ones."""
+    half, odd = divmod(len(columns), 2)
+    return _coincide(spectrum, columns) or (
+        not odd and _coincide(spectrum, columns[:half]) and _coincide(spectrum, columns[half:]))  # fmt: skip
+
 
 # A step in which poles are not matched with certainty is halved so often, until poles meet but for rounding; in total,
 # so many steps are tried between two gains.

@@ -18,8 +18,8 @@ from mbsvib.feedback.sampled_norm import h2_norm
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside, spectrum
+from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
-from mbsvib.responses.first_order_zeros import first_order_zeros
 from mbsvib.responses.frequency_grid import frequency_grid
 from mbsvib.responses.norms import Norm
 

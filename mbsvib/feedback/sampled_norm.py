@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.sampled_period import doubled, period, short_time
+from mbsvib.feedback.excited_period import doubled, period, short_time
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside

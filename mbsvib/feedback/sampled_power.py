@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.feedback.excited_period import excited_motion, excited_states, steady_state
-from mbsvib.feedback.sampled_period import period
+from mbsvib.feedback.excited_period import excited_motion, excited_states, period, steady_state
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index

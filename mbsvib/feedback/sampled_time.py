@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.sampled_period import period
+from mbsvib.feedback.excited_period import period
 from mbsvib.linalg.balancing import column_units
 from mbsvib.linalg.exponentials import steps
 from mbsvib.responses.time_response import checked_record
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.feedback.excited_period import Period
     from mbsvib.feedback.sampled_equations import SampledEquations
-    from mbsvib.feedback.sampled_period import Period
 
 SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one
 MOST_SAMPLES = 2_000_000  # of the controllers in one record

@@ -32,9 +32,8 @@ from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
-from mbsvib.random.base_noise import BaseNoise
-from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_spectrum
-from mbsvib.random.octaves import vc_curve
+from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_curve, vc_spectrum
+from mbsvib.random.sources import BaseNoise
 from mbsvib.random.weights import Integrated, Window, integrated, iso_2631, moving_average, moving_deviation
 from mbsvib.responses.densities import Shaped, Table, shaped, table, white
 

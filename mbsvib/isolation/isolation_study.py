@@ -16,7 +16,7 @@ from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.random.base_noise import base_noise
+from mbsvib.random.sources import base_noise
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.asymptote import Linear
+    from mbsvib.isolation.figures import Linear
     from mbsvib.isolation.vibration import Vibration
 
 

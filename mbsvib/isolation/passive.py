@@ -19,7 +19,7 @@ from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.random.base_noise import base_noise
+from mbsvib.random.sources import base_noise
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
-    from mbsvib.random.base_noise import BaseNoise
+    from mbsvib.random.sources import BaseNoise
     from mbsvib.studies import Constraint
 
     Bounds = Mapping[str, tuple[float | None, float | None] | None]

@@ -14,10 +14,10 @@ from mbsvib.errors import ResponseError
 from mbsvib.isolation.placement_criteria import BestControl, Experiments, Gramians, Information, Weighted
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.rank import AT_NODE, LEAST_DAMPING, SAME_EIGENVALUE
-from mbsvib.random.direct import direct
 from mbsvib.random.mean_squares import first_order
 from mbsvib.random.moments import in_rows
 from mbsvib.random.sources import sources
+from mbsvib.responses.feedthrough import direct
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

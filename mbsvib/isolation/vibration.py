@@ -12,9 +12,9 @@ from mbsvib.common.csv_columns import write_columns
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
-from mbsvib.random import octaves
-from mbsvib.random.base_noise import base_sources
+from mbsvib.random import curves
 from mbsvib.random.budget import random
+from mbsvib.random.sources import base_sources
 
 if TYPE_CHECKING:
     import os
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Figures
-    from mbsvib.random.base_noise import BaseNoise
     from mbsvib.random.mean_squares import Random
+    from mbsvib.random.sources import BaseNoise
 
 # Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
 # what rounding leaves of their squares.
@@ -101,8 +101,8 @@ class Vibration(Displayed):
         array, shape (6, bands)
             Velocities [m/s, rad/s].
         """
-        middle = octaves.centres() if centres is None else hertz(centres)
-        limits = octaves.edges(middle)
+        middle = curves.centres() if centres is None else hertz(centres)
+        limits = curves.edges(middle)
         squares = self._random.below(limits, lambda f: (2.0 * np.pi * f) ** -2.0, float(limits[0]))[:6].sum(axis=1)
         return np.asarray(np.sqrt(np.maximum(np.diff(squares, axis=1), 0.0)))
 
@@ -112,13 +112,13 @@ class Vibration(Displayed):
         goes; empty if none.
         """
         low, high = self.judged
-        return octaves.strictest(octaves.centres(), self.velocity()[:3]) if low < high else ""
+        return curves.strictest(curves.centres(), self.velocity()[:3]) if low < high else ""
 
     @property
     def judged(self) -> tuple[float, float]:
         """First and last frequency [Hz] of the comparison with the criteria."""
-        band = (octaves.LOWEST, octaves.HIGHEST) if self.band is None else self.band
-        return max(octaves.LOWEST, band[0]), min(octaves.HIGHEST, band[1])
+        band = (curves.LOWEST, curves.HIGHEST) if self.band is None else self.band
+        return max(curves.LOWEST, band[0]), min(curves.HIGHEST, band[1])
 
     def table(self) -> dict[str, Any]:
         """Return the table of root mean squares as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -142,7 +142,7 @@ class Vibration(Displayed):
             notes.append("Infinite: noise without upper frequency limit passes through the masses; give a band.")
         (low, high), criterion = self.judged, self.criterion
         if low < high:
-            words = f"Meets {criterion}" if criterion else f"Meets no vibration criterion, not even {min(octaves.VC)},"
+            words = f"Meets {criterion}" if criterion else f"Meets no vibration criterion, not even {min(curves.VC)},"
             notes.append(f"{words} from {low:g} to {high:g} Hz.")
         else:
             notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.feedback.integrand import response
-from mbsvib.random.base_noise import base_sources
+from mbsvib.random.sources import base_sources
 from mbsvib.studies.responses import PortResponses, mean_squares
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.random.base_noise import BaseNoise
+    from mbsvib.random.sources import BaseNoise
     from mbsvib.studies.evaluation import DesignPoint, Dual
 
     Law = tuple[str, str, str]

@@ -10,9 +10,9 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import separated
-from mbsvib.random.direct import direct
 from mbsvib.random.moments import Equations, check_stable, filtered, moments
 from mbsvib.random.quadrature import NARROWEST, rule
+from mbsvib.responses.feedthrough import direct
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

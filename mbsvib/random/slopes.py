@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.feedback.loop_gradient import Closure, Gathered
+from mbsvib.feedback.closing import Closure, Gathered
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.random.moments import Equations

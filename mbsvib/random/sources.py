@@ -1,4 +1,4 @@
-"""Sources of noise at the inputs of linear equations: their densities, and how they are correlated.
+"""Sources of noise at the inputs of linear equations, or of a base: their densities, and how they are correlated.
 
 S_ij = R_ij sqrt(S_i S_j), entry (i, j) of the one-sided densities being that of E[x_i conj(x_j)]
 """
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.rank import SEMIDEFINITE, UNIT_CORRELATION
 from mbsvib.responses.densities import density
 
@@ -141,3 +142,55 @@ def checked_correlation(value: Any, names: tuple[str, ...], count: int | None) -
         raise ResponseError("correlation is not that of any noise; expected a Hermitian matrix, ones on its diagonal, "
                             "no negative eigenvalue (all entries 1: one source drives all).")  # fmt: skip
     return stack
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BaseNoise(Displayed):
+    """Base excitation: a density for each of the ``directions``, S_ij = R_ij sqrt(S_i S_j) with the Hermitian
+    ``correlation`` R.
+    """
+
+    directions: tuple[str, ...]
+    spectra: tuple[Table | Shaped | Density, ...]
+    correlation: Complex
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether some spectrum extends to infinite frequency."""
+        return any(spectrum.span[1] == np.inf for spectrum in self.spectra)
+
+
+def base_sources(noise: BaseNoise) -> Sources:
+    """Return noise of a base as sources at the inputs of base motion."""
+    independent = np.array_equal(noise.correlation, np.eye(len(noise.directions)))
+    return Sources(tuple([f"base.{direction}" for direction in noise.directions]), noise.spectra,
+                   None if independent else noise.correlation)  # fmt: skip
+
+
+def base_noise(
+    spectra: BaseNoise | Mapping[str, Any], directions: tuple[str, ...] = check.DIRECTIONS,
+    correlation: ArrayLike | None = None,
+) -> BaseNoise:  # fmt: skip
+    """Return the base excitation.
+
+    ``spectra``: one-sided acceleration density by direction, as ``density`` takes it. Several directions may share one,
+    ``{"x y z": 1e-6}``. ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian with
+    ones on its diagonal, in the order of the spectra.
+    """
+    if isinstance(spectra, BaseNoise):
+        return spectra
+    if not isinstance(spectra, Mapping) or not spectra:
+        raise ResponseError(f"base: spectra = {check.shown(spectra)}; expected a density for each direction, such as "
+                            f"{{'z': [(1, 1e-6), (100, 1e-4)]}} in (m/s^2)^2/Hz.")  # fmt: skip
+    densities: dict[str, Table | Shaped | Density] = {}
+    for names, value in spectra.items():
+        for name in str(names).split():
+            if name not in directions:
+                raise ResponseError(f"base: there is no direction '{name}' to shake it in."
+                                    f"{nearest(name, directions)} Directions: {' '.join(directions)}.")  # fmt: skip
+            if name in densities:
+                raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
+            densities[name] = density(value, f"base {name}")
+    given = np.eye(len(densities)) if correlation is None else correlation
+    return BaseNoise(tuple(densities), tuple(densities.values()),
+                     checked_correlation(given, tuple(densities), None)[0])  # fmt: skip

@@ -16,7 +16,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import DECAYS
-from mbsvib.responses.realized import realized
+from mbsvib.responses.from_control import realized
 
 if TYPE_CHECKING:
     from collections.abc import Callable

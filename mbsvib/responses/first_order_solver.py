@@ -17,8 +17,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.energy_schur import triangular_solutions
-from mbsvib.responses.time_response import checked_record
-from mbsvib.responses.time_steps import stepped
+from mbsvib.responses.time_response import checked_record, stepped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -1,11 +1,54 @@
-"""State spaces and transfer functions of python-control, read without importing it."""
+"""State spaces and transfer functions of python-control, read without importing it, and their states."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.responses.realized import realized
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+
+def realized(
+    numerators: Sequence[Sequence[Any]], denominators: Sequence[Sequence[Any]], name: str
+) -> tuple[Array, Array, Array, Array]:
+    """Return A, B, C, D of a matrix of transfer functions, coefficients in descending powers of s for each output and
+    input.
+
+    Entries of one input with one denominator share the states of a controllable canonical form; entries without
+    dynamics have none. A pole that several inputs have in common may then be there more often than it must.
+    """
+    shape = len(numerators), len(numerators[0])
+    d, blocks = np.zeros(shape), []
+    for j in range(shape[1]):
+        groups: dict[tuple[float, ...], list[tuple[int, Array]]] = {}
+        for i in range(shape[0]):
+            top, below = (np.trim_zeros(np.atleast_1d(np.asarray(table[i][j], dtype=float)), "f")
+                          for table in (numerators, denominators))  # fmt: skip
+            if len(top) > len(below):
+                raise ResponseError(f"'{name}': the numerator has degree {len(top) - 1}, the denominator has "
+                                    f"{len(below) - 1}; expected no higher degree above. Add fast poles.")  # fmt: skip
+            monic = below / below[0]
+            padded = np.concatenate((np.zeros(len(below) - len(top)), top)) / below[0]
+            d[i, j] = padded[0]
+            if (row := padded[1:] - padded[0] * monic[1:]).any():
+                groups.setdefault(tuple(monic[1:].tolist()), []).append((i, row))
+        blocks += [(j, np.array(denominator), rows) for denominator, rows in groups.items()]
+    n = sum(len(denominator) for _, denominator, _ in blocks)
+    a, b, c, start = np.zeros((n, n)), np.zeros((n, shape[1])), np.zeros((shape[0], n)), 0
+    for j, denominator, rows in blocks:
+        part = slice(start, start + len(denominator))
+        a[part, part] = np.eye(len(denominator), k=-1)
+        a[start, part] = -denominator
+        b[start, j] = 1.0
+        for i, row in rows:
+            c[i, part] = row
+        start = part.stop
+    return a, b, c, d
 
 
 def is_control(value: Any) -> bool:

@@ -137,7 +137,7 @@ class LinearVerbs(StepVerbs):
         ResponseError
             If a name is unknown.
         """
-        from mbsvib.responses.first_order_zeros import first_order_zeros
+        from mbsvib.responses.finite_zeros import first_order_zeros
 
         space = self.with_ports(outputs, inputs).state_space()
         return first_order_zeros(space.A, space.B, space.C, space.D)

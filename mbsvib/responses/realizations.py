@@ -69,7 +69,7 @@ def balanced_states(space: S) -> S:
 
 def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     from mbsvib.modes.general import General
-    from mbsvib.responses.general_states import modal_states
+    from mbsvib.responses.general_responses import modal_states
 
     system = basis.equations
     modal = basis.modal if realization == "modal" else None

@@ -11,8 +11,7 @@ import numpy as np
 from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.closing import regular
-from mbsvib.feedback.loop_gradient import Closure, Gathered
+from mbsvib.feedback.closing import Closure, Gathered, regular
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.entry_slopes import pole_slope
 from mbsvib.responses.state_space import StateSpace

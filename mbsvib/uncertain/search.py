@@ -1,7 +1,7 @@
 """Ascent within the limits of uncertain parameters: growth rate, gain and root mean square, by exact gradients.
 
 Changes delta of the parameters are a static gain between the outputs z and the inputs w of a plant: the entries of the
-equations that this closes have gradients by ``feedback.loop_gradient``.
+equations that this closes have gradients by ``feedback.closing``.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.selection import port_numbers
-from mbsvib.feedback.closing import regular
-from mbsvib.feedback.loop_gradient import Closure
+from mbsvib.feedback.closing import Closure, regular
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.entry_slopes import gain_slope, pole_slope
 from mbsvib.responses.first_order_solver import first_order_solver

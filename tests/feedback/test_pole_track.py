@@ -5,8 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
-from mbsvib.feedback.gain_spectrum import GainSpectrum
-from mbsvib.feedback.pole_track import Track
+from mbsvib.feedback.pole_track import GainSpectrum, Track
 
 GRIDS = (np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 24), np.linspace(0.0, 2.0, 101))
 

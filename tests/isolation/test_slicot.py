@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.isolation.slicot import closed_loop, h2_synthesis, hinf_synthesis
+from mbsvib.isolation.synthesis import closed_loop, h2_synthesis, hinf_synthesis
 from tests.isolation.test_synthesis import plant as strut
 from tests.reduction.test_balanced import benchmark
 

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.random import octaves
+from mbsvib.random import curves
 from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, active_strut, one_axis, two_masses
 
 EVER = (0.0, 1e14)
@@ -168,7 +168,7 @@ def test_octaves_of_a_stiff_mount():
     # density f^2: velocity density is constant, (2 pi)^-2 1e-10
     study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
     result = study.under({"z": [(0.5, 0.25e-10), (200.0, 4e-6)]})
-    middle = octaves.centres()
+    middle = curves.centres()
     width = middle * (10**0.05 - 10**-0.05)
     assert len(middle) == 20
     assert np.allclose(result.velocity()[2], np.sqrt(width * 1e-10) / (2 * np.pi), rtol=1e-9)
@@ -183,7 +183,7 @@ def test_octaves_that_a_band_cuts(band):
     """The velocity's density is constant: what is left of each third counts by its width."""
     study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
     result = study.under({"z": [(0.1, 1e-12), (400.0, 1.6e-5)]}, band=band)
-    ends = np.clip(octaves.edges(octaves.centres()), *band)
+    ends = np.clip(curves.edges(curves.centres()), *band)
     assert np.allclose(result.velocity()[2] ** 2, np.diff(ends) * 1e-10 / (2 * np.pi) ** 2, rtol=1e-9, atol=1e-30)
     low, high = max(band[0], 1.0), min(band[1], 80.0)
     assert f"from {low:g} to {high:g} Hz" in str(result)

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
-from mbsvib.random.octaves import VC, centres, edges
+from mbsvib.random.curves import VC, centres, edges
 from tests.random.scenes import oscillator
 
 W = 2.0 * np.pi

@@ -225,7 +225,7 @@ def three_masses(c, free=False):
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_records_longer_than_a_chunk(c, hold, free, monkeypatch):
     """Even steps in segments side by side, uneven ones one by one, and the exponential of the whole state: the same."""
-    monkeypatch.setattr("mbsvib.responses.time_steps.CHUNK", CHUNK)
+    monkeypatch.setattr("mbsvib.responses.time_response.CHUNK", CHUNK)
     system = three_masses(c, free).linearize()
     rng = np.random.default_rng(0)
     n = 2 * CHUNK + 77
