@@ -56,7 +56,8 @@ def balanced_batch(
     """
     variants = checked(model.parameters, values)
     plan = balanced_plan(model, variants.slots, form)
-    if plan.posed_scene is None or any(field in PLACES for fields in variants.index.values() for field in fields):
+    places = any(field in PLACES for fields in variants.index.values() for field in fields)
+    if plan.posed_scene is None or places or not plan.names:
         raise EquilibriumError(f"model '{model.name}': its variants are balanced one by one.")
     return plan.equations(variants, batch)
 

@@ -176,6 +176,17 @@ def test_stiffness_of_a_spring_at_the_rocker_over_the_angle_of_the_crank():
     assert not hanging_crank().compile("spring.stiffness.rz", pose="A.rz").loaded  # its pose needs no balance
 
 
+def test_joints_that_no_pose_can_say_are_refused_in_plants_too():
+    model = mv.Model("turner")
+    model.add_body("a", 1.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.2))
+    model.add_joint("j", None, "ground", "a", (0.0, 0.0, 0.0), free=("z", "rx", "rz"))
+    model.add_torsion_spring("k", "ground", "a", (0, 0, 1), 1.0)
+    plant = model.compile("a.mass", pose=["j.rx", "j.rz"], relaxed=True)
+    for refused in (lambda: model.moved({"j.rx": 0.3, "j.rz": 0.2}, relaxed=True), lambda: plant([1.0, 0.3, 0.2])):
+        with pytest.raises(mv.ModelError, match="free rotations have turned against its locked translations"):
+            refused()
+
+
 def test_poses_and_derivatives_that_there_are_none_of_are_refused_by_name():
     model = hanging_crank()
     plant = model.compile("spring.stiffness.rz", pose="D.*", relaxed=True)
