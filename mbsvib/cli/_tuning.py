@@ -14,7 +14,7 @@ from mbsvib.common.number_text import integer, real
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
-    from mbsvib.tuning.goals import Goal
+    from mbsvib.tuning.measures import Goal
     from mbsvib.tuning.structures import Tunable
 
 BOUNDS = "PARAMETER=LOW:HIGH, such as 'leg*.k.damping=1:500'"

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyuff
 
 import mbsvib as mv
 import mbsvib_export as mx
@@ -13,6 +12,7 @@ from mbsvib.measurement.data import MeasuredMode
 from mbsvib.measurement.points import Node
 from tests.export.test_uff import function
 
+pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed: pip install 'mbsvib[test]'")
 TURN = ((0.6, -0.8, 0.0), (0.8, 0.6, 0.0), (0.0, 0.0, 1.0))
 
 
