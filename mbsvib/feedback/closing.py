@@ -37,10 +37,19 @@ class ClosedSpace(NamedTuple):
 
 
 def transfer(space: Matrices, s: Complex) -> Complex:
-    """Return C (s - A)^-1 B + D (n, outputs, inputs) at points ``s`` (n,)."""
+    """Return C (s - A)^-1 B + D (n, outputs, inputs) at points ``s`` (n,), D at infinite ones."""
     a, b, c, d = space
-    result = np.broadcast_to(d, (len(s), *d.shape)).astype(complex)
-    return np.asarray(result + c @ np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b) if len(a) else result)
+    result, near = np.broadcast_to(d, (len(s), *d.shape)).astype(complex), np.isfinite(s)
+    if len(a) and near.any():
+        result[near] += c @ np.linalg.solve(s[near, None, None] * np.eye(len(a)) - a, b)
+    return result
+
+
+def on_axis(w: Array) -> Complex:
+    """Return i w for angular frequencies (n,), infinite ones among them."""
+    s = np.zeros(len(w), dtype=complex)
+    s.imag = w
+    return s
 
 
 def regular(product: Array) -> bool:
@@ -124,7 +133,7 @@ class Closure:
     def closed(self) -> Matrices:
         """A, B, C, D of the loop from the sources to the outputs shown; states of the plant come first."""
         a, b, c, d, *_ = self._space
-        return a, b[:, self.sources], c[self.shown], d[np.ix_(self.shown, self.sources)]
+        return a, b[:, self.sources], c[self.shown], d[self.shown][:, self.sources]
 
     @cached_property
     def _acts(self) -> Array:

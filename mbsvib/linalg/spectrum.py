@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Condition of an eigenvalue above which it may be a defective one, whose error is found by the resolvent.
 DEFECTIVE = 1e6
+# Eigenvalues below this share of the largest are 0 for means of their sizes.
+ZERO_SIZE = 1e-12
 # Radii about an eigenvalue grow by this factor, until none of so many points on the circle is an eigenvalue of A + E.
 GROWTH, DIRECTIONS = 2.0, np.exp(0.5j * np.pi * np.arange(4) + 0.3j)
 
@@ -67,6 +69,15 @@ class Spectrum:
 def decaying(values: Complex, errors: Array) -> Mask:
     """Return which eigenvalues (n,) of x' = A x decay, whatever rounding of the size ``errors`` (n,) does."""
     return np.asarray(values.real < -errors)
+
+
+def mean_size(values: Complex) -> float:
+    """Return the geometric mean of the magnitudes of eigenvalues, without those that are none of the largest; 1 if all
+    are 0.
+    """
+    size = np.abs(values)
+    size = size[size > ZERO_SIZE * size.max(initial=0.0)]
+    return float(np.exp(np.log(size).mean())) if len(size) else 1.0
 
 
 def outside(of_a: Spectrum) -> Mask:

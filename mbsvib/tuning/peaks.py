@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 # Distances from a pole at which responses are sampled, in parts of its real part.
 BESIDE = np.array([-8.0, -3.0, -1.5, -0.8, -0.4, 0.0, 0.4, 0.8, 1.5, 3.0, 8.0])
-COARSE, BEYOND = 40, 10.0  # further frequencies, up to the fastest pole times this and down to the slowest over this
+COARSE = np.linspace(0.0, 1.0, 40)  # further frequencies, on the way of logarithms between the next two
+BEYOND = 10.0  # the fastest pole times this, and the slowest over this
 CLOSE = 0.15  # distance of frequencies, in parts of that to the nearest pole, of which one is enough
 TOP = 0.9  # singular values are computed where they may be this share of the highest
-ROUNDS, POINTS = 3, 17  # of refinement: each shrinks the bracket by 8
+ROUNDS, POINTS = 3, np.linspace(0.0, 1.0, 17)  # of refinement: each shrinks the bracket by 8
 TINY = 1e-300  # divisor of nothing
 DEPENDENT = 1e9  # condition of the eigenvectors above which equations are solved in the given states
 
@@ -46,7 +47,7 @@ class Response:
         """Return W (n, rows, outputs), None for 1."""
         return None if self.weight is None else self.weight.at(w * self.rate)
 
-    def at(self, w: Array) -> Complex:
+    def at(self, w: Array) -> Array | Complex:
         """Return the response (n, rows, inputs)."""
         a, b, c, d = self.space
         if self.modal is None:
@@ -57,7 +58,7 @@ class Response:
             g = np.asarray((left / (1j * w[:, None] - self.values)[:, None, :]) @ right + d)
         return self._weighted(w, g)
 
-    def _weighted(self, w: Array, g: Complex) -> Complex:
+    def _weighted(self, w: Array, g: Array | Complex) -> Array | Complex:
         weight = self.weights(w)
         return g if weight is None else apply(weight, g)
 
@@ -95,10 +96,10 @@ class Response:
             marks = np.concatenate((marks, self.weight.marks / self.rate))
         poles = poles[poles.imag >= 0.0]
         size = np.abs(poles)
-        slow, fast = float(size.min(initial=1.0)), float(size.max(initial=1.0))
+        slow, fast = max(float(size.min(initial=1.0)), TINY), float(size.max(initial=1.0))
         low, high = self.span
         w = np.concatenate(([0.0], np.ravel(poles.imag[:, None] + np.abs(poles.real)[:, None] * BESIDE), size,
-                            np.geomspace(slow / BEYOND, fast * BEYOND, COARSE)))  # fmt: skip
+                            slow / BEYOND * (BEYOND**2 * fast / slow) ** COARSE))  # fmt: skip
         w = np.sort(w[(w >= low) & (w <= high)])
         if len(poles) and len(w):
             change = np.diff(w) / (CLOSE * np.abs(1j * w[1:, None] - poles).min(axis=1) + TINY)
@@ -112,7 +113,7 @@ class Response:
         return gain_slope(self.space, w, None if weight is None else weight[0])[1]
 
 
-def _largest(g: Complex) -> Array:
+def _largest(g: Array | Complex) -> Array:
     rows, columns = g.shape[1:]
     h = g.conj().swapaxes(1, 2)
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(g @ h if rows < columns else h @ g)[:, -1], 0.0)))
@@ -143,13 +144,13 @@ def peak(response: Response, known: Sequence[float]) -> tuple[float, float]:
     where, highest = float(w[best]), float(value[best])
     low, high = w[np.maximum(tops - 1, 0)], w[np.minimum(tops + 1, len(w) - 1)]
     for _ in range(ROUNDS):
-        grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, POINTS)
+        grid = low[:, None] + (high - low)[:, None] * POINTS
         values = response.sizes(grid.ravel()).reshape(grid.shape)
         row, at = np.unravel_index(int(values.argmax()), values.shape)
         if values[row, at] > highest:
             where, highest = float(grid[row, at]), float(values[row, at])
         k, rows = values.argmax(axis=1), np.arange(len(values))
-        before, after = np.maximum(k - 1, 0), np.minimum(k + 1, POINTS - 1)
+        before, after = np.maximum(k - 1, 0), np.minimum(k + 1, len(POINTS) - 1)
         low, high = grid[rows, before], grid[rows, after]
         fall = values.max(axis=1) - np.minimum(values[rows, before], values[rows, after])
         near = values.max(axis=1) + fall >= highest

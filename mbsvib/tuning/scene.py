@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.closing import Closure, Gathered, regular
+from mbsvib.feedback.closing import Closure, Gathered, regular, transfer
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.entry_slopes import pole_slope
 from mbsvib.responses.state_space import StateSpace
@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 DECAYS = 1e-10
 # Responses between a sensor and an actuator below this share of the largest are none.
 NONE = 1e-12
-AROUND = np.geomspace(0.1, 10.0, 9)  # frequencies, in parts of the mean pole, at which sizes of signals are taken
+# Points s, in parts of the mean pole and beside undamped ones, at which sizes of signals are taken.
+AROUND = (0.01 + 1j) * np.geomspace(0.1, 10.0, 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,26 +93,27 @@ class Scene:
         return in_equilibrium(self.model.with_values(self.variables.values(values)))
 
     @cached_property
-    def _nominal(self) -> tuple[Matrices, States | None]:
+    def _nominal(self) -> tuple[Matrices, Matrices, States | None]:
         return self._equations(self.system)
 
-    def _equations(self, system: Any) -> tuple[Matrices, States | None]:
+    def _equations(self, system: Any) -> tuple[Matrices, Matrices, States | None]:
+        """Equations of a system, the same with all ports, and the former with their derivatives."""
         base = None
         if self.variables is not None:
             base = states(system.basis, list(range(len(system.inputs))), list(range(len(system.outputs))))
         space = base or first_order(system)
-        return (space.A / self.rate, space.B / self.rate, space.C, space.D), base
+        plant = space.A / self.rate, space.B / self.rate, space.C, space.D
+        return plant, self._gathered.of(plant), base
 
     def loop(self, law: Realization, slopes: Array, values: Mapping[str, float]) -> Loop | None:
         """Return the loop with a controller and its ``slopes``, None where it has no solution."""
         system = self.plant_at(values)[1]
-        plant, base = self._nominal if self.variables is None else self._equations(system)
+        plant, whole, base = self._nominal if self.variables is None else self._equations(system)
         a, b, c, d = law.matrices
         y, u = self._numbers
         if not regular(plant[3][np.ix_(y, u)] @ d):
             return None
         seen = [len(system.outputs) + k for k in range(len(y))]
-        whole = self._gathered.of(plant)
         closure = Closure(whole, (a / self.rate, b / self.rate, c, d), seen, u, list(range(len(whole[2]))),
                           list(range(whole[1].shape[1])))  # fmt: skip
         return Loop(self, system, plant, base, closure, slopes, values)
@@ -122,15 +124,9 @@ class Scene:
 
     def signals(self) -> Signals:
         """Return sizes of actuators and sensors, so that responses between them are about 1 around the mean pole."""
-        (a, b, c, d), _ = self._nominal
+        a, b, c, d = self._nominal[0]
         y, u = self._numbers
-        s = 1j * AROUND[:, None, None] * np.eye(len(a)) - a
-        with np.errstate(all="ignore"):
-            try:
-                g = np.abs(c[y] @ np.linalg.solve(s, b[:, u].astype(complex)) + d[np.ix_(y, u)])
-            except np.linalg.LinAlgError:
-                s = s + 0.01 * AROUND[:, None, None] * np.eye(len(a))
-                g = np.abs(c[y] @ np.linalg.solve(s, b[:, u].astype(complex)) + d[np.ix_(y, u)])
+        g = np.abs(transfer((a, b[:, u], c[y], d[np.ix_(y, u)]), AROUND))
         g = np.median(g, axis=0)
         rows, columns = np.nonzero(g > NONE * g.max(initial=0.0))
         matrix = np.zeros((len(rows), len(y) + len(u)))
@@ -185,7 +181,7 @@ class Loop:
     def part(self, outputs: list[int], inputs: list[int]) -> Matrices:
         """Return A, B, C, D of some outputs and inputs."""
         a, b, c, d = self.closed
-        return a, b[:, inputs], c[outputs], d[np.ix_(outputs, inputs)]
+        return a, b[:, inputs], c[outputs], d[outputs][:, inputs]
 
     def response(self, outputs: list[int], inputs: list[int], weight: Weight | None, less: bool) -> Response:
         """Return the weighted response from some inputs to some outputs, ``less`` 1."""
@@ -197,7 +193,8 @@ class Loop:
         a, b, c, _ = self.closed
         n = len(a)
         result = np.zeros((n + len(c), n + b.shape[1]))
-        result[np.ix_([*range(n), *[n + k for k in outputs]], [*range(n), *[n + k for k in inputs]])] = gradient
+        rows, columns = [*range(n), *[n + k for k in outputs]], [*range(n), *[n + k for k in inputs]]
+        result[np.array(rows)[:, None], columns] = gradient
         return result
 
     def to_values(self, gradient: Array) -> tuple[Array, dict[str, float]]:
@@ -234,10 +231,3 @@ def linearized(plant: Any) -> Any:
     if getattr(linear, "period", None) is not None:
         raise ResponseError(f"tune: '{linear.name}' is sampled; expected continuous equations.")
     return linear
-
-
-def mean_rate(poles: Complex) -> float:
-    """Return the geometric mean of the magnitudes of poles [rad/s], 1 if none has one."""
-    size = np.abs(poles)
-    size = size[size > NONE * size.max(initial=0.0)]
-    return float(np.exp(np.log(size).mean())) if len(size) else 1.0

@@ -8,7 +8,7 @@ Source: Burke, Henrion, Lewis & Overton, HIFOO (2006), for stabilisation first a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -114,11 +114,19 @@ def _honest(barrier: float, start: End) -> End:
     for _ in range(ROUNDS):
         end = _penalised(problem, x, LONG, barrier)
         history += end.history
-        problem, x = problem.knowing(end.x), end.x
-        found = rank(problem, x)
-        if all(there <= here + AGREES * (abs(here) + SPARE) for there, here in zip(found, end.rank, strict=True)):
+        if end.rank >= start.rank:  # nothing was gained, whatever the library finds there
+            return replace(end, history=history)
+        told = _told(end)
+        problem, x = told.problem, end.x
+        if all(there <= here + AGREES * (abs(here) + SPARE) for there, here in zip(told.rank, end.rank, strict=True)):
             break
-    return End(x, found, problem, history)
+    return replace(told, history=history)
+
+
+def _told(end: End) -> End:
+    """The same, with the peaks that the library finds there."""
+    problem = end.problem.knowing(end.x)
+    return End(end.x, rank(problem, end.x), problem, end.history)
 
 
 def searched(
@@ -131,8 +139,8 @@ def searched(
     ends: list[End] = Descents(partial(_honest, BARRIERS[1]), [first[k] for k in order]).ends(workers, tell)
     for k, end in zip(order, ends, strict=True):
         histories[k] += end.history
-    start = min(starts, key=lambda end: end.rank)  # barriers may lead away from a good start
-    best = min((*ends, start), key=lambda end: end.rank)
+    best = min((*ends, *first, *starts), key=lambda end: end.rank)  # barriers may lead away from a good start
+    best = min((_told(best), *ends), key=lambda end: end.rank)
     for _ in range(RESTARTS // TOGETHER):
         shift = NEAR * random.normal(size=(TOGETHER, len(best.x))) * np.maximum(np.abs(best.x), 0.1)
         near = [End(best.x + step, best.rank, best.problem, ()) for step in shift]

@@ -25,7 +25,7 @@ FREE: Bounds = (-np.inf, np.inf)
 
 
 class Signals(NamedTuple):
-    """Sizes of the signals of a plant by name."""
+    """Sizes of signals by name."""
 
     actuators: dict[str, float]
     sensors: dict[str, float]
@@ -76,9 +76,8 @@ class Tunable(Displayed, ABC):
         """
 
     @abstractmethod
-    def sized(self, sizes: Signals, rate: float, actuators: Array | None, sensors: Array | None
-              ) -> Iterator[Sizes]:  # fmt: skip
-        """Return the sizes of the signals of all parts; None: those of the plant."""
+    def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
+        """Return the sizes of the signals of all parts, for those that this controller has."""
 
     @abstractmethod
     def realized(self, parts: Iterator[Realization]) -> Realization:
@@ -147,12 +146,10 @@ class Part(Tunable):
         return replace(self, outputs=_names(self.outputs, outputs, "actuator"),
                        inputs=_names(self.inputs, inputs, "sensor"))  # fmt: skip
 
-    def sized(self, sizes: Signals, rate: float, actuators: Array | None, sensors: Array | None
-              ) -> Iterator[Sizes]:  # fmt: skip
+    def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of its own signals."""
-        to = np.array([sizes.actuators[name] for name in self.outputs]) if actuators is None else actuators
-        of = np.array([sizes.sensors[name] for name in self.inputs]) if sensors is None else sensors
-        yield Sizes(to, of, rate)
+        yield Sizes(np.array([signals.actuators[name] for name in self.outputs]),
+                    np.array([signals.sensors[name] for name in self.inputs]), rate)  # fmt: skip
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
         """Return the next equations."""
@@ -187,6 +184,9 @@ def _with(value: Value, start: Any, bounds: Any, kind: str) -> Value:
             raise check.refuse(who, f"bounds of {value.symbol}", bounds, "ascending numbers, none negative where the "
                                "value is positive")  # fmt: skip
         value = replace(value, bounds=(low, high), positive=value.positive or low > 0.0)
+        begin = min(max(value.size * value.start, low), high)
+        if begin != value.size * value.start and start is None:
+            value = replace(value, size=abs(begin) or value.size, start=float(np.sign(begin)))
     if start is not None:
         number = check.number(start, who, f"start of {value.symbol}")
         if not value.bounds[0] <= number <= value.bounds[1] or (value.positive and number <= 0.0):
@@ -247,15 +247,10 @@ class Sum(Tunable):
         """Return the sum with names in the place of patterns."""
         return Sum(tuple([term.for_ports(outputs, inputs) for term in self.terms]))
 
-    def sized(self, sizes: Signals, rate: float, actuators: Array | None, sensors: Array | None
-              ) -> Iterator[Sizes]:  # fmt: skip
+    def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of all parts."""
-        to, of = dict(sizes.actuators), dict(sizes.sensors)
-        to |= {} if actuators is None else dict(zip(self.outputs, actuators.tolist(), strict=True))
-        of |= {} if sensors is None else dict(zip(self.inputs, sensors.tolist(), strict=True))
         for term in self.terms:
-            yield from term.sized(sizes, rate, np.array([to[name] for name in term.outputs]),
-                                  np.array([of[name] for name in term.inputs]))  # fmt: skip
+            yield from term.sized(signals, rate)
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
         """Return the terms side by side."""
@@ -296,14 +291,13 @@ class Series(Tunable):
         """Return the series with names in the place of patterns; signals between both have none."""
         return Series(self.last.for_ports(outputs, None), self.first.for_ports(None, inputs))
 
-    def sized(self, sizes: Signals, rate: float, actuators: Array | None, sensors: Array | None
-              ) -> Iterator[Sizes]:  # fmt: skip
+    def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of the parts of both."""
-        of = np.array([sizes.sensors[name] for name in self.inputs]) if sensors is None else sensors
-        between = self.first.through(of, rate)
-        between = np.ones(len(self.last.inputs)) if between is None else between
-        yield from self.first.sized(sizes, rate, between, of)
-        yield from self.last.sized(sizes, rate, actuators, between)
+        between = self.first.through(np.array([signals.sensors[name] for name in self.inputs]), rate)
+        size = np.ones(len(self.last.inputs)) if between is None else between
+        to, of = (dict(zip(names, size.tolist(), strict=True)) for names in (self.first.outputs, self.last.inputs))
+        yield from self.first.sized(signals._replace(actuators=to), rate)
+        yield from self.last.sized(signals._replace(sensors=of), rate)
 
     def through(self, sensors: Array, rate: float) -> Array | None:
         """Return the sizes of outputs if both have such."""
@@ -350,7 +344,7 @@ def law(structure: Tunable, sizes: Signals, rate: float) -> Law:
     known: dict[str, tuple[int, Value, str | None]] = {}
     taken: dict[str, int] = {}
     at = []
-    for part, own in zip(structure.parts(), structure.sized(sizes, rate, None, None), strict=True):
+    for part, own in zip(structure.parts(), structure.sized(sizes, rate), strict=True):
         prefix = part.name or f"{part.outputs[0]}/{part.inputs[0]}"
         if part.name is None and part.described(own):
             taken[prefix] = taken.get(prefix, 0) + 1

@@ -18,13 +18,14 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.progress import counting
 from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.linalg.spectrum import mean_size
 from mbsvib.studies.design import design as study_variables
 from mbsvib.studies.running import processes
 from mbsvib.studies.search import scales
 from mbsvib.tuning.goals import as_goals
 from mbsvib.tuning.problem import Problem, Unknowns
 from mbsvib.tuning.reach import unreached
-from mbsvib.tuning.scene import Scene, linearized, mean_rate
+from mbsvib.tuning.scene import Scene, linearized
 from mbsvib.tuning.searching import BEST, RESTARTS, Descents, searched, stabilised
 from mbsvib.tuning.structures import FREE, Value, as_tunable, law
 
@@ -158,7 +159,7 @@ def _problem(plant: Any, structure: Any, goals: tuple[Goal, ...], parameters: Ma
         raise check.refuse("tune", "parameters", parameters, "bounds by name, {'leg*.k.damping': (1, 500)}")
     systems = [linearized(part) for part in plants]
     known = as_tunable(structure).for_ports(systems[0].inputs, systems[0].outputs)
-    rate = float(np.exp(np.mean([np.log(mean_rate(system.poles())) for system in systems])))
+    rate = float(np.exp(np.mean([np.log(mean_size(system.poles())) for system in systems])))
     scenes: list[Any] = []
     own: list[Any] = []
     for part, system in zip(plants, systems, strict=True):

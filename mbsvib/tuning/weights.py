@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.feedback.closing import transfer
+from mbsvib.feedback.closing import on_axis, transfer
 from mbsvib.responses.densities import Shaped, Table, table
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
@@ -55,9 +55,7 @@ class Weight:
     def at(self, w: Array) -> Complex | Array:
         """Return W (n, rows, outputs), (n, 1, 1) where it is the same for all outputs, at frequencies [rad/s]."""
         if self.space is not None:
-            result = np.broadcast_to(self.space[3], (len(w), *self.space[3].shape)).astype(complex)
-            result[np.isfinite(w)] = transfer(self.space, 1j * w[np.isfinite(w)])
-            return result
+            return transfer(self.space, on_axis(w))
         assert self.table is not None
         f, (low, high) = w / (2.0 * np.pi), self.table.span
         inside = (f >= low * (1.0 - END)) & (f <= high * (1.0 + END))
@@ -79,7 +77,7 @@ class Weight:
         return (0.0, np.inf) if self.table is None else (float(self.marks[0]), float(self.marks[-1]))
 
 
-def apply(weight: Complex | Array, response: Complex) -> Complex:
+def apply(weight: Array | Complex, response: Array | Complex) -> Complex:
     """Return W G (n, rows, inputs) of a response G (n, outputs, inputs)."""
     return np.asarray(weight * response if weight.shape[1:] == (1, 1) else weight @ response)
 

@@ -11,10 +11,11 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.display import upper as rounded_up
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.closing import closed_space, regular
+from mbsvib.feedback.closing import closed_space, regular, transfer
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import ZERO_RATE
+from mbsvib.linalg.spectrum import mean_size
 from mbsvib.random.budget import random
 from mbsvib.random.moments import Equations, moments
 from mbsvib.random.slopes import mean_square_gradient
@@ -220,8 +221,7 @@ def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
                                 f"values, so that there is no margin. Give it damping, or change the controller."
                                 )  # fmt: skip
     rest = parts.decaying
-    sizes = np.abs(rest.poles)
-    unit = float(np.exp(np.log(sizes).mean())) if len(sizes) else 1.0
+    unit = mean_size(rest.poles)
     space = *scaled(rest.a / unit, rest.b / unit, rest.c), d
     inertial = np.repeat([block.inertial for block in plant.parameters], list(plant.blocks.values()))
     space = even_gain(by_velocities(space, np.flatnonzero(inertial), r) if velocities else space, r)
@@ -231,7 +231,7 @@ def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
 def even_gain(space: Matrices, r: int) -> Matrices:
     """Equations in units of the gain's signals in which parameters and gain do as much to each other."""
     a, b, c, d = space
-    size = np.abs(c @ np.linalg.solve(1j * OFF_POLES[:, None, None] * np.eye(len(a)) - a, b) + d).max(axis=0)
+    size = np.abs(transfer(space, 1j * OFF_POLES)).max(axis=0)
     to, of = np.linalg.norm(size[:r, r:]), np.linalg.norm(size[r:, :r])
     unit = np.sqrt(to / of) if to and of else 1.0
     rows, columns = (np.where(np.arange(count) < r, 1.0, unit) for count in d.shape)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.feedback.closing import on_axis, transfer
 from mbsvib.uncertain.scalings import Scalings, best_scalings
 
 if TYPE_CHECKING:
@@ -53,12 +54,7 @@ class Channels:
 
     def at(self, w: Array) -> Complex:
         """Return M (k, rows, columns) at angular frequencies, of which the last may be infinite."""
-        finite = np.isfinite(w)
-        result = np.broadcast_to(self.d, (len(w), *self.d.shape)).astype(complex)
-        if len(self.a):
-            s = 1j * w[finite, None, None] * np.eye(len(self.a)) - self.a
-            result[finite] += self.c @ np.linalg.solve(s, np.broadcast_to(self.b, (len(s), *self.b.shape)))
-        return result
+        return transfer((self.a, self.b, self.c, self.d), on_axis(w))
 
     def poles(self) -> Complex:
         """Return the eigenvalues of A."""

@@ -100,3 +100,12 @@ def test_fixed_controllers_may_be_factors():
 def test_refusals(make, words):
     with pytest.raises((ModelError, ResponseError), match=words):
         make()
+
+
+def test_positive_bounds_move_a_start_of_the_other_sign():
+    """Gains begin negative; the logarithm of a positive one was not a number there."""
+    system = mv.System.from_matrices([[1.0]], [[0.1]], [[1.0]], B=[[1.0]], Cq=[[1.0]], inputs=["F"], outputs=["x"])
+    design = mv.tune(system, T.gain("F", "x", bounds={"gain": (0.2, 0.5)}), [mv.goals.rms("x", {"F": 1.0})], starts=1)
+    # rms^2 = S / (4 c (k - g)) is least at the lowest gain
+    assert design.values["F/x.gain"] == pytest.approx(0.2, rel=1e-6)
+    assert design.objective == pytest.approx(np.sqrt(1.0 / (4.0 * 0.1 * 0.8)), rel=1e-6)

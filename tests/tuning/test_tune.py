@@ -62,7 +62,7 @@ def test_least_resonance_with_a_bounded_gain():
 def test_damping_limit_is_reached_and_no_more_where_it_costs():
     """Noise alone would want c = 2; a damping ratio of 0.4 needs c = 0.8 sqrt(k m)."""
     goals = [G.rms("x", {"F": 0.04, "v.noise": 0.01}), G.damping(0.4)]
-    design = mv.tune(oscillator(), T.gain("F", "v"), goals, starts=2)
+    design = mv.tune(oscillator(), T.gain("F", "v"), goals, starts=1)
     assert design.achieved["damping >= 0.4"] >= 0.4
     assert design.values["F/v.gain"] == pytest.approx(-0.8 * np.sqrt(K * M), rel=1e-4)
     assert design.success
@@ -75,32 +75,39 @@ def test_limit_that_no_value_reaches_is_said():
     assert "not reached" in str(design)
 
 
+def check_gradient(problem, seed=3):
+    """Compare the gradient with differences along random directions, which contain every entry."""
+    rng = np.random.default_rng(seed)
+    x = problem.unknowns.begin(None) + 0.03 * rng.normal(size=len(problem.names))
+    value, slope = problem.objective(x, 1.0)
+    assert np.isfinite(value)
+    for along in rng.normal(size=(2, len(x))):
+        low, high = (problem.objective(x + side * 1e-5 * along, 1.0)[0] for side in (-1.0, 1.0))
+        size = 1e-6 * np.linalg.norm(slope) * np.linalg.norm(along)
+        assert slope @ along == pytest.approx((high - low) / 2e-5, rel=1e-5, abs=size), problem.goals[0].label
+
+
 def test_gradients_of_all_goals_equal_differences():
     model = chain()
     goals = [G.hinf("x", "F"), G.rms(["x", "v"], {"F": 2.0, "v.noise": 1e-3, "F.noise": [(0.1, 1e-2), (9.0, 1e-3)]}),
              G.damping(0.9), G.margin(0.99)]  # fmt: skip
     structure = T.pid("F", "xb") + T.gain("F", "v")
     for goal in goals:
-        problem = _problem(model, structure, as_goals(goal), {"k2.damping": (0.1, 5.0), "k1.stiffness": (100, 900)})
-        x = problem.unknowns.begin(None) + 0.03 * np.random.default_rng(3).normal(size=len(problem.names))
-        value, slope = problem.objective(x, 1.0)
-        assert np.isfinite(value)
-        for k in range(len(x)):
-            step = 1e-5 * np.eye(len(x))[k]
-            difference = (problem.objective(x + step, 1.0)[0] - problem.objective(x - step, 1.0)[0]) / 2e-5
-            assert slope[k] == pytest.approx(difference, rel=1e-5, abs=1e-6 * np.abs(slope).max()), (goal.label, k)
+        check_gradient(_problem(model, structure, as_goals(goal), {"k2.damping": (0.1, 5.0),
+                                                                   "k1.stiffness": (100, 900)}))  # fmt: skip
 
 
-def test_values_are_those_of_loops_closed_anew():
+def test_values_are_those_of_loops_closed_anew(monkeypatch):
+    monkeypatch.setattr(searching, "RESTARTS", 0)
     system = chain().linearize()
-    design = mv.tune(system, T.gain("F", ["xb", "v"]), [G.hinf("x", "F"), G.margin(0.6)], starts=1)
+    design = mv.tune(system, T.gain("F", "xb"), [G.hinf("x", "F"), G.margin(0.6)], starts=1)
     loop = system.feedback(design.controller)
     assert loop.stable
     assert design.achieved["hinf x / F"] == pytest.approx(dense_norm(loop, "x", "F"), rel=1e-5)
     assert design.objective == design.achieved["hinf x / F"]
-    w = np.geomspace(1e-2, 1e3, 4001)
-    peak = np.abs(loop.sensitivity(w)).max()
+    peak = np.abs(loop.sensitivity(np.geomspace(1e-2, 1e3, 4001))).max()
     assert 0.6 <= design.achieved["margin >= 0.6"] <= 1.0 / peak * (1.0 + 1e-9)
+    assert design.achieved["margin >= 0.6"] == pytest.approx(0.6, rel=1e-4)
 
 
 def test_common_controller_is_no_better_than_one_at_home():
