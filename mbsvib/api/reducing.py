@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self, overload
 
 from mbsvib.errors import ResponseError
@@ -77,4 +78,5 @@ class ReducibleSystem:
             space: Any = system.state_space("modal")
         except ResponseError:  # eigenvalues that nearly coincide have no modal states
             space = system.state_space("balanced")
+        space = replace(space, error_bound=system.error_bound)
         return reduced_space(space, order, error)  # type: ignore[return-value]

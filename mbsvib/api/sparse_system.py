@@ -240,13 +240,18 @@ class SparseSystem(SparseEquations, Displayed):
             Whether displacements, and forces in springs and joints, get the static part of all other modes. Velocities
             and accelerations have none.
         method : str
-            "modal", or "static-corrected" for modal with the correction. Dense systems have others.
+            "modal", or "static-corrected" for modal with the correction. Of matrices also "craig-bampton": outputs'
+            displacements and those where inputs act, and modes with these held; and "balanced": a state space, by way
+            of modes with static correction. Dense systems have all of them.
         error : float, optional
-            Refused: dense systems alone are reduced to an error; ``truncation_error`` tells that of a given order.
+            Of matrices: largest error instead of an order, for displacement outputs and C = alpha M + beta K. The
+            models of matrices have a bound of it, ``error_bound``, from the static compliance that the modes left out
+            have, and their least damping; it is infinite where no bound is known. ``truncation_error`` tells the error
+            of a given order.
 
         Returns
         -------
-        System
+        System, or StateSpace by "balanced"
             M = 1, C and K in modal coordinates, with the factors and the way back to the bodies.
 
         Raises
@@ -255,6 +260,9 @@ class SparseSystem(SparseEquations, Displayed):
             If the modes are not the lowest, or free motions are missing, and a correction is requested. If there is no
             order, or an error or another method is given.
         """
+        if self.matrices is not None and not near:
+            small = self._reduced_matrices(order, error, "static-corrected" if correction else method)
+            return cast("System", small)
         known = method in ("modal", "static-corrected")
         if error is not None or order is None or not known:
             asked = f"error = {error!r}" if error is not None else "no order" if known else f"method = {method!r}"
@@ -275,6 +283,15 @@ class SparseSystem(SparseEquations, Displayed):
         from mbsvib.sparse.response import corrected
 
         return corrected(self, small, order)
+
+    def _reduced_matrices(self, order: int | None, error: float | None, method: str) -> Any:
+        from mbsvib.sparse.matrix_reduction import reduced_matrices
+
+        if method != "balanced":
+            return reduced_matrices(self, order, error, method, System)
+        half = None if error is None else 0.5 * error
+        count = None if order is None else min(2 * order, self.dof)
+        return reduced_matrices(self, count, half, "static-corrected", System).reduced(order, half, "balanced")
 
     def truncation_error(self, small: System, omega: ArrayLike) -> Array:
         """Return how far responses of a reduced system are off, as shares of the largest response in these frequencies.

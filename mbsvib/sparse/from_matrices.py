@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
 
 S = TypeVar("S", bound="SparseEquations")
+E = TypeVar("E", bound="Equations")
 
 
 class MatrixQuadratic(Quadratic):
@@ -210,7 +211,7 @@ def _outputs(
     return signal_names(names, count, "outputs", f"System '{name}'"), (cq, cv, ca), d.toarray()
 
 
-def projected(system: SparseEquations, z: Array, rigid: int, form: type[Equations]) -> Equations:
+def projected(system: SparseEquations, z: Array, rigid: int, form: type[E]) -> E:
     """Return the dense equations in the amplitudes of motions ``z`` (size, n); the first ``rigid`` have no stiffness.
 
     Entries below the rounding of their sums become zeros, and damping that couples modes by less than UNCOUPLED, which

@@ -12,7 +12,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.multifrontal import LARGEST, factored, fronts
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.multifrontal import Fronts, SymmetricFactor
 
 
@@ -44,6 +44,10 @@ class SparseMatrices:
         matrix = self.K + s * self.C if s else self.K
         shift = s * s - square
         return factored((matrix + shift * self.M).tocsc() if shift else matrix, self.fronts)
+
+    def motions(self) -> Array | None:
+        """Return a basis (n, m) of all motions; None: all coordinates."""
+        return None
 
     @cached_property
     def massless(self) -> Index:

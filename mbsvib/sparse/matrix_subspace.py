@@ -201,7 +201,9 @@ def _all_modes(t: Operator, centre: float) -> Subspace:
     if t.system.layout.size > LARGEST:
         raise ResponseError(f"modes: so many of the {dof} modes of '{t.system.name}' need its dense matrices; ask for "
                             f"fewer, at most {dof // 2 - 2 * GUARDS} of the lowest.")  # fmt: skip
-    k, m = given.K.toarray(), given.M.toarray()
+    k, m, motions = given.K.toarray(), given.M.toarray(), given.motions()
+    if motions is not None:
+        k, m = motions.T @ k @ motions, motions.T @ m @ motions
     sigma = -BELOW * t.quadratic.speed**2
     while True:  # below all modes, also those that diverge
         try:
@@ -209,5 +211,5 @@ def _all_modes(t: Operator, centre: float) -> Subspace:
             break
         except np.linalg.LinAlgError:
             sigma *= 1e3
-    t, found = _modes(t, z)
+    t, found = _modes(t, z if motions is None else motions @ z)
     return replace(found, residual=np.zeros(dof)).space(t, dof, np.inf, 0, centre)

@@ -21,9 +21,8 @@ from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
 from mbsvib.sparse.first_order import split_massless
-from mbsvib.sparse.from_matrices import motions_of, quadratic_of
+from mbsvib.sparse.from_matrices import quadratic_of
 from mbsvib.sparse.galerkin import extended
-from mbsvib.sparse.matrix_subspace import flexible_static
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.reduction import RTOL, reduced
 from mbsvib.sparse.tableau import FINE, SINGULAR
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.modes.undamped import Undamped
     from mbsvib.sparse.equations import SparseEquations
 
 E = TypeVar("E", bound=Equations)
@@ -123,46 +121,25 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     """
     if is_general(small):
         # G(0) - G_small(0); K is regular, or static_compliance refuses
-        static_part = static_compliance(system) - system.D
-        return replace(small, D=small.D + (static_part - small.Cq @ np.linalg.solve(small.K, small.B)))
+        full = static_compliance(system) - system.D
+        return replace(small, D=small.D + (full - small.Cq @ np.linalg.solve(small.K, small.B)))
+    t = operator(system, None, system.dof)
+    rigid = t.rigid.shape[1]
     basis = undamped(small, RTOL)
-    static = _static if system.matrices is None else _static_of_matrices
-    full, rigid = static(system, small, basis)
-    if full is None:
+    if t.sigma or basis.rigid < rigid:
         free = f"at least {rigid}" if rigid else "others"
         raise ResponseError(
             f"reduced: static correction of '{system.name}' with {count} modes; free motions have no static part, so "
             f"all of them must be among the modes, and differ from slow ones: ask for more modes ({free}), or for no "
             f"correction."
         )
-    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
-    return replace(small, D=small.D - at_once + (full - _of_modes(small, basis)))
-
-
-def _static(system: SparseEquations, small: Equations, basis: Undamped) -> tuple[Array | None, int]:
-    """The static response of all flexible modes, (outputs, inputs), None if free motions are missing in the basis; and
-    the number of free motions.
-    """
-    del small
-    t = operator(system, None, system.dof)
-    rigid = t.rigid.shape[1]
-    if t.sigma or basis.rigid < rigid:
-        return None, rigid
     force = np.asarray(system.input_rows.toarray().T)
     force = force - t.wt @ t.deflated[:, :rigid] @ (t.rigid.T @ force)
-    return np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force)))), rigid
-
-
-def _static_of_matrices(system: SparseEquations, small: Equations, basis: Undamped) -> tuple[Array | None, int]:
-    rigid = motions_of(small) @ basis.shapes[:, : basis.rigid]
-    motion = flexible_static(system, rigid, system.input_rows.toarray().T)
-    return (None if motion is None else np.asarray(system.output_rows[0] @ motion)), 0
-
-
-def _of_modes(small: Equations, basis: Undamped) -> Array:
-    """The static response of flexible modes, (outputs, inputs)."""
+    full = np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force))))
     phi = basis.shapes[:, basis.rigid :]
-    return np.asarray((small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B))
+    modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
+    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
+    return replace(small, D=small.D - at_once + (full - modal))
 
 
 def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike) -> Array:

@@ -194,7 +194,7 @@ def test_static_correction(held):
         corrected = system.reduced(order, correction=True).D
         assert_allclose(corrected, ports.T @ exact, rtol=1e-7, atol=1e-12 * np.abs(exact).max())
     if not held:
-        with pytest.raises(mv.ResponseError, match=r"with 4 modes; free motions have no static part, so all of them"):
+        with pytest.raises(mv.ResponseError, match=r"free motions of 'system' are missing among its lowest modes"):
             system.reduced(4, correction=True)
 
 
@@ -248,3 +248,97 @@ def test_factors_that_take_too_much_memory(monkeypatch):
     mass, stiffness, _ = membrane(40)
     with pytest.raises(mv.ResponseError, match=r"'net': the factor of its matrices, of 1600 coordinates, takes .* GB"):
         mv.System.from_matrices(mass, None, stiffness, name="net").modes(3)
+
+
+def structure(held=True, alpha=3.0, beta=2e-6):
+    """A solid with a force and a moment at its end and one displacement elsewhere, and its dense form."""
+    mass, stiffness = solid(held, (3, 3, 6))
+    n = mass.shape[0]
+    b = np.zeros((n, 2))
+    b[n - 1, 0], b[n - 3, 1], b[n - 9, 1] = 1.0, 1.0, -1.0
+    c = np.zeros((3, n))
+    c[:2], c[2, n // 2 + 1] = b.T, 1.0
+    damping = (alpha * mass + beta * stiffness).tocsr()
+    ports = (b, c, None, None, None, ["f", "t"], ["x", "r", "w"])
+    return mv.System.from_matrices(mass, damping, stiffness, *ports), dense(mass, damping, stiffness, *ports)
+
+
+def largest_error(full, small, held):
+    """The largest singular value of the difference at close frequencies about all of the full system's peaks."""
+    poles = full.poles()
+    omega = np.unique(np.abs(poles.imag)[:, None] * (1.0 + 0.3 * np.linspace(-1.0, 1.0, 41) ** 3))
+    omega = omega[omega > (0.0 if held else 1.0)]
+    off = full.frequency_response(omega) - small.frequency_response(omega)
+    return np.linalg.svd(off.transpose(2, 0, 1), compute_uv=False).max()
+
+
+METHODS = [("modal", 20, True), ("modal", 20, False), ("static-corrected", 20, True), ("static-corrected", 20, False),
+           ("craig-bampton", 20, True), ("balanced", 14, True)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "order", "held"), METHODS)
+def test_bounds_of_reduced_models(method, order, held):
+    """The true error, from the dense response, is below the bound, and not far below."""
+    system, full = structure(held)
+    small = system.reduced(order, method=method)
+    off, scale = largest_error(full, small, held), largest_error(full, system.reduced(7, method="modal"), held)
+    assert 1e-3 * small.error_bound < off <= small.error_bound * (1.0 + 1e-9) + 1e-12 * scale
+    assert np.isfinite(small.error_bound)
+
+
+def test_bounds_of_two_reductions_add_up():
+    system, _ = structure()
+    before = system.reduced(28, method="static-corrected")
+    small = before.reduced(14)
+    assert small.error_bound == pytest.approx(before.error_bound + before.state_space("modal").reduced(14).error_bound)
+    assert system.reduced(14, method="balanced").error_bound == pytest.approx(small.error_bound)
+
+
+@pytest.mark.parametrize("method", ["modal", "static-corrected", "balanced"])
+def test_the_smallest_model_within_an_error(method):
+    system, full = structure()
+    allowed = 0.3 * system.reduced(6, method="static-corrected").error_bound
+    small = system.reduced(error=allowed, method=method)
+    assert largest_error(full, small, True) <= small.error_bound <= allowed
+    if method != "balanced":
+        assert system.reduced(small.dof - 1, method=method).error_bound > allowed
+
+
+def test_craig_bampton_keeps_the_interface():
+    """Interface coordinates are the outputs themselves; fixed modes are those of the matrices without its rows."""
+    mass, stiffness = solid(False)
+    n = mass.shape[0]
+    interface = np.eye(n)[[0, 1, 2, 4, 8, n - 3, n - 1]]
+    names = [f"x{i}" for i in range(7)]
+    system = mv.System.from_matrices(mass, None, stiffness, interface[:2].T, interface, outputs=names)
+    small = system.reduced(17, method="craig-bampton")
+    assert small.coordinates[:7] == tuple(f"x{i}" for i in range(7))
+    assert small.coordinates[7] == "fixed_mode1"
+    assert_allclose(small.Cq, np.eye(7, 17), atol=1e-9)
+    inner = ~interface.any(axis=0)
+    k, m = stiffness.toarray(), mass.toarray()
+    exact = scipy.linalg.eigh(k[inner][:, inner], m[inner][:, inner])[0][:10]
+    assert_allclose(small.K.diagonal()[7:] / small.M.diagonal()[7:], exact, rtol=1e-9)
+    assert_allclose(small.K[:7, 7:], 0.0, atol=1e-6 * k.max())
+    guyan = k[~inner][:, ~inner] - k[~inner][:, inner] @ np.linalg.solve(k[inner][:, inner], k[inner][:, ~inner])
+    assert_allclose(small.K[:7, :7], guyan, rtol=1e-7, atol=1e-8 * k.max())
+    assert small.error_bound == np.inf
+
+
+def test_reductions_that_are_refused():
+    system, _ = structure()
+    with pytest.raises(mv.ResponseError, match=r"order = None, error = None.*expected one of order and error"):
+        system.reduced()
+    with pytest.raises(mv.ResponseError, match=r"method = 'guyan'; expected.*craig-bampton"):
+        system.reduced(5, method="guyan")
+    with pytest.raises(mv.ResponseError, match=r"order = 3, error = None.*above 3, the coordinates of the interface"):
+        system.reduced(3, method="craig-bampton")
+    mass, stiffness = solid()
+    plain = mv.System.from_matrices(mass, None, stiffness, np.eye(mass.shape[0])[:, :1], np.eye(mass.shape[0])[:1])
+    with pytest.raises(mv.ResponseError, match=r"no bound.*damping C = alpha M \+ beta K with beta > 0"):
+        plain.reduced(error=1e-9)
+    assert plain.reduced(5).error_bound == np.inf
+    mass, stiffness = solid(False)
+    free = mv.System.from_matrices(mass, None, stiffness, np.eye(mass.shape[0])[:, :1], np.eye(mass.shape[0])[:1])
+    with pytest.raises(mv.ResponseError, match=r"can still move when its outputs and the points"):
+        free.reduced(8, method="craig-bampton")
