@@ -89,8 +89,10 @@ class Hinf(Goal):
         return self._limited(f"hinf {_text(self.outputs)} / {_text(self.inputs)}{', weighted' if self.shape else ''}")
 
     def _shape(self, linear: Any) -> Weight | None:
-        part = None if self.shape is None else linear.with_ports(self.outputs, None)
-        return self.shape and self.shape.for_outputs(part.outputs, part.output_units)
+        if self.shape is None:
+            return None
+        part = linear.with_ports(self.outputs, None)
+        return self.shape.for_outputs(part.outputs, part.output_units)
 
     def at(self, scene: Scene) -> Measure:
         """Return the norm at a plant."""

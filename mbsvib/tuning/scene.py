@@ -35,7 +35,7 @@ DECAYS = 1e-10
 # Responses between a sensor and an actuator below this share of the largest are none.
 NONE = 1e-12
 # Points s, in parts of the mean pole and beside undamped ones, at which sizes of signals are taken.
-AROUND = (0.01 + 1j) * np.geomspace(0.1, 10.0, 9)
+AROUND: Complex = np.asarray((0.01 + 1j) * np.geomspace(0.1, 10.0, 9), dtype=complex)
 
 
 @dataclass(frozen=True, eq=False)
