@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.closing import Closure, regular
+from mbsvib.linalg.lasting import separated
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.entry_slopes import gain_slope, pole_slope
 from mbsvib.responses.first_order_solver import first_order_solver
@@ -141,12 +142,22 @@ class Perturbed:
 
 
 def perturbed(plant: Any, outputs: Names = None, inputs: Names = None) -> Perturbed:
-    """Return the equations that changes of parameters close, from some inputs to some outputs."""
+    """Return the equations that changes of parameters close, from some inputs to some outputs.
+
+    Motions that last, but no parameter moves and no output shows, such as those of a free body, are left out.
+    """
     space, r, blocks = first_order(plant.linear), sum(plant.blocks.values()), plant.parameters
     o, i = port_numbers(outputs, inputs, (space.outputs[r:], space.inputs[r:]), plant.name)
     owner = np.repeat(np.arange(len(blocks)), [block.repetitions for block in blocks])
-    return Perturbed((space.A, space.B, space.C, space.D), owner, np.array([block.changes for block in blocks]),
-                     [r + k for k in o], [r + k for k in i])  # fmt: skip
+    rows, columns = [*range(r), *(r + k for k in o)], [*range(r), *(r + k for k in i)]
+    a, b, c, d = space.A, space.B[:, columns], space.C[rows], space.D[np.ix_(rows, columns)]
+    parts = separated(a, b, c)
+    hidden = [not group.shown.any() and bool((group.part.poles.real <= group.part.errors[0]).all())
+              for group in parts.lasting]  # fmt: skip
+    if hidden and all(hidden):
+        a, b, c = parts.decaying.a, parts.decaying.b, parts.decaying.c
+    return Perturbed((a, b, c, d), owner, np.array([block.changes for block in blocks]),
+                     list(range(r, len(rows))), list(range(r, len(columns))))  # fmt: skip
 
 
 def values_at(plant: Any, delta: Array) -> dict[str, float]:

@@ -300,3 +300,24 @@ def test_other_refusals():
         plant.worst_rms("z", {"Fz": [(1.0, 1.0), (2.0, 1.0)]})
     with pytest.raises(mv.ModelError, match="made of matrices"):
         mv.System.from_matrices([[1.0]], None, [[1.0]]).uncertain({"k": 0.1})
+
+
+def test_a_free_body_that_nothing_shows_changes_no_bound():
+    def bounds(free):
+        model = mv.Model("m")
+        model.add_body("a", 2.0, (1, 1, 1))
+        model.add_joint("r", "prismatic", "ground", "a", axis=(1, 0, 0))
+        model.add_spring("k", "ground", "a", (-1, 0, 0), (0, 0, 0), stiffness=800.0, damping=4.0)
+        model.add_input("F", "a", "x")
+        model.add_output("x", "a", "x")
+        if free:
+            model.add_body("f", 1.0, (1, 1, 1), position=(0, 3, 0))
+            model.add_joint("q", "prismatic", "ground", "f", axis=(1, 0, 0))
+        plant = model.linearize().uncertain({"k.stiffness": 0.2})
+        gain, rms = plant.worst_gain("x", "F"), plant.worst_rms("x", {"F": 1.0})
+        return plant.robust_stability().upper, gain.lower, gain.upper, rms.lower["x"], rms.upper["x"]
+
+    found = bounds(True)
+    # the softest spring: 1 / (c w_d) at 640 N/m
+    assert found[1] == pytest.approx(1.0 / (4.0 * np.sqrt(640.0 / 2.0 - 1.0)), rel=1e-9)
+    np.testing.assert_allclose(found, bounds(False), rtol=1e-6)
