@@ -145,7 +145,7 @@ class SparseSystem(SparseEquations, Displayed):
         from mbsvib.api.some_modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
 
-        self.check_mechanism("mode_sensitivities")
+        self._check_mechanism("mode_sensitivities")
         if modes is None:
             self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
@@ -218,7 +218,7 @@ class SparseSystem(SparseEquations, Displayed):
         """
         from mbsvib.sparse.reachable import reachable
 
-        self.check_mechanism("reachable")
+        self._check_mechanism("reachable")
         return reachable(self, outputs, inputs)
 
     def reduced(

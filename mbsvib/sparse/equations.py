@@ -91,7 +91,7 @@ class SparseEquations:
         """What gives the dense equations, in words."""
         return "linearize(method='dense')" if self.matrices is None else "dense matrices, such as K.toarray()"
 
-    def check_mechanism(self, request: str) -> None:
+    def _check_mechanism(self, request: str) -> None:
         """Refuse a request that needs a mechanism."""
         if self.matrices is not None:
             raise ModelError(f"{request}: '{self.name}' was made of matrices and has no bodies, joints and elements; "

@@ -110,7 +110,7 @@ def noise(system):
 def uncertain_masses(system):
     """A mass matters to the force in the foot alone."""
     if "f" not in system.outputs or "floor" not in system.inputs:
-        with pytest.raises(mv.ModelError, match="changes nothing"):
+        with pytest.raises(mv.ModelError, match=r"changes nothing|limits on both sides"):
             system.uncertain({"*.mass": (0.0, 10.0) if "n.mass" in system.parameters else 0.1})
         return None
     plant = system.uncertain({"*.mass": 0.1})
