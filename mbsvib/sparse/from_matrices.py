@@ -60,6 +60,10 @@ class MatrixQuadratic(Quadratic):
         """Return M z."""
         return np.asarray(self._given.M @ z)
 
+    def size(self, z: NDArray[Any]) -> Array:
+        """Return sqrt(z^H M z) of each column."""
+        return np.asarray(np.sqrt(np.abs(np.einsum("ij,ij->j", z.conj(), self.inertia(z)))))
+
     def damping(self, z: NDArray[Any]) -> NDArray[Any]:
         """Return C z."""
         return np.asarray(self._given.C @ z)

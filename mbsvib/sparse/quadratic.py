@@ -82,8 +82,8 @@ class Quadratic:
         return np.asarray(rows.T @ (self.system.row_damping[:, None] * (rows @ z)))
 
     def size(self, z: NDArray[Any]) -> Array:
-        """Return sqrt(z^H M z) of each column."""
-        return np.asarray(np.sqrt(np.abs(np.einsum("ij,ij->j", z.conj(), self.inertia(z)))))
+        """Return sqrt(z^H M z) = |W z| of each column."""
+        return np.asarray(np.linalg.norm(self.w @ z, axis=0))
 
     def is_damped(self, z: Array) -> bool:
         """Whether dampers resist some of the motions (size, n), beyond rounding."""
@@ -102,7 +102,7 @@ class Quadratic:
 
     def slope(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
         """Return P'(lambda) z = (2 lambda M + C + G) z, column by column (size, n), or P'(lambda)^T z."""
-        result = self.damping(z) + self.inertia(z) * (2.0 * values)
+        result = self.damping(z) + self.inertia(z * (2.0 * values))
         return np.asarray(result + self._antisymmetric(1.0, 0.0, z, transposed))
 
     def _antisymmetric(self, spin: Any, circulation: float, z: NDArray[Any], transposed: bool) -> Any:

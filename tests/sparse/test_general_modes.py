@@ -27,7 +27,7 @@ def same_modes(dense, result, k, near, rtol=1e-12):
     np.testing.assert_array_less(apart[i, j], np.maximum(allowed * size, 1e-300))
     np.testing.assert_allclose(result.frequencies, expected.frequencies, rtol=rtol)
     np.testing.assert_array_equal(result.growing, expected.growing)
-    assert result.errors.max() < 4.0 * rtol
+    assert result.errors.max() < rtol
     pair = np.flatnonzero(result.eigenvalues.imag > 0.0)
     np.testing.assert_array_equal(result.errors[pair], result.errors[pair + 1])
     np.testing.assert_array_equal(result.eigenvalues[pair], result.eigenvalues[pair + 1].conj())
