@@ -22,7 +22,7 @@ from mbsvib.equations.equations import Provenance
 from mbsvib.equations.unresisted_motion import without_free_motions
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.linalg.products import gram_matrix, weighted_gram
+from mbsvib.linalg.products import eigenrows, gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS, RANK_GAP, TIE_BREAK, ZERO_SUM
 from mbsvib.mechanism.topology import Topology
@@ -233,13 +233,10 @@ def _with_massless(whole: Any, names: Sequence[str]) -> Any:
 
 def _squares(matrix: Array) -> tuple[Array, Array]:
     """Unit rows E and weights w with E^T diag(w) E = the matrix."""
-    size = np.sqrt(np.abs(matrix.diagonal()))
-    size = np.where(size > 0.0, size, 1.0)
-    weights, vectors = np.linalg.eigh(matrix / size[:, None] / size)
-    acts = weights > len(matrix) * ZERO_SUM
-    rows = (vectors.T * size)[acts]
+    weights, rows = eigenrows(matrix)
     length = np.linalg.norm(rows, axis=1, keepdims=True)
-    return rows / length, weights[acts] * length[:, 0] ** 2
+    acts = weights > 0.0
+    return (rows / length)[acts], (weights * length[:, 0] ** 2)[acts]
 
 
 def _joined_rigidly(whole: Any, rigid: Sequence[Ends]) -> Any:

@@ -118,8 +118,8 @@ def _picked(names: list[str], system: Any, kind: str) -> tuple[str, ...]:
             try:
                 selected(name, others, kind, system.name)
             except ResponseError:
-                raise ResponseError(f"placement: the candidate {name!r} is no output and no input of '{system.name}'. "
-                                    f"Outputs: {', '.join(system.outputs) or 'none'}. "
+                raise ResponseError(f"placement: the candidate {name!r} is neither an output nor an input of "
+                                    f"'{system.name}'. Outputs: {', '.join(system.outputs) or 'none'}. "
                                     f"Inputs: {', '.join(system.inputs) or 'none'}.") from None  # fmt: skip
     return tuple(dict.fromkeys(picked))
 

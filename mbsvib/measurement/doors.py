@@ -6,7 +6,7 @@ import os
 import zipfile
 import zlib
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 
@@ -365,14 +365,13 @@ class Doors:
         position : array-like, shape (3,)
             The point p [m], world axes.
         outputs, inputs : str or sequence of str, optional
-            Channels of sensors and impacts on the rigid part, names or patterns, with known places; default: none.
-            Nine of each are better than the six that are needed.
+            Sensors and impacts on the rigid part with known places, names or patterns; better nine than the needed six.
 
         Returns
         -------
         Measurement
-            All other channels, then those of the point; ``consistency`` has for each channel that was used how much of
-            it the rigid motion explains. Variances are those of independent errors.
+            Other channels, then those of the point, with variances of independent errors; ``consistency`` says which
+            share of each channel a rigid motion explains.
 
         Raises
         ------
@@ -383,8 +382,7 @@ class Doors:
         """
         from mbsvib.measurement.virtual_point import with_virtual_point
 
-        result: Self = with_virtual_point(self, name, position, outputs, inputs)
-        return result
+        return cast("Self", with_virtual_point(self, name, position, outputs, inputs))
 
 
 def _arrays(path: Path, wanted: set[str]) -> dict[str, Any]:

@@ -240,7 +240,7 @@ RMS: dict[str, Any] = CASES["rms"]
     [
         ({"sensors": 0}, "sensors = 0 and actuators = 0"),
         ({"candidates": 3}, "candidates = 3"),
-        ({"candidates": "speed"}, "'speed' is no output and no input of 'coupled'"),
+        ({"candidates": "speed"}, "'speed' is neither an output nor an input of 'coupled'"),
         ({"sensors": 8}, "sensors = 8, yet the candidates have 7 outputs"),
         ({"actuators": 1, "candidates": "y*"}, "actuators = 1, yet the candidates have 0 inputs"),
         ({"modes": None}, "no criterion; expected one of"),
