@@ -104,11 +104,19 @@ def test_commands_work(tmp_path, monkeypatch):
     pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.urdf").write_bytes((DOCS.parent / "examples" / "robots" / "arm.urdf").read_bytes())
+    used = set()
     for page in PAGES:
-        for block in re.findall(r"^```bash\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+        text = page.read_text(encoding="utf-8")
+        for name, content in re.findall(r"`(\w+\.(?:yaml|json))`:\n\n```\w+\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+            (tmp_path / name).write_text(content, encoding="utf-8")
+        for block in re.findall(r"^```bash\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
             for line in block.splitlines():
                 result = invoke(shlex.split(line)[1:])
-                assert result.exit_code == 0, line
+                assert result.exit_code == 0, f"{line}\n{result.stderr}"
+                used.add(shlex.split(line)[1])
+    assert used >= {"models", "modes", "bode", "step", "check", "export", "schema", "loop", "budget", "robust", "tune"}
+    for name in ("isolation.png", "table-step.png", "table.npz", "stewart.yaml", "tuned.json"):
+        assert (tmp_path / name).exists()
 
 
 def test_the_gallery_is_of_the_examples(tmp_path):
