@@ -61,6 +61,10 @@ class NoWordsError(ModelError):
     """A part that its own words cannot describe in another pose, wherever that is."""
 
 
+class UnreachableError(ModelError):
+    """A pose that loops cannot be closed in: the way there ends at a singular one."""
+
+
 class SingularPoseError(MbsvibError):
     """A pose in which the number of degrees of freedom, or the choice of coordinates, is not defined."""
 

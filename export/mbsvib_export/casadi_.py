@@ -17,10 +17,13 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import kind_of
+from mbsvib.common.selection import port_numbers
 from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError, counted
 from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.sparse_interpolation import points_of
 from mbsvib_export.affine import names_of, origin_of, physical_affine
 from mbsvib_export.neutral import only_port, refusal, state_space_of, with_ports
 from mbsvib_export.packages import need
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.lpv import LPVSystem
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
@@ -77,7 +81,7 @@ class CasadiModel(Displayed):
 
 
 def to_casadi(
-    system: Source, step: float | None = None,
+    system: Source | LPVSystem, step: float | None = None,
     parameters: Names = None,
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
@@ -90,8 +94,9 @@ def to_casadi(
 
     Parameters
     ----------
-    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
-        The equations of motion, or a state space that is ready.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace, SystemData or LPVSystem
+        The equations of motion, or a state space that is ready. Of an LPVSystem p is the pose, displacements of its
+        ``names``.
     step : float, optional
         Step [s] of the exactly discretised equations. With parameters, its matrix exponential is exact as long as they
         make A no more than eight times as large as it is.
@@ -111,14 +116,17 @@ def to_casadi(
     Raises
     ------
     ExportError
-        If CasADi is not installed, the step is not a positive number, or the equations are not affine in a parameter.
+        If CasADi is not installed, the step is not a positive number, the equations are not affine in a parameter, or
+        an LPVSystem is given with parameters or another realization.
     ModelError
         If a parameter is unknown.
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    system = with_ports(system, outputs, inputs)
     casadi = need("casadi", "to_casadi")
+    if kind_of(system) == "lpv system":
+        return _over_poses(casadi, system, step, (parameters, realization), (outputs, inputs))
+    system = with_ports(system, outputs, inputs)
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
@@ -129,7 +137,7 @@ def to_casadi(
     if step is not None:
         phi, gamma, _ = step_of(space, step, "to_casadi")
         sampled = _function(casadi, "step", (x, u, p), (_dm(casadi, phi) @ x + _dm(casadi, gamma) @ u, y))
-    return _model(space, rates, sampled, None, step, None)
+    return _model(space, rates, sampled, None, step)
 
 
 def _with_parameters(
@@ -137,12 +145,51 @@ def _with_parameters(
 ) -> CasadiModel:
     form = physical_affine(system, parameters, realization, "to_casadi", "parameters")
     system = form.nominal
+    p = casadi.MX.sym("p", len(form.names))
+    matrix = {label: _affine_matrix(casadi, form, label, p) for label in MATRICES}
+    return _of_matrices(casadi, system, p, matrix, step, (form.names, form.units, form.values))
+
+
+def _over_poses(
+    casadi: Any, lpv: Any, step: float | None, options: tuple[Any, str], ports: tuple[Names, Names]
+) -> CasadiModel:
+    """The functions of a system whose matrices are polynomials in the pose."""
+    if options != (None, "physical"):
+        raise ExportError("to_casadi: an LPVSystem has its pose as parameters, and physical states; leave parameters "
+                          "and realization out.")  # fmt: skip
+    o, i = port_numbers(*ports, (lpv.outputs, lpv.inputs), lpv.name)
+    p, indices = casadi.MX.sym("p", len(lpv.names)), lpv.polynomial.indices
+    points, products = lpv.scaled(p), casadi.DM.ones(len(indices), 1)
+    for k, degrees in enumerate(indices.T):
+        basis = [casadi.MX(1.0)]
+        t = points_of(np.arange(degrees.max() + 1))
+        for j in range(1, len(t)):
+            basis.append(casadi.MX(1.0))
+            for before in t[:j]:
+                basis[j] *= (points[k] - before) / (t[j] - before)
+        products *= casadi.vertcat(*basis)[degrees.tolist()]
+    values, start, matrix = casadi.DM(lpv.polynomial.surpluses.T) @ products, 0, {}
+    for label in MATRICES:
+        rows, columns = getattr(lpv.nominal, label).shape
+        # entries follow one another along rows
+        matrix[label] = casadi.reshape(values[start : start + rows * columns], columns, rows).T
+        start += rows * columns
+    matrix |= {label: matrix[label][o, :] for label in ("Cq", "Cv", "Ca")}
+    matrix |= {"B": matrix["B"][:, i], "D": matrix["D"][o, i]}
+    nominal = with_ports(lpv.nominal, *ports)
+    return _of_matrices(casadi, nominal, p, matrix, step, (lpv.names, lpv.units, 0.5 * (lpv.low + lpv.high)))
+
+
+def _of_matrices(
+    casadi: Any, system: Any, p: Any, matrix: dict[str, Any], step: float | None,
+    parameters: tuple[tuple[str, ...], tuple[str, ...], Array],
+) -> CasadiModel:  # fmt: skip
+    """The functions of matrices that are expressions of p; ``system`` has the ``parameters``' own values."""
     space = system.state_space()
     if step is not None:
         check_step(step, "to_casadi")
     m = system.dof
-    x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(form.names))
-    matrix = {label: _affine_matrix(casadi, form, label, p) for label in MATRICES}
+    x, u, _ = _symbols(casadi, 2 * m, len(system.inputs), 0)
     solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
     a, b = solved[:, : 2 * m], solved[:, 2 * m :]
     acceleration = a @ x + b @ u
@@ -155,7 +202,7 @@ def _with_parameters(
         phi, gamma = _exponential_step(casadi, state_matrix, input_matrix, space, float(step))
         sampled = _function(casadi, "step", (x, u, p), (phi @ x + gamma @ u, y))
     matrices = casadi.Function("matrices", [p], [matrix[label] for label in MATRICES], ["p"], list(MATRICES))
-    return _model(space, rates, sampled, matrices, step, form)
+    return _model(space, rates, sampled, matrices, step, parameters)
 
 
 def _exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) -> tuple[Any, Any]:
@@ -216,12 +263,12 @@ def _dm(casadi: Any, array: Array) -> Any:
 
 
 def _model(
-    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None, form: Affine | None
-) -> CasadiModel:
+    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None,
+    parameters: tuple[tuple[str, ...], tuple[str, ...], Array] = ((), (), np.zeros(0)),
+) -> CasadiModel:  # fmt: skip
     return CasadiModel(
         space.name, rates, sampled, matrices, None if step is None else float(step), space.states, space.state_units,
-        space.inputs, space.input_units, space.outputs, space.output_units, form.names if form else (),
-        form.units if form else (), form.values.copy() if form else np.zeros(0),
+        space.inputs, space.input_units, space.outputs, space.output_units, *parameters[:2], parameters[2].copy(),
     )  # fmt: skip
 
 

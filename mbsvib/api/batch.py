@@ -162,7 +162,7 @@ class Batch(BatchEquations, Displayed):
 
     def explain(self) -> str:
         """Return a description of the equations: those of the given pose, and the varied parameters."""
-        names = list(self.values.by_name)
+        names = list(self.parameters)
         shown = ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
         fixed = [name for name in MATRICES if getattr(self, name).size and getattr(self, name).strides[0] == 0]
         lines = ["variants", f"  {counted(len(self), 'variant')} of {counted(len(names), 'parameter')}: {shown}"]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
+    from mbsvib.api.family import Family
     from mbsvib.api.plant import Plant
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.progress import Progress
@@ -154,6 +155,48 @@ class Model(
         from mbsvib.api.plant import compiled
 
         return compiled(self, parameters, cut, independent, pose, relaxed)
+
+    def family(
+        self, values: Mapping[str, ArrayLike], grid: bool = False, independent: Sequence[str] | None = None,
+        relaxed: bool = True,
+    ) -> Family:  # fmt: skip
+        """Return the linear equations in many poses, all in one set of minimal coordinates.
+
+        M_i q'' + C_i q' + K_i q = B_i u
+
+        Parameters
+        ----------
+        values : dict of str to array-like, shape (n,) or ()
+            Displacements of joint coordinates from the described pose [m, rad], by name, one for each pose; of a
+            pattern (``"leg*.slide.z"``) those of all that it matches. Other coordinates stay at 0, but for those that
+            loops tie to these.
+        grid : bool
+            True: the poses are all combinations of the values, the last coordinate changing fastest.
+        independent : sequence of str, optional
+            Minimal coordinates; default: the given ones where they are as many as the degrees of freedom, else as of
+            ``linearize``.
+        relaxed : bool
+            True: springs and bushings keep the forces of the described pose, without tension there they have none in
+            any pose. False: they get the tension that the motion gives them, and each pose must be in balance.
+
+        Returns
+        -------
+        Family
+            ``M``, ``C``, ``K``, ``B`` and ``frequencies`` with an axis of poses in front; ``family[i]`` is a System,
+            ``worst`` finds the pose where a quantity is worst, ``interpolated`` makes a function of the pose.
+
+        Raises
+        ------
+        ModelError
+            If a coordinate is unknown or tied to the others, or the numbers of values differ.
+        SingularPoseError
+            If a pose is singular, or beyond a singular one, by its number and displacements.
+        EquilibriumError
+            If a pose is off balance, likewise.
+        """
+        from mbsvib.api.family import family
+
+        return family(self, values, grid, independent, relaxed)
 
     def fit(
         self, data: Any, free: str | Sequence[str], tied: str | Sequence[str] = (),

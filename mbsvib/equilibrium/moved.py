@@ -16,7 +16,7 @@ from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, UnreachableError, nearest
 from mbsvib.kinematics.closing import Closing, blocks_of
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
@@ -130,7 +130,7 @@ class Poses:
         loops = ", ".join(cuts.joints if cuts else ())
         open_by = f" beyond it they stay open by {gap:.1e} of the mechanism's size" if np.isfinite(gap) else \
             " there the other joints would have to jump"  # fmt: skip
-        return ModelError(
+        return UnreachableError(
             f"{caller}: the loops closed by {loops} can be closed up to {upto} and no further;{open_by}. Ask for a "
             f"pose short of it, or name another coordinate.", field="values",
             element=self.names[0] if self.names else None,

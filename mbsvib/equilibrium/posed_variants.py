@@ -102,18 +102,18 @@ class _Variants:
         return self.chunks[first]
 
 
-def pose_coordinates(model: Mechanism, patterns: str | Sequence[str]) -> tuple[str, ...]:
+def pose_coordinates(model: Mechanism, patterns: str | Sequence[str], caller: str = "compile") -> tuple[str, ...]:
     """Return the joint coordinates that names or patterns pick, in the order of these, then of the model."""
     known = [f"{joint.name}.{name}" for joint in model.joints.values() for name, _ in joint.freedom]
     asked = names_in([patterns] if isinstance(patterns, str) else patterns)
     if not asked:
-        raise ModelError(f"compile: pose = {shown(patterns)}; expected names or patterns of joint coordinates.",
+        raise ModelError(f"{caller}: pose = {shown(patterns)}; expected names or patterns of joint coordinates.",
                          field="pose")  # fmt: skip
     result: list[str] = []
     for pattern in asked:
         found = [name for name in known if name == pattern or fnmatchcase(name, pattern)]
         if not found:
-            raise ModelError(f"compile: pose = '{pattern}' matches no joint coordinate of model '{model.name}'."
+            raise ModelError(f"{caller}: pose = '{pattern}' matches no joint coordinate of model '{model.name}'."
                              f"{nearest(pattern, known)}", element=pattern, field="pose")  # fmt: skip
         result += found
     return tuple(dict.fromkeys(result))

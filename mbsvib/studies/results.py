@@ -15,7 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted, nearest
-from mbsvib.studies.figures import over_variables
+from mbsvib.plots.over_variables import over_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,0 +1,191 @@
+"""Families: one model in many poses, its matrices, frequencies and systems there, and the worst of these poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.batch import Batch
+from mbsvib.api.poses import batch_of, columns_of, told
+from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
+from mbsvib.errors import ModelError, counted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.api.lpv import LPVSystem
+    from mbsvib.api.plant import Plant
+    from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+@dataclass(frozen=True, repr=False)
+class Worst(Displayed):
+    """The pose of a family with the largest, or smallest, value of a quantity.
+
+    ``index`` counts from 0, as ``family[index]``; ``pose`` are the displacements of its coordinates [m, rad].
+    """
+
+    index: int
+    pose: Mapping[str, float]
+    value: float
+
+
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Family(Batch):
+    """Systems M_i q'' + C_i q' + K_i q = B_i u of a model in n poses, all in the same minimal coordinates.
+
+    A ``Batch`` with poses as variants: arrays have an axis of poses in front, ``M``, ``C``, ``K`` (n, m, m), ``B``
+    (n, m, inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs); ``family[i]`` is the system in
+    pose i, ``nominal`` that of the described pose. ``parameters`` are the displacements (n,) of the coordinates by name
+    [m, rad], ``shape`` is that of the grid, or (n,). ``plant`` returns the matrices in any other pose.
+    """
+
+    plant: Plant
+    shape: tuple[int, ...]
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies (n, m), ascending [Hz], NaN for overdamped motions; ``modes()`` has all else."""
+        return self.modes().frequencies
+
+    @property
+    def models(self) -> tuple[Any, ...]:
+        """The models in these poses."""
+        if self.variant is None:  # those computed one by one have theirs
+            return tuple([self[i].provenance.origin for i in range(len(self))])
+        return tuple(map(self.variant, range(len(self))))
+
+    def pose(self, i: int) -> dict[str, float]:
+        """Return the displacements of the coordinates in one of the poses.
+
+        Parameters
+        ----------
+        i : int
+            Its number, from 0.
+
+        Returns
+        -------
+        dict of str to float
+            Displacements [m, rad] by name, as ``Model.moved`` takes them.
+        """
+        return {name: float(column[i]) for name, column in self.parameters.items()}
+
+    def worst(self, quantity: Callable[[System], Any], largest: bool = True) -> Worst:
+        """Return the pose in which a quantity is largest, or smallest.
+
+        Parameters
+        ----------
+        quantity : Quantity or callable
+            A quantity of ``studies``, such as ``studies.peak("z", "Fz")``, or a function of a system; of several
+            numbers the largest (smallest) counts.
+        largest : bool
+            False: the smallest value is the worst, as of damping ratios.
+
+        Returns
+        -------
+        Worst
+            ``index``, ``pose`` and ``value``; of equal values the first.
+
+        Raises
+        ------
+        ModelError
+            If the quantity is no function, or no real number in some pose.
+        ResponseError
+            If the quantity refuses a system, by the number of the pose.
+        """
+        if not callable(quantity):
+            raise check.refuse("worst", "quantity", quantity, "a quantity such as studies.peak('z', 'Fz'), or a "
+                               "function of a system")  # fmt: skip
+        extreme = np.max if largest else np.min
+
+        def ask(system: System) -> float:
+            numbers = reals(quantity(system), "worst", "quantity", "real numbers of each system", ModelError)
+            return float(extreme(numbers)) if numbers.size else np.nan
+
+        values = np.array(self._map(ask))
+        if np.isnan(values).any():
+            i = int(np.argmax(np.isnan(values)))
+            raise ModelError(f"worst: the quantity is not a number in {self._told(i)}.", field="quantity")
+        index = int(np.argmax(values) if largest else np.argmin(values))
+        return Worst(index, self.pose(index), float(values[index]))
+
+    def interpolated(self, error: float = 1e-6) -> LPVSystem:
+        """Return the system as a function of the pose: polynomials through as many more poses as the error needs.
+
+        The function holds in the box between the least and the largest displacement of each coordinate. Poses are
+        added at nested points, in the directions in which they change the matrices, until matrices at further poses,
+        random ones and corners, which the polynomials were not made of, are right to a third of the error. The bound
+        is thus verified at these, not proven; see ``LPVSystem.error_bound``.
+
+        Parameters
+        ----------
+        error : float
+            Largest error of M, C, K, B, Cq, Cv, Ca and D, each relative to its largest entry in the same pose (but to
+            no less than a hundredth of that in all poses).
+
+        Returns
+        -------
+        LPVSystem
+            ``lpv.at({"leg1.slide.z": 0.01})`` is a System.
+
+        Raises
+        ------
+        ModelError
+            If the error is not between 1e-11 and 1, all poses are one, some motions have no mass, or the error would
+            take too many poses.
+        SingularPoseError, EquilibriumError
+            If the box has poses that loops do not reach, or that are off balance, by their displacements.
+        """
+        from mbsvib.api.lpv import interpolated
+
+        return interpolated(self, self.plant, error)
+
+    def plot(self) -> Figure:
+        """Draw the natural frequencies over the poses.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Lines over one coordinate; a map of the lowest frequency over a grid of two; else lines over the number of
+            the pose, or histograms over a grid of more.
+        """
+        from mbsvib.plots.over_variables import over_variables
+
+        columns = self.parameters
+        varied = {name: np.unique(column) for name, column in columns.items() if np.ptp(column)}
+        grid = len(self.shape) > 1
+        if len(varied) != 1 and not grid:
+            columns = varied = {"pose": np.arange(float(len(self)))}
+        units = dict(zip(self.plant.names, self.plant.units, strict=True)) | {"natural frequency": "Hz"}
+        return over_variables(self.frequencies, "natural frequency", columns, varied, grid=grid, units=units,
+                              name=self.name, entries=[f"{k + 1}" for k in range(self.dof)])  # fmt: skip
+
+    def _told(self, i: int) -> str:
+        return told(i, self.pose(i))
+
+    def __repr__(self) -> str:
+        return f"Family({self.name!r}: {counted(len(self), 'pose')}, {self.dof} DOF)"
+
+
+def family(
+    model: Mechanism, values: Mapping[str, ArrayLike], grid: bool = False, independent: Sequence[str] | None = None,
+    relaxed: bool = True,
+) -> Family:  # fmt: skip
+    """Return a model in many poses; see ``Model.family``."""
+    from mbsvib.api.plant import compiled
+
+    columns, shape = columns_of(model, values, grid)
+    plant = compiled(model, [], independent=independent, pose=list(columns), relaxed=relaxed)
+    if independent is None and len(plant.coordinates) == len(columns):
+        plant = compiled(model, [], independent=list(columns), pose=list(columns), relaxed=relaxed)
+    batch = batch_of(plant, np.stack(list(columns.values()), axis=1), "family")
+    return Family(**{item.name: getattr(batch, item.name) for item in fields(batch)}, plant=plant, shape=shape)
