@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 from mbsvib.api.add_couplers import CoupledMechanism
 from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
+from mbsvib.api.add_models import NestedMechanism
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.elsewhere import tell_where
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 
 class Model(
-    RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, Posed, Running, Simulated
+    RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, NestedMechanism, Posed,
+    Running, Simulated,
 ):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 

@@ -13,7 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
-from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, ParameterField, Part, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 ELEMENTS = 8
@@ -218,6 +219,20 @@ class Beam(Composed):
                        y_axis=_tuples(y_axes), displacements=None if displacements is None else _tuples(displacements),
                        )  # fmt: skip
 
+    reversed_axis = 2  # of its elements
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        refuse_other_root(self, to)
+        kwargs: dict[str, Any] = {"a": to.body(self.a), "b": to.body(self.b), "start": to.point(self.start),
+                                  "end": to.point(self.end)}  # fmt: skip
+        if self.nodes is not None:
+            kwargs["nodes"] = [to.point(point) for point in self.nodes]
+        if self.axis is not None:
+            kwargs["axis"] = to.vector(self.axis)
+        if self.displacements is not None:
+            kwargs["displacements"] = [to.six(six) for six in self.displacements]
+        return kwargs | ({"y_axis": _one_or_each(self.y_axes() @ to.turn.T)} if to.turns else {})
+
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if is_unmoved(self, pose):
             return self
@@ -237,9 +252,13 @@ class Beam(Composed):
             kwargs["nodes"] = [pose.point(self.root, point) for point in kwargs["nodes"]]
         if kwargs.get("axis") is not None:
             kwargs["axis"] = pose.rotated(self.root, kwargs["axis"])
-        sideways = self.y_axes() @ pose.rotations[pose.number[self.root]].T
-        kwargs["y_axis"] = sideways[0] if np.abs(self.y_axes() - self.y_axes()[0]).max() == 0.0 else sideways
+        kwargs["y_axis"] = _one_or_each(self.y_axes() @ pose.rotations[pose.number[self.root]].T)
         return kwargs
+
+
+def _one_or_each(y_axes: Array) -> Array:
+    """A direction (3,) if it is that of all elements, else one for each (elements, 3)."""
+    return np.asarray(y_axes[0] if np.abs(y_axes - y_axes[0]).max() == 0.0 else y_axes)
 
 
 def _tuples(array: Array) -> tuple[Any, ...]:

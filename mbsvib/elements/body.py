@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # CAD programs print inertia tensors with six or seven digits; a thin plate then violates Ixx + Iyy = Izz by this much.
@@ -77,6 +78,12 @@ class Body(Part):
             return self
         axes = pose.rotated_axes(self.name, self.orientation)
         return Body(self.name, self.mass, self.inertia, pose.centre_of(self.name), axes)
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        xx, yy, zz, xy, xz, yz = self.inertia
+        sign = -1.0 if to.mirrored else 1.0
+        return {"inertia": (xx, yy, zz, xy, sign * xz, sign * yz), "position": to.point(self.position),
+                "orientation": to.axes(self.orientation)}  # fmt: skip
 
 
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
     Mask = NDArray[np.bool_]
@@ -117,6 +118,13 @@ class Bushing(Connection):
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.all_in_pose([self], pose, relaxed)[0]
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to) | {
+            "stiffness": to.matrix(self.stiffness), "damping": to.matrix(self.damping),
+            "orientation": to.axes(self.orientation),
+            "preload": None if self.preload is None else to.local(self.preload),
+        }  # fmt: skip
 
     @staticmethod
     def all_in_pose(parts: Sequence[Any], pose: Pose, relaxed: bool) -> list[Part | dict[str, Any]]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.deformations import Law
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.preload_form import PreloadForm
 
 
@@ -48,6 +49,16 @@ class Connection(Part):
     def symbol(self) -> str:
         """Its symbol in pictures."""
         return "spring" if self.acts_along_line else "bushing"
+
+    @property
+    def reversed_axis(self) -> int:
+        """Number of its axis that a mirrored copy reverses: not its line, which is z."""
+        return 1 if self.acts_along_line else 2
+
+    def _placed_ends(self, to: Placement) -> dict[str, Any]:
+        """Return those arguments of its copy in another place that are its bodies and points."""
+        return {"first": to.body(self.first), "second": to.body(self.second),
+                **{key: to.point(getattr(self, key)) for key in self.point_fields}}  # fmt: skip
 
     @property
     def loaded(self) -> bool:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.joint import Joint
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
 
 Terms = tuple[tuple[str, float], ...]
 ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")
@@ -50,6 +51,10 @@ class Coupling(Part):
 
     symbol = "coupler"
     terms: Terms = derived(())
+
+    def placed(self, to: Placement) -> Self:
+        """Return its copy; between coordinates of which one changes its sign in a mirrored copy, its factor does."""
+        raise NotImplementedError
 
     @property
     def curvatures(self) -> Terms | None:
@@ -107,6 +112,14 @@ class Coupler(Coupling):
         return _coupler(self.name, terms, self.curvature)
 
 
+    def placed(self, to: Placement) -> Coupler:
+        terms = [(*_placed(name, to), value) for name, value in self.coefficients]
+        first = terms[0][1]
+        curvature = None if self.curvature is None else tuple(
+            [(_placed(name, to)[0], first * value) for name, value in self.curvature])  # fmt: skip
+        return _coupler(to.name(self.name), {name: first * sign * value for name, sign, value in terms}, curvature)
+
+
 class Transmission(Coupling):
     """Two coordinates in a fixed ratio, the second a factor times the first: the three fields of a family after
     ``terms``, in this order.
@@ -138,6 +151,11 @@ class Transmission(Coupling):
     def with_values(self, values: Mapping[str, Any]) -> Self:
         first, second, factor = _names(type(self))
         return _transmission(type(self), self.name, getattr(self, first), getattr(self, second), values[factor])
+
+    def placed(self, to: Placement) -> Self:
+        first, second, factor = _names(type(self))
+        (a, sign), (b, other) = (_placed(getattr(self, field), to) for field in (first, second))
+        return _transmission(type(self), to.name(self.name), a, b, sign * other * getattr(self, factor))
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +199,13 @@ T = TypeVar("T", bound=Transmission)
 def _names(family: type[Transmission]) -> list[str]:
     """Names of the first coordinate, the second one and the factor."""
     return [item.name for item in fields(family)[2:]]
+
+
+def _placed(coordinate: str, to: Placement) -> tuple[str, float]:
+    """Name of a coordinate of a copy, and the sign by which it differs from the original."""
+    joint, _, direction = coordinate.rpartition(".")
+    part: Any = to.parts[joint]
+    return to.name(coordinate), part.coordinate_sign(direction, to)
 
 
 def _coupler(name: str, terms: Mapping[str, Any], curvature: Terms | None) -> Coupler:

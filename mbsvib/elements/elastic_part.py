@@ -17,7 +17,7 @@ Source: von Karman (1910), Festigkeitsprobleme im Maschinenbau, for e.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,9 @@ from mbsvib.elements.body import Body
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
+from mbsvib.elements.placement import GROUND
 from mbsvib.elements.shared_rows import Node, SharedRows
+from mbsvib.errors import NoWordsError
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, second_order
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Composed
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -236,6 +239,14 @@ def is_unmoved(part: Composed, pose: Pose) -> bool:
     """Return whether all bodies of an elastic part are in the reference pose."""
     carriers = [name for name in part.carriers if name in pose.number]
     return all(map(pose.is_unmoved, (part.root, *(body for body, _ in part.node_bodies), *carriers)))
+
+
+def refuse_other_root(part: Any, to: Placement) -> None:
+    """Refuse a copy of a bent part that is linear in the frame of the ground, where a body takes the ground's place."""
+    if part.displacements is not None and part.root == GROUND != to.ground:
+        raise NoWordsError(f"{part.family} '{part.name}': its displacements are relative to the ground, and the copy "
+                           f"is on body '{to.ground}'; describe it without forces.",
+                           element=part.name, field="displacements")  # fmt: skip
 
 
 def bent_nodes(part: Composed, before: Array, pose: Pose) -> tuple[Array, Array, bool]:

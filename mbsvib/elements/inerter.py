@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 
@@ -58,6 +59,9 @@ class Inerter(Connection):
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return np.asarray(no_line(self, values) | (values.get("inertance", np.ones(1)) <= 0.0))
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to)
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         ends = {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # What is said of kinds that no linear equations have.
@@ -152,6 +153,53 @@ class Joint(Part):
         else:
             axes = pose.rotated_axes(self.first, self.axes)
         return moved_joint(self, position, axes=axes)
+
+    @property
+    def reversed_axis(self) -> int:
+        """Number of its axis that a mirrored copy reverses.
+
+        It is one about which the joint does not turn, if there is one, so that all rotations change their sign, and one
+        along which it does not slide, if there is one, so that translations keep theirs. That of a rod is not its line.
+        """
+        free = {name for name, _ in self.freedom}
+        return 1 if self.is_rod else min((2, 1, 0), key=lambda k: (DIRECTIONS[k + 3] in free, DIRECTIONS[k] in free))
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        result: dict[str, Any] = {"first": to.body(self.first), "second": to.body(self.second),
+                                  "position": to.point(self.position), "end": to.point(self.end)}  # fmt: skip
+        if self.pitch is not None and to.mirrored:
+            result["pitch"] = -self.pitch
+        if not to.turns or self.is_rod:
+            return result
+        if self.axis is not None and self.axis2 is not None:
+            return result | {"axis": to.vector(self.axis), "axis2": to.vector(self.axis2)}
+        return result | {"axis": None, "orientation": to.axes(self.axes, self.reversed_axis)}
+
+    def coordinate_sign(self, direction: str, to: Placement) -> float:
+        """Return the sign by which a coordinate of its copy differs from its own.
+
+        Parameters
+        ----------
+        direction : str
+            The direction of the coordinate, out of x y z rx ry rz.
+        to : Placement
+            Names and place of the copy.
+
+        Returns
+        -------
+        float
+            1 or -1.
+
+        Raises
+        ------
+        NoWordsError
+            If the axes of a rod, of which only the line is determined, are those of the coordinate.
+        """
+        if self.is_rod and to.turns and direction != "rz":
+            raise NoWordsError(f"joint '{self.name}': its coordinate {direction} is coupled, and its axes across the "
+                               f"rod do not turn along with a copy; put the coupler on another joint, or add this part "
+                               f"afterwards.", element=self.name)  # fmt: skip
+        return float(to.signs(self.reversed_axis)[_INDEX[direction]])
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         if self.position is not None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -52,6 +53,10 @@ class Load(Part):
         idle = [~np.any(values.get(field, np.array(getattr(self, field))[:, None]), axis=0)
                 for field in ("force", "torque")]  # fmt: skip
         return np.asarray(idle[0] & idle[1])
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return {"body": to.body(self.body), "force": to.vector(self.force), "torque": to.axial(self.torque),
+                "position": to.point(self.position)}  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.body):

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Smaller changes of the length, relative to the length, are rounding errors.
@@ -111,6 +112,9 @@ class Maxwell(Connection):
         stiffness[0], damping[damper] = k, c
         stiffness[1:][~damper[1:]] = static
         return {"stiffness": stiffness, "damping": damping}
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to)
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # the damper deforms until the spring in series is relaxed; only the static spring changes its force

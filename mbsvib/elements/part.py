@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common.arguments import DIRECTIONS, rotated
 from mbsvib.common.fast_init import fast_init
+from mbsvib.errors import NoWordsError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
     Mask = NDArray[np.bool_]
@@ -232,6 +234,32 @@ class Part:
             If no such part can be described in this pose.
         """
         return self
+
+    @property
+    def reversed_axis(self) -> int | None:
+        """Number of its axis that a mirrored copy reverses; None where its directions are those of the world."""
+        return None
+
+    def placed(self, to: Placement) -> Part | dict[str, Any]:
+        """Return its copy in another place, maybe mirrored.
+
+        Parameters
+        ----------
+        to : Placement
+            Names and place of the copy.
+
+        Returns
+        -------
+        Part or dict
+            The copy, or those arguments of its call that differ from its own.
+
+        Raises
+        ------
+        NoWordsError
+            If no such part can be described there.
+        """
+        raise NoWordsError(f"{self.family} '{self.name}': there are no copies of such parts; leave it out of the model "
+                           f"that is added, and add it afterwards.", element=self.name)  # fmt: skip
 
     @staticmethod
     def all_in_pose(parts: Sequence[Any], pose: Pose, relaxed: bool) -> list[Part | dict[str, Any]]:

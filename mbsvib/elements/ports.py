@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import GROUND
+from mbsvib.elements.placement import direction as place_direction
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 Six = tuple[float, ...]
@@ -51,6 +56,11 @@ class Port(Signal):
     position: Vector | None = None
     relative_to: str = "ground"
 
+    def placed(self, to: Placement) -> dict[str, Any]:
+        six = to.six(_direction(self.direction, self.name)[1])
+        return {"body": to.body(self.body), "direction": place_direction(self.direction, six),
+                "position": to.point(self.position), "relative_to": to.body(self.relative_to)}  # fmt: skip
+
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # the direction is fixed in the world
         if self.position is None or pose.is_unmoved(self.body):
@@ -88,6 +98,10 @@ class Output(Port):
     wrench: Six = derived(())
     unit: str = derived("")
 
+    def placed(self, to: Placement) -> dict[str, Any]:
+        # what is measured against inertial space stays so
+        return super(Output, self).placed(to) | ({"relative_to": self.relative_to} if self.absolute else {})
+
     @property
     def order(self) -> int:
         """Number of its time derivatives."""
@@ -109,6 +123,13 @@ class BaseMotion(Signal):
         """Its unit."""
         return _unit(self.wrench, _MOTION[-1])
 
+    def placed(self, to: Placement) -> dict[str, Any]:
+        if to.ground != GROUND:
+            raise ModelError(f"base motion '{self.name}': it moves the ground, and the copy is on body '{to.ground}'; "
+                             f"leave it out of the model that is added.", element=self.name)  # fmt: skip
+        return {"direction": place_direction(self.direction, to.six(self.wrench)),
+                "position": to.point(self.position)}  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class ForceOutput(Signal):
@@ -122,6 +143,23 @@ class ForceOutput(Signal):
     def unit(self) -> str:
         """Its unit."""
         return _unit(self.wrench, _FORCE)
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        if self.element == GROUND:
+            return {"direction": self._on_ground(to)}
+        reverse = to.parts[self.element].reversed_axis
+        six = to.six(self.wrench) if reverse is None else to.local(self.wrench, reverse)
+        return {"element": to.name(self.element), "direction": place_direction(self.direction, six)}
+
+    def _on_ground(self, to: Placement) -> str | Six:
+        """The direction of a sum of forces on the ground, whose moments are about the origin of the copy."""
+        if to.ground != GROUND:
+            raise ModelError(f"force output '{self.name}': it is the sum of all forces on the ground, and the copy is "
+                             f"on body '{to.ground}'; leave it out of the model that is added.",
+                             element=self.name, field="element")  # fmt: skip
+        six = to.six(self.wrench)
+        force = np.array(six[:3]) - np.cross(six[3:], to.offset)
+        return place_direction(self.direction, (*force.tolist(), *six[3:]))
 
 
 def _checked(who: str, body: str, direction: Any, position: Any, relative_to: str) -> tuple[Any, ...]:

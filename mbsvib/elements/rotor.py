@@ -15,6 +15,7 @@ from mbsvib.elements.part import ParameterField, Part
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 
@@ -44,6 +45,9 @@ class Rotor(Part):
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         return np.asarray(values.get("inertia", np.ones(1)) <= 0.0)
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return {"body": to.body(self.body), "axis": to.axial(self.axis)}
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.constructor_kwargs() | {"axis": pose.rotated_vector(self.body, self.axis)}

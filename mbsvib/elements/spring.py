@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
@@ -87,6 +88,9 @@ class Spring(Connection):
         free: dict[str, Any] = {"free_length": None}
         direction = line_force(1.0, self.line)
         return along(self, self.start, direction, self.stiffness, size, lambda tension: free | {"preload": tension})
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to)
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):

@@ -25,6 +25,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mbsvib.elements.placement import Placement
+
 # Positions along an element, from its midpoint in half lengths.
 POSITIONS = {"start": -1.0, "middle": 0.0, "end": 1.0}
 SIDES = ("y", "-y", "z", "-z")
@@ -42,6 +44,10 @@ class StrainOutput(ports.Signal):
     at: str = "start"
     side: str = "z"
     distance: float | None = None
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        opposite = {"z": "-z", "-z": "z"} if to.mirrored else {}
+        return {"element": to.name(self.element), "side": opposite.get(self.side, self.side)}
 
     @property
     def unit(self) -> str:

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
-from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 Array = NDArray[np.float64]
@@ -138,6 +139,24 @@ class Superelement(Composed):
     def body_of(self, i: int) -> str:
         name = self.nodes[i][0]
         return dict(self.bodies).get(name, f"{self.name}.{name}")
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        if self.grounded and to.ground != "ground":
+            raise ModelError(f"superelement '{self.name}': the ground holds it within (grounded=True), and the copy is "
+                             f"on body '{to.ground}'; give it with nodes on the ground.",
+                             element=self.name, field="grounded")  # fmt: skip
+        refuse_other_root(self, to)
+        signs = np.concatenate((np.tile(to.signs(), len(self.nodes)), np.ones(self.internal)))
+        kwargs: dict[str, Any] = {
+            "nodes": {name: to.point(point) for name, point in self.nodes},
+            "bodies": {node: to.body(body) for node, body in self.bodies}, "orientation": to.axes(self.orientation),
+        }  # fmt: skip
+        if self.displacements is not None:
+            kwargs["displacements"] = signs * np.array(self.displacements)
+        if not to.mirrored:
+            return kwargs
+        return kwargs | {key: None if value is None else signs[:, None] * np.array(value) * signs
+                         for key, value in (("M", self.M), ("C", self.C), ("K", self.K))}  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Superelement:
         if is_unmoved(self, pose):

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
@@ -81,6 +82,9 @@ class TorsionSpring(Connection):
 
     def preload_form(self, size: float) -> PreloadForm | None:
         return along(self, NOWHERE, (*NOWHERE, *self.axis), self.stiffness, size, lambda moment: {"preload": moment})
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to) | {"axis": to.axial(self.axis)}
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.all_in_pose([self], pose, relaxed)[0]
