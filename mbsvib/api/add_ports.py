@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.elements import motion_input as _motion
 from mbsvib.elements import ports as _ports
 from mbsvib.elements import strain_output as _strain
 from mbsvib.errors import nearest
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Maxwell, Output, Spring
+    from mbsvib.elements.motion_input import MotionInput
     from mbsvib.elements.strain_output import StrainOutput
 
 
@@ -168,6 +170,45 @@ class PortedMechanism(Mechanism):
         """
         check_name(name, "input", self._inputs)
         part = _ports.make_base_motion(name, direction, position)
+        return self._keep(self._inputs, part)
+
+    def add_motion_input(
+        self, name: str, element: str | Bushing | Spring | Maxwell, quantity: str = "displacement",
+        direction: str | ArrayLike = "z",
+    ) -> MotionInput:
+        """Add the motion of the ground's end of a spring, bushing or Maxwell element as an input.
+
+        M q'' + C q' + K q = B0 u + B1 u' for a displacement u, with the stiffness of the element in B0 and its damping
+        in B1. M, C, K and modes are those of the mechanism with this end at rest.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among inputs.
+        element : str, Spring, Bushing or Maxwell
+            The element, one end of which is on ground.
+        quantity : str
+            "displacement" [m, rad], "velocity" or "acceleration"; the latter have the states ``NAME.displacement`` and
+            ``NAME.velocity``.
+        direction : str or array-like, shape (3,) or (6,)
+            Of a bushing: x y z rx ry rz or a vector in its own axes. Positive along the line towards the other end; of
+            a bushing, along its axis.
+
+        Returns
+        -------
+        MotionInput
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken, or the element has no end on ground, or none that can be moved.
+        """
+        key = element if isinstance(element, str) else getattr(element, "name", repr(element))
+        part = _motion.make(name, key, quantity, direction)
+        for each in (name, *(f"{name}.{word}" for word in _ports.QUANTITIES[:2])):
+            check_name(each, "input", self._inputs)
+        _motion.check_element(part, self._springs.get(key))
         return self._keep(self._inputs, part)
 
     def add_force_output(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
+from mbsvib.api.driven import DrivenBatch, DrivenSystem
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
 from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.self_stress import warn
+from mbsvib.responses.driven import differ, drives
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -66,7 +68,7 @@ def linearize(
     -------
     System, Batch or SparseSystem
         Matrices, names and the way back to the bodies; of all variants where ``values`` is given; sparse, under the
-        same names, where there are many bodies.
+        same names, where there are many bodies. A ``DrivenSystem`` or ``DrivenBatch`` where inputs are motions.
 
     Raises
     ------
@@ -102,14 +104,20 @@ def linearize(
             wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
-        return batch
+        return cast("Batch", _with_motions(model, batch, DrivenBatch))
     if method is None and is_small(model):
         system = dense_equations(model, independent, cut, System)
         warn(model.name, system.provenance.undetermined)
-        return system
+        return cast("System", _with_motions(model, system))
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.sparse.choice import linearized
 
     result = linearized(model, independent, cut, method, System, SparseSystem)
     warn(model.name, result.undetermined if isinstance(result, SparseSystem) else result.provenance.undetermined)
-    return result
+    return cast("SparseSystem", _with_motions(model, result))
+
+
+def _with_motions(model: Mechanism, equations: Any, form: Any = DrivenSystem) -> Any:
+    """The equations, or those with motions as inputs where the model has such inputs."""
+    known = drives(model)
+    return form(equations, known) if differ(known) else equations

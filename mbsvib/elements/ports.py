@@ -23,14 +23,14 @@ Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
 # Units of forces and moments, and those along and about a direction by the number of time derivatives
 _FORCE = ("N", "N m")
-_MOTION = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
+MOTION_UNITS = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
 
 
 class Signal(Part):
     """An input or output.
 
-    ``element`` is the name of the element in which an output is measured, else None. ``moves_ground`` is True for
-    inputs that are accelerations of the ground.
+    ``element`` is the name of the element in which an output is measured or whose end an input moves, else None.
+    ``moves_ground`` is True for inputs that are accelerations of the ground.
     """
 
     __slots__ = ()
@@ -80,7 +80,7 @@ class Input(Port):
     @property
     def unit(self) -> str:
         """Its unit."""
-        return _unit(self.wrench, _FORCE)
+        return unit_along(self.wrench, _FORCE)
 
 
 @fast_init
@@ -121,7 +121,7 @@ class BaseMotion(Signal):
     @property
     def unit(self) -> str:
         """Its unit."""
-        return _unit(self.wrench, _MOTION[-1])
+        return unit_along(self.wrench, MOTION_UNITS[-1])
 
     def placed(self, to: Placement) -> dict[str, Any]:
         if to.ground != GROUND:
@@ -142,7 +142,7 @@ class ForceOutput(Signal):
     @property
     def unit(self) -> str:
         """Its unit."""
-        return _unit(self.wrench, _FORCE)
+        return unit_along(self.wrench, _FORCE)
 
     def placed(self, to: Placement) -> dict[str, Any]:
         if self.element == GROUND:
@@ -167,19 +167,19 @@ def _checked(who: str, body: str, direction: Any, position: Any, relative_to: st
     if body == relative_to:
         raise ModelError(f"{who}: body and relative_to are both '{body}', so it is always zero; "
                          f"name two different bodies.", element=who, field="relative_to")  # fmt: skip
-    direction, wrench = _direction(direction, who)
+    direction, wrench = with_wrench(direction, who)
     if position is not None:
         position = check.vector(position, who, "position")
     return body, direction, position, relative_to, wrench
 
 
-def _unit(wrench: Six, units: tuple[str, str]) -> str:
+def unit_along(wrench: Six, units: tuple[str, str]) -> str:
     """The unit of a direction with translations, rotations or both."""
     translates, rotates = any(wrench[:3]), any(wrench[3:])
     return units[0] if not rotates else units[1] if not translates else " + ".join(units)
 
 
-def _direction(direction: Any, who: str) -> tuple[str | Six, Six]:
+def with_wrench(direction: Any, who: str) -> tuple[str | Six, Six]:
     """A direction by its name, if it has one, and as a six-vector."""
     wrench = check.direction(direction, who)
     return direction if isinstance(direction, str) else wrench, wrench
@@ -206,17 +206,17 @@ def make_output(
         raise ModelError(f"{who}: absolute=True, yet measured relative to body '{relative_to}'; leave one out.",
                          element=who, field="absolute")  # fmt: skip
     inertial = quantity == "acceleration" and relative_to == "ground" if absolute is None else bool(absolute)
-    unit = unit or _unit(wrench, _MOTION[QUANTITIES.index(quantity)])
+    unit = unit or unit_along(wrench, MOTION_UNITS[QUANTITIES.index(quantity)])
     return Output(name, body, direction, position, relative_to, quantity, absolute, inertial, wrench, unit)
 
 
 def make_base_motion(name: str, direction: Any, position: Any) -> BaseMotion:
     """Check the values of a base motion and build it."""
     who = f"base motion '{name}'"
-    direction, wrench = _direction(direction, who)
+    direction, wrench = with_wrench(direction, who)
     return BaseMotion(name, direction, check.vector(position, who, "position"), wrench)
 
 
 def make_force_output(name: str, element: str, direction: Any) -> ForceOutput:
     """Check the values of a force output and build it."""
-    return ForceOutput(name, element, *_direction(direction, f"force output '{name}'"))
+    return ForceOutput(name, element, *with_wrench(direction, f"force output '{name}'"))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.connection import Connection
     from mbsvib.elements.joint import Joint
     from mbsvib.elements.part import Part
-    from mbsvib.elements.ports import Output
+    from mbsvib.elements.ports import Output, Signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +45,13 @@ class SharedRows:
 
 @dataclass(frozen=True, slots=True)
 class ExpandedPart:
-    """The bodies, joints, springs and outputs by name, and the shared rows, that replace a part in the equations."""
+    """The bodies, joints, springs, inputs and outputs by name, and the shared rows, that replace a part."""
 
     bodies: Mapping[str, Body] = field(default_factory=dict)
     joints: Mapping[str, Joint] = field(default_factory=dict)
     springs: Mapping[str, Connection] = field(default_factory=dict)
     outputs: Mapping[str, Output] = field(default_factory=dict)
+    inputs: Mapping[str, Signal] = field(default_factory=dict)
     mass: tuple[SharedRows, ...] = ()
     elastic: tuple[SharedRows, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Expansion: bodies, joints, springs, outputs and shared rows replace beams, superelements and others."""
+"""Expansion: bodies, joints, springs, ports and shared rows replace beams, superelements and others."""
 
 from __future__ import annotations
 
@@ -19,35 +19,37 @@ if TYPE_CHECKING:
     from mbsvib.elements.elastic_part import ElasticPart
 
 EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
-_EXPANDED = ("bodies", "joints", "springs", "outputs")
+_EXPANDED = ("bodies", "joints", "springs", "inputs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
 
 def expanded(model: M) -> M:
-    """Return a mechanism in which bodies, joints, springs and outputs replace all parts with an expansion.
+    """Return a mechanism in which bodies, joints, springs, inputs and outputs replace all parts with an expansion.
 
     Without such parts it is the same mechanism; shared rows are in its ``expansion``.
     """
-    parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
-             if type(part) in EXPANSIONS]  # fmt: skip
+    parts = [part for group in (model.composed, model.springs, model.inputs, model.outputs)
+             for part in group.values() if type(part) in EXPANSIONS]  # fmt: skip
     if not parts:
         return model
     from mbsvib.equations.wrenches import is_loaded
 
     groups: Any = {key: dict(getattr(model, key)) for key in _EXPANDED}
-    owners = tuple([part for part in parts if model.outputs.get(part.name) is not part])
+    ports = {id(part) for group in (model.inputs, model.outputs) for part in group.values()}
+    owners = tuple([part for part in parts if id(part) not in ports])
     mass: list[SharedRows] = []
     elastic: list[SharedRows] = []
     names = {part.name for part in owners}
     order = list(EXPANSIONS)
+    others = dict(model.composed) | dict(model.springs)
     # family by family, beams last: the order of coordinates does not depend on the order of calls
     for part in sorted(parts, key=lambda part: -order.index(type(part))):
-        replacement = EXPANSIONS[type(part)](part, model.composed)
+        replacement = EXPANSIONS[type(part)](part, others)
         for key, group in groups.items():
             if part.name not in getattr(replacement, key) and group.get(part.name) is part:
                 del group[part.name]
             group.update(getattr(replacement, key))
-            names.update(getattr(replacement, key) if key != "outputs" else ())
+            names.update(getattr(replacement, key) if key not in ("inputs", "outputs") else ())
         mass += replacement.mass
         elastic += replacement.elastic
     for output in groups["outputs"].values():

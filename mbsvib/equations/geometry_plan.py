@@ -313,7 +313,8 @@ def _centred_ports(
     model: Mechanism, scene: Scene, moved: Mapping[int, Index], number: Mapping[str, int]
 ) -> tuple[list[tuple[int, Index]], tuple[Index | None, ...]]:
     """Rows of ports without a position, at the centre of mass of a body that moves, and those of inertial outputs."""
-    parts: list[Any] = [*(part for part in model.inputs.values() if not part.moves_ground),
+    parts: list[Any] = [*(part for part in model.inputs.values()
+                          if part.element is None and not part.moves_ground),
                         *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
     at_centre, centre_of = [], {}
     for row, part in enumerate(parts):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.ports import port_matrices
+from mbsvib.equations.ports import feedthrough_of_motions, port_matrices
 from mbsvib.equations.terms import Terms
 from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
@@ -82,7 +82,7 @@ def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:
             which, elastic = which.take(nonzero), elastic.take(nonzero, axis=0)
         rows, k, c, owner = elastic, k.take(which, axis=-1), c.take(which, axis=-1), owner.take(which)
         inertance = None if inertance is None else inertance.take(which)
-        if scene.port.force_outputs:  # nothing else needs more of the elements
+        if scene.port.needs_elements:  # nothing else needs more of the elements
             springs = springs.take(which)
     if inertance is not None:
         inertial = np.asarray(inertance.reshape(-1, inertance.shape[-1]).any(axis=0))
@@ -94,6 +94,8 @@ def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
     of_ports: Any = port_matrices(scene.port, port_rows, springs, elastic, scene.inertia, factor, scene.position,
                                   scene.shared)  # fmt: skip
+    if scene.port.motion_forces:
+        of_ports["D"] = feedthrough_of_motions(scene.port, scene.springs, of_ports["D"])
     if inertance is not None:  # these rows are zero in a motion with the ground
         added = np.sqrt(inertance[..., inertial])[..., None] * elastic[..., inertial, :]
         factor = concatenated((factor, added), -2)

@@ -31,8 +31,9 @@ class Ports:
 
     ``force_inputs`` are the columns of B and ``motion_outputs`` the rows of outputs of these rows, ``derivative`` (0, 1
     or 2) that of each motion output. ``base_motions`` start with the column of B, ``inertial_outputs`` and
-    ``force_outputs`` with the row of the output. ``wrench_outputs`` are forces in joints and sums of all forces on a
-    body or the ground: row of the output, "joint" or "body", number and direction.
+    ``force_outputs`` with the row of the output. ``motion_forces`` are forces of moved ends: column, number of the
+    element, 0 by displacement or 1 by velocity, and direction in its axes. ``wrench_outputs`` are forces in joints and
+    sums of all forces on a body or the ground: row of the output, "joint" or "body", number and direction.
     """
 
     rows: Rows
@@ -45,6 +46,12 @@ class Ports:
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
     wrench_outputs: tuple[tuple[int, str, int, Array], ...] = ()
+    motion_forces: tuple[tuple[int, int, int, Array], ...] = ()
+
+    @property
+    def needs_elements(self) -> bool:
+        """Whether it needs the stiffness and damping of elements."""
+        return bool(self.force_outputs or self.motion_forces)
 
 
 def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Ports:
@@ -61,18 +68,23 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
     base_motions, inertial, force_outputs, wrench_outputs = [], [], [], []
     inputs: list[Any] = list(model.inputs.values())
     outputs: list[Any] = list(model.outputs.values())
+    elements = {name: i for i, name in enumerate(model.springs)}
+    motion_forces = []
     for i, source in enumerate(inputs):
         if source.moves_ground:
             check_rotation(model, source)
             base_motions.append((i, source))
+        elif source.element is not None:
+            if source.element in elements:  # otherwise it was removed from a sparse system
+                motion_forces.append((i, elements[source.element], source.order, np.array(source.wrench)))
         else:
             force_inputs.append(i)
             rows.append(row(source))
     for i, output in enumerate(outputs):
         if output.element is not None:
             wrench = np.array(output.wrench)
-            if output.element in model.springs:
-                force_outputs.append((i, list(model.springs).index(output.element), wrench))
+            if output.element in elements:
+                force_outputs.append((i, elements[output.element], wrench))
             elif output.element in model.joints:
                 wrench_outputs.append((i, "joint", list(model.joints).index(output.element), wrench))
             elif output.element == "ground" or output.element in model.bodies:
@@ -95,6 +107,7 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
         Rows.stack(rows), np.array(force_inputs, dtype=np.intp), np.array(motion_outputs, dtype=np.intp),
         np.array(derivative, dtype=np.intp), tuple(base_motions), tuple(inertial), tuple(force_outputs),
         tuple([source.unit for source in inputs]), tuple([output.unit for output in outputs]), tuple(wrench_outputs),
+        tuple(motion_forces),
     )  # fmt: skip
 
 
@@ -138,4 +151,40 @@ def port_matrices(
         for order, value in weights_of:
             weights = (factors * value[..., which])[..., None, :]
             c[..., order, row, :] = (weights @ elastic[..., which, :])[..., 0, :]
+    if port.motion_forces:
+        b = _with_motion_forces(port, springs, elastic, b)
     return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}
+
+
+def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array:
+    """Return D with the forces in elements by the motion of their own ends, -w . k w'.
+
+    ``springs``: rows of all elements, also those that no coordinate deforms.
+    """
+    for column, owner, order, wrench in port.motion_forces:
+        which = np.nonzero(springs.owner == owner)[0]
+        value = dict(springs.weights)[order][..., which]
+        moved = springs.unit[..., which, :] @ wrench
+        for row, measured, direction in port.force_outputs:
+            if measured == owner:
+                direct = -(springs.unit[..., which, :] @ direction * moved * value).sum(axis=-1)
+                d = _like(d, direct.shape, direct)
+                d[..., row, column] = direct
+    return d
+
+
+def _with_motion_forces(port: Ports, springs: ElementRows, elastic: Array, b: Array) -> Array:
+    """B with the forces of moved ends, k d^T and c d^T."""
+    for column, owner, order, wrench in port.motion_forces:
+        which = np.nonzero(springs.owner == owner)[0]
+        weights = springs.unit[..., which, :] @ wrench * dict(springs.weights)[order][..., which]
+        force = (weights[..., None, :] @ elastic[..., which, :])[..., 0, :]
+        b = _like(b, force.shape[:-1], force)
+        b[..., column] = force
+    return b
+
+
+def _like(matrix: Array, variants: tuple[int, ...], value: Array) -> Array:
+    """A copy of a matrix with an axis of variants, of the type that takes ``value``."""
+    lead = np.broadcast_shapes(matrix.shape[:-2], variants)
+    return np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(np.result_type(matrix, value))

@@ -182,7 +182,8 @@ def of_parts(
     straight = np.array([part.acts_along_line for part in scene.elements], dtype=bool)
     ends: Any = np.array([(part.points[0], part.points[-1]) if part.acts_along_line else np.zeros((2, 3))
                           for part in scene.elements]).reshape(-1, 2, 3)  # fmt: skip
-    parts: list[Any] = [*(part for part in model.inputs.values() if not part.moves_ground),
+    parts: list[Any] = [*(part for part in model.inputs.values()
+                          if part.element is None and not part.moves_ground),
                         *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
     ground = len(number) if "ground" not in number else number["ground"]
     holder = []

@@ -29,6 +29,7 @@ class Connected:
     are its first-order states and ``yield_rates`` (k,) their derivatives; ``deformation`` (d,) [m, rad] is what its
     force acts along and ``force`` (d,) [N, N m] that force, positive where it pulls the first body to the second.
     ``cross_force`` (d,) is the part of it without energy, of the antisymmetric parts of stiffness and damping.
+    ``coefficients`` are stiffness and damping (d, d) of the deformation.
     ``angle`` [rad] must stay below the limit of bushings, where it is not None; beyond it forces are NaN.
     """
 
@@ -40,6 +41,7 @@ class Connected:
     yields: Expression
     yield_rates: Expression
     cross_force: Expression
+    coefficients: tuple[Expression, Expression]
     angle: Expression | None = None
 
 
@@ -73,7 +75,7 @@ def connected(part: Any, motion: Kinematics) -> Connected:
         force, potential = force + series, potential + 0.5 * k1 * (x - y) ** 2
         dissipation, rates = dissipation + 0.5 * series**2 / c1, series / c1
     crossed = ca.SX(*x.shape) if part.cross_coupling is None else 0.5 * ((k - k.T) @ x + (c - c.T) @ xd)
-    return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, crossed, angle)
+    return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, crossed, (k, c), angle)
 
 
 def _columns(part: Connection, numbers: Numbers) -> Any:

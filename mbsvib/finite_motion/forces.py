@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from mbsvib.elements import Body, Load
+    from mbsvib.elements.motion_input import MotionForce
     from mbsvib.elements.ports import BaseMotion, Input
+    from mbsvib.finite_motion.connections import Connected
     from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
@@ -56,6 +58,15 @@ def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression
     (v, w), (u, o) = velocity(motion, part.body, at), velocity(motion, part.relative_to, at)
     wrench = ca.SX(np.array(part.wrench))
     return ca.dot(wrench[:3], v - u) + ca.dot(wrench[3:], w - o)
+
+
+def moved_end_force(part: MotionForce, element: Connected) -> Expression:
+    """Return the force (d,) along the deformation of an element whose end on ground moves by 1 m or with 1 m/s.
+
+    The element is shorter by the displacement of this end along its line, or along its axis as it is then.
+    """
+    along = ca.SX(np.array(part.wrench if element.deformation.shape[0] == 6 else part.wrench[2:3]))
+    return element.coefficients[part.order] @ along
 
 
 def base_power(part: BaseMotion, bodies: Iterable[Body], bent: Expression, motion: Kinematics) -> Expression:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
 from mbsvib.finite_motion.elastic_block import ALL_SIX, ElasticBlock, elastic_blocks, with_interface
 from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
-from mbsvib.finite_motion.forces import base_power, input_power, load_power
+from mbsvib.finite_motion.forces import base_power, input_power, load_power, moved_end_force
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.momentum import of_body, of_rotor
@@ -106,11 +107,13 @@ def _stated(
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
     bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
-    acting: dict[str, Any] = dict(model.inputs)
+    acting = acting_inputs(model.inputs, model.springs)
     inputs = {
         name: base_power(part, massive.values(), bent, motion) if part.moves_ground else
-        input_power(part, model, motion)
+        input_power(part, model, motion) if part.element is None else
+        ca.dot(moved_end_force(part, parts[part.element]), motion.rate(parts[part.element].deformation))
         for name, part in acting.items() if not (part.moves_ground and any(part.wrench[3:]))
+        and (part.element is None or not parts[part.element].yields.numel())
     }  # fmt: skip
     kinetic |= {name: part.kinetic for name, part in bends.items()}
     potential |= {name: part.potential for name, part in bends.items()}

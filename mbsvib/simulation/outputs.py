@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.finite_motion.elastic_nodes import point_as_described
-from mbsvib.finite_motion.forces import velocity
+from mbsvib.finite_motion.forces import moved_end_force, velocity
 from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression, logarithm
@@ -226,14 +227,16 @@ def _in_element(part: ForceOutput, state: _State) -> Expression:
     force = connection.force
     if element.inertance:
         force = element.inertance * state.onward(statement.motion.rate(connection.deformation))
-    six = ca.SX.zeros(6)
-    if force.numel() == 6:
-        six = force
-    else:
-        six[ALONG_Z if element.acts_along_line else ABOUT_Z] = force
-    along = ca.dot(ca.SX(np.array(part.wrench)), six)
+    wrench = ca.SX(np.array(part.wrench))
+    axial = ALONG_Z if element.acts_along_line else ABOUT_Z
+    along = ca.dot(wrench if force.numel() == 6 else wrench[axial], force)
     if element.inertance:
         return along
     q, qd, y = statement.motion.q, statement.motion.qd, statement.yields
     rest = ca.Function("rest", [q, qd, y, statement.motion.bases], [along])
-    return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), statement.motion.no_turns))
+    along -= float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), statement.motion.no_turns))
+    for name, source in acting_inputs(state.model.inputs, state.model.springs).items():
+        if source.element == part.element and name in statement.inputs:
+            moved = moved_end_force(source, connection) * state.u[list(statement.inputs).index(name)]
+            along -= ca.dot(wrench if force.numel() == 6 else wrench[axial], moved)
+    return along

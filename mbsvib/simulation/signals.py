@@ -14,7 +14,10 @@ from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
+    from mbsvib.responses.driven import Drive
 
 # Degree of the polynomials that functions are told by, and the share of its size to which they tell it.
 DEGREE, RESOLVED = 9, 1e-11
@@ -40,6 +43,34 @@ class Signals:
         share = (t - self.breaks[k]) / (self.breaks[k + 1] - self.breaks[k])
         powers = share[:, None] ** np.arange(self.coefficients.shape[2])
         return np.asarray(np.einsum("kip,kp->ik", self.coefficients[k], powers))
+
+
+def moved_ends(driven: Signals, known: Sequence[Drive], names: tuple[str, ...]) -> Signals:
+    """Return the displacements and velocities of moved ends, from rest, of inputs that are motions.
+
+    ``driven``: signals of the inputs of the user, ``known``; ``names``: those of the equations, in their order.
+    """
+    length, degree = np.diff(driven.breaks), driven.coefficients.shape[2] - 1
+    result = np.zeros((len(length), len(names), degree + 3))
+    for i, drive in enumerate(known):
+        value = np.pad(driven.coefficients[:, i], ((0, 0), (0, 2)))
+        series = {drive.order: value}
+        for order in range(drive.order, 0, -1):
+            series[order - 1] = _integral(series[order], length)
+        for order, name in enumerate(drive.columns):
+            if order not in series:
+                series[order] = np.pad(value[:, 1:] * np.arange(1, degree + 3) / length[:, None], ((0, 0), (0, 1)))
+            if name in names:
+                result[:, names.index(name)] = series[order]
+    return Signals(driven.breaks, result)
+
+
+def _integral(value: Array, length: Array) -> Array:
+    """Coefficients (k, degree + 1) of the integral from the first time."""
+    result = np.zeros_like(value)
+    result[:, 1:] = value[:, :-1] / np.arange(1, value.shape[1]) * length[:, None]
+    result[1:, 0] = np.cumsum(result.sum(axis=1))[:-1]
+    return result
 
 
 def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:

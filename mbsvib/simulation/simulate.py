@@ -13,13 +13,15 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import Progress, counting
+from mbsvib.elements.motion_input import MotionInput
 from mbsvib.equilibrium.linear_range import TURNED
 from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.responses.driven import drives
 from mbsvib.simulation.events import events
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
-from mbsvib.simulation.signals import signals
+from mbsvib.simulation.signals import Signals, moved_ends, signals
 from mbsvib.simulation.stepping import march, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
@@ -53,7 +55,7 @@ def simulate(
             raise ModelError(f"simulate: base motion '{name}' turns the ground; only translations are simulated. Drive "
                              f"the model by forces.",
                              element=name, field="inputs")  # fmt: skip
-    driven = signals(inputs, tuple(statement.inputs), time)
+    driven = _driven(model, tuple(statement.inputs), inputs, time)
     run = session(model, statement, driven, error)
     last = restarted_sample(run, initial_state(run, initial, float(time[0])), statement.motion.no_turns)
     samples, requested = [last], set(np.searchsorted(driven.breaks, time).tolist())
@@ -80,6 +82,19 @@ def simulate(
     result = start.with_samples(samples, None if event is None else event.name)
     _warn_of_bending(result)
     return result, complete
+
+
+def _driven(model: Mechanism, names: tuple[str, ...], inputs: Any, time: Array) -> Signals:
+    """The inputs of the statement over time, of those of the model."""
+    known = drives(model)
+    if not any(isinstance(part, MotionInput) for part in model.inputs.values()):
+        return signals(inputs, names, time)
+    for drive in known:
+        if isinstance(inputs, Mapping) and drive.name in inputs and not set(drive.columns) <= set(names):
+            raise ModelError(f"simulate: motion input '{drive.name}' moves the end of a Maxwell element, whose damper "
+                             f"follows it; runs do not take this. Use the time response of the linear system.",
+                             element=drive.name, field="inputs")  # fmt: skip
+    return moved_ends(signals(inputs, tuple(model.inputs), time), known, names)
 
 
 def _times(t: Any) -> Array:

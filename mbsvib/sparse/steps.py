@@ -12,6 +12,7 @@ import numpy as np
 
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
+from mbsvib.equations.ports import feedthrough_of_motions
 from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.linalg.rotations import skew
@@ -121,6 +122,12 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
         inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
         for row, output, point in port.inertial_outputs:
             through[row, column] = np.dot(output.wrench, ground_motion(source.wrench, source.position, point))
+    for column, owner, order, wrench in port.motion_forces:
+        which = np.flatnonzero(springs.owner == owner)
+        weights = springs.unit[which] @ wrench * dict(springs.weights)[order][which]
+        line = (csr_matrix(weights) @ draft.elastic[which]).tocoo()
+        inputs = inputs + csr_matrix((line.data, (np.full(line.nnz, column), line.col)), shape=shape)
+    through = feedthrough_of_motions(port, springs, through)
     shape = (len(port.output_units), layout.size)
     outputs = []
     entries = draft.port_rows[forces:].tocoo()

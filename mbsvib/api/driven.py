@@ -1,0 +1,386 @@
+"""Systems with motions as inputs, of one model or of many variants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from mbsvib.api.state_space import StateSpace
+from mbsvib.common.display import Displayed
+from mbsvib.common.selection import port_numbers
+from mbsvib.errors import counted
+from mbsvib.random.verbs import RandomVerbs
+from mbsvib.responses.driven import Drive, driven_response, driven_space, feedthrough_of
+from mbsvib.responses.linear import LinearVerbs
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
+
+# What a system tells of the mechanism without its inputs; asked of a system with motions, its equations answer.
+WITHOUT_INPUTS = frozenset((
+    "M", "C", "K", "mass", "damping", "stiffness", "Cq", "Cv", "Ca", "dof", "coordinates", "coordinate_units", "bodies",
+    "body_motion", "inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "row_owner", "gyroscopic",
+    "circulatory", "massless", "null_inertia", "tree", "cut_joints", "redundant", "parameters", "displacements",
+    "provenance", "eigenvalue_sensitivities", "mode_sensitivities", "stiffness_shares", "linear_range", "explain",
+    "reactions",
+))  # fmt: skip
+
+
+class _Driven(Displayed):
+    """Equations and how motions act on them."""
+
+    second_order: Any
+    drives: tuple[Drive, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        name: str = self.second_order.name
+        return name
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return tuple([drive.name for drive in self.drives])
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+        return tuple([drive.unit for drive in self.drives])
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        names: tuple[str, ...] = self.second_order.outputs
+        return names
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        units: tuple[str, ...] = self.second_order.output_units
+        return units
+
+    def __getattr__(self, key: str) -> Any:
+        if key in WITHOUT_INPUTS:
+            return getattr(self.second_order, key)
+        known = not key.startswith("_") and hasattr(type(self.second_order), key)
+        motion = next((drive.name for drive in self.drives if drive.columns != (drive.name,)), "")
+        hint = f"; beside the motion input '{motion}' ask .state_space(), or .second_order, whose inputs are the " \
+               f"displacements and velocities of the moved ends" if known else ""  # fmt: skip
+        raise AttributeError(f"'{type(self).__name__}' object has no attribute '{key}'{hint}.", name=key, obj=self)
+
+    def __repr__(self) -> str:
+        ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
+        return f"{type(self).__name__}({self.name!r}: {self.second_order.dof} DOF, {ports})"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
+    """M q'' + C q' + K q = B0 u + B1 u',  y = Cq q + Cv q' + Ca q'' + D u: a system with motions as inputs.
+
+    Its matrices, modes and coordinates are those of ``second_order``, the equations whose inputs are the displacements
+    ``NAME.displacement`` and velocities ``NAME.velocity`` of the moved ends. ``drives`` tell how the inputs act on
+    these. Time responses, norms and loops are those of ``state_space()``.
+    """
+
+    kind: ClassVar[str] = "state space"
+    """Tells what has a state space from systems of second order."""
+
+    second_order: Any
+    """The equations with the motions of all ends as inputs: a System or SparseSystem."""
+    drives: tuple[Drive, ...]
+    """The inputs and how they act."""
+
+    @property
+    def B0(self) -> Array:
+        """Generalized forces by a unit of the displacement of each end, or of each other input (m, inputs)."""
+        return self._columns(0)
+
+    @property
+    def B1(self) -> Array:
+        """Generalized forces by a unit of the velocity of each end (m, inputs)."""
+        return self._columns(1)
+
+    @property
+    def D(self) -> Array:
+        """Direct response of outputs to inputs (outputs, inputs) of the state space."""
+        return self.state_space().D
+
+    def feedback(self, controller: Any, *args: Any, **kwargs: Any) -> Any:
+        """Return the closed loop of the state space with a controller; see ``System.feedback``.
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            From sensors to actuators.
+        *args, **kwargs
+            Those of ``System.feedback``.
+
+        Returns
+        -------
+        ClosedLoop or SampledLoop
+            With the inputs and outputs of this system.
+
+        Raises
+        ------
+        ResponseError
+            As of ``state_space`` and ``System.feedback``.
+        """
+        return self.state_space().feedback(controller, *args, **kwargs)
+
+    def modes(self, *args: Any, **kwargs: Any) -> Any:
+        """Return the modes of the mechanism, as if its ends stood still.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            Those of ``modes`` of the system, such as ``rtol``, or the number of modes of a sparse one.
+
+        Returns
+        -------
+        Modes
+            Printed as a table.
+        """
+        return self.second_order.modes(*args, **kwargs)
+
+    def poles(self) -> Complex:
+        """Return the eigenvalues [1/s] of the mechanism; those of its inputs' integrators are not among them.
+
+        Returns
+        -------
+        array, shape (2m,)
+            Poles in ascending magnitude.
+        """
+        poles: Complex = self.second_order.poles()
+        return poles
+
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
+        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all.
+
+        Returns
+        -------
+        DrivenSystem
+            The same equations.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        if outputs is None and inputs is None:
+            return self
+        o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        drives = tuple([self.drives[k] for k in i])
+        columns = [column for drive in drives for column in drive.columns]
+        part = self.second_order.with_ports([self.outputs[k] for k in o], columns)
+        return replace(self, second_order=part, drives=drives)
+
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
+        """Return the frequency response from inputs to outputs; it exists where no proper state space does.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 (B0 + i w B1) / (i w)^n + D
+
+        with n = 1 for a velocity and 2 for an acceleration as the input.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or a pole, or 0 with a velocity or acceleration, or a name is unknown.
+        """
+        part = self.with_ports(outputs, inputs)
+        equations = part.second_order
+        response: Complex = driven_response(equations.frequency_response(omega), equations.inputs, part.drives, omega)
+        return response
+
+    def frequency_response_sensitivities(
+        self, omega: ArrayLike, parameters: Any = None, outputs: Names = None, inputs: Names = None
+    ) -> Complex:
+        """Return the derivatives of the frequency response to parameters.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        parameters : str, iterable of str or mapping, optional
+            As of ``System.frequency_response_sensitivities``.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, inputs, n)
+            Derivatives [output unit / input unit per unit of the parameter].
+
+        Raises
+        ------
+        ModelError, ResponseError
+            As of ``System.frequency_response_sensitivities`` and ``frequency_response``.
+        """
+        part = self.with_ports(outputs, inputs)
+        columns = [column for drive in part.drives for column in drive.columns]
+        slopes = self.second_order.frequency_response_sensitivities(omega, parameters, list(part.outputs), columns)
+        result: Complex = driven_response(slopes, columns, part.drives, omega)
+        return result
+
+    def state_space(self, realization: str | None = None, **kwargs: Any) -> StateSpace:
+        """Return proper first-order equations; no derivative of an input is needed.
+
+        x = (q, q' - M^-1 B1 u) where inputs are displacements; a velocity has the state ``NAME.displacement``, an
+        acceleration also ``NAME.velocity``.
+
+        Parameters
+        ----------
+        realization : str, optional
+            "physical" (default), "modal" or "balanced" states of the mechanism.
+        **kwargs
+            Those of a sparse system, ``modes=k``.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If an output needs the derivative of an input, or the realization is unknown.
+        """
+        space: StateSpace = self.second_order.state_space(*(() if realization is None else (realization,)), **kwargs)
+        return driven_space(space, self.drives, feedthrough_of(self.second_order, space), self.name)
+
+    def _columns(self, order: int) -> Array:
+        inputs, matrix = list(self.second_order.inputs), self.second_order.B
+        result = np.zeros((len(matrix), len(self.drives)))
+        for k, drive in enumerate(self.drives):
+            if len(drive.columns) > order:
+                result[:, k] = matrix[:, inputs.index(drive.columns[order])]
+        return result
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DrivenBatch(_Driven):
+    """Systems with motions as inputs of n variants, as ``Batch``; ``batch[i]`` is the ``DrivenSystem`` of variant i."""
+
+    second_order: Any
+    """The batch with the motions of all ends as inputs."""
+    drives: tuple[Drive, ...]
+    """The inputs and how they act."""
+
+    def __len__(self) -> int:
+        return len(self.second_order)
+
+    def __getitem__(self, index: int) -> DrivenSystem:
+        return DrivenSystem(self.second_order[index], self.drives)
+
+    @property
+    def nominal(self) -> DrivenSystem:
+        """The system of the model itself."""
+        return DrivenSystem(self.second_order.nominal, self.drives)
+
+    @property
+    def values(self) -> Any:
+        """The values that vary."""
+        return self.second_order.values
+
+    def modes(self, rtol: float | None = None) -> Any:
+        """Return the modes of all variants.
+
+        Parameters
+        ----------
+        rtol : float, optional
+            As of ``Batch.modes``.
+
+        Returns
+        -------
+        BatchModes
+            With an axis of variants in front.
+        """
+        return self.second_order.modes(rtol)
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response of all variants.
+
+        Parameters
+        ----------
+        omega : array-like, shape (k,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (n, outputs, inputs, k)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            As of ``DrivenSystem.frequency_response``.
+        """
+        batch = self.second_order
+        result: Complex = driven_response(batch.frequency_response(omega), batch.nominal.inputs, self.drives, omega)
+        return result
+
+    def state_space(self, realization: str = "physical") -> tuple[StateSpace, ...]:
+        """Return proper first-order equations of each variant.
+
+        Parameters
+        ----------
+        realization : str
+            As of ``Batch.state_space``.
+
+        Returns
+        -------
+        tuple of StateSpace
+            One for each variant.
+
+        Raises
+        ------
+        ResponseError
+            As of ``DrivenSystem.state_space``.
+        """
+        return tuple([self[i].state_space(realization) for i in range(len(self))])
+
+    def time_response(self, t: ArrayLike, u: ArrayLike, hold: str = "first") -> Array:
+        """Return the time response of all variants to the same inputs, from rest.
+
+        Parameters
+        ----------
+        t : array-like, shape (k,)
+            Ascending times [s].
+        u : array-like, shape (inputs, k), or (k,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+
+        Returns
+        -------
+        array, shape (n, outputs, k)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            As of ``DrivenSystem.state_space``, or if the data are refused.
+        """
+        return np.array([space.time_response(t, u, hold) for space in self.state_space()])

@@ -1,0 +1,157 @@
+"""Motion inputs: the ground's end of a spring, bushing or Maxwell element moves as the input prescribes.
+
+M q'' + C q' + K q = B0 u + B1 u',  B0 = sum k d^T,  B1 = sum c d^T
+
+with the rows d of relative displacement, positive where the body moves off from its end on ground. So the displacement
+and the velocity of that end act as two forces, each of which the equations take as an input of its own; what the
+given quantity makes of them is in ``responses.driven``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.common import arguments as check
+from mbsvib.elements.bushing import Bushing
+from mbsvib.elements.maxwell import Maxwell
+from mbsvib.elements.part import derived
+from mbsvib.elements.ports import MOTION_UNITS, QUANTITIES, Signal, Six, unit_along, with_wrench
+from mbsvib.elements.shared_rows import ExpandedPart
+from mbsvib.elements.spring import Spring
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionInput(Signal):
+    """The ``quantity`` of the ground's end of ``element`` along its line, or along a ``direction`` in a bushing's axes.
+
+    Positive where this end moves towards the other one; of a bushing, along its axis.
+    """
+
+    element: str = field()
+    quantity: str = "displacement"
+    direction: str | Six = "z"
+    wrench: Six = derived(())
+
+    @property
+    def order(self) -> int:
+        """Number of time derivatives of the displacement."""
+        return QUANTITIES.index(self.quantity)
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return unit_along(self.wrench, MOTION_UNITS[self.order])
+
+    @property
+    def state_units(self) -> tuple[str, str]:
+        """Units of the displacement and of the velocity of this end."""
+        return unit_along(self.wrench, MOTION_UNITS[0]), unit_along(self.wrench, MOTION_UNITS[1])
+
+    def column_names(self, element: Any) -> tuple[str, ...]:
+        """Return the names of the inputs that the equations have for it: displacement and, of elements whose damper
+        acts at that end, velocity.
+
+        Parameters
+        ----------
+        element : Connection
+            The element.
+
+        Returns
+        -------
+        tuple of str
+            One or two names; its own where the displacement is the input and nothing else acts.
+        """
+        if isinstance(element, Maxwell):
+            return (self.name,) if self.order == 0 else (f"{self.name}.displacement",)
+        return f"{self.name}.displacement", f"{self.name}.velocity"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionForce(Signal):
+    """The force of a moved end per unit of its displacement (``order`` 0) or velocity (1), along ``wrench`` in the
+    element's axes.
+    """
+
+    element: str = field()
+    order: int = 0
+    wrench: Six = ()
+    unit: str = ""
+
+
+def make(name: str, element: str, quantity: Any = "displacement", direction: Any = "z") -> MotionInput:
+    """Check the values of a motion input and build it."""
+    who = f"motion input '{name}'"
+    if not isinstance(quantity, str) or quantity not in QUANTITIES:
+        raise check.refuse(who, "quantity", quantity, "displacement, velocity or acceleration",
+                           nearest(str(quantity), QUANTITIES).strip())  # fmt: skip
+    direction, wrench = with_wrench(direction, who)
+    return MotionInput(name, element, quantity, direction, wrench)
+
+
+def check_element(part: MotionInput, element: Any) -> None:
+    """Refuse an element whose end cannot be moved by an input.
+
+    Parameters
+    ----------
+    part : MotionInput
+        The input.
+    element : Part or None
+        What has the name of its element.
+
+    Raises
+    ------
+    ModelError
+        If it is no spring, bushing or Maxwell element with one end on ground, or the direction is not its own.
+    """
+    who = f"motion input '{part.name}'"
+    if not isinstance(element, (Spring, Bushing, Maxwell)):
+        what = "no element of this model" if element is None else f"a {element.family}"
+        raise ModelError(f"{who}: element '{part.element}' is {what}; expected a spring, bushing or Maxwell element "
+                         f"with one end on ground.", element=part.name, field="element")  # fmt: skip
+    if GROUND not in (element.first, element.second):
+        raise ModelError(f"{who}: both ends of '{part.element}' are on bodies ('{element.first}' and "
+                         f"'{element.second}'); expected an element with one end on ground. A body between them can "
+                         f"be moved by a force input.", element=part.name, field="element")  # fmt: skip
+    if element.acts_along_line and any(w for i, w in enumerate(part.wrench) if i != 2):
+        raise check.refuse(who, "direction", part.direction, "'z', the line of a spring")
+    if element.cross_coupling is not None:
+        raise ModelError(f"{who}: the matrices of bushing '{part.element}' are not symmetric; its end cannot be moved "
+                         f"by an input. Give it symmetric ones.", element=part.name, field="element")  # fmt: skip
+
+
+def acting_inputs(inputs: Mapping[str, Any], springs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the inputs of the equations: those of a model, with the forces of moved ends in place of their motions.
+
+    Parameters
+    ----------
+    inputs, springs : mapping
+        Inputs and elements of a model by name.
+
+    Returns
+    -------
+    dict
+        Inputs by name.
+    """
+    result: dict[str, Any] = {}
+    for name, part in inputs.items():
+        result |= expand(part, springs).inputs if isinstance(part, MotionInput) else {name: part}
+    return result
+
+
+def expand(part: MotionInput, others: Mapping[str, Any]) -> ExpandedPart:
+    """Return the inputs of the equations by which the moved end acts."""
+    element = others.get(part.element)
+    check_element(part, element)
+    assert element is not None
+    # the rows of a bushing are the displacement of its second body less that of the first one
+    sign = 1.0 if element.acts_along_line or element.first == GROUND else -1.0
+    wrench = tuple([sign * value for value in part.wrench])
+    return ExpandedPart(inputs={name: MotionForce(name, part.element, order, wrench, part.state_units[order])
+                                for order, name in enumerate(part.column_names(element))})

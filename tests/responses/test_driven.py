@@ -1,0 +1,308 @@
+"""Motions as inputs against the quarter car by hand, a heavy ground, and exponentials in extended precision."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import mbsvib as mv
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.files import load, save
+
+WHEEL, BODY, STRUT, ABSORBER, TYRE = 40.0, 400.0, 2e4, 1500.0, 2e5
+QUANTITIES = ("displacement", "velocity", "acceleration")
+OMEGA = np.array([1.0, 8.0, 60.0, 500.0])
+INERTIA = (1.0, 1.0, 1.0)
+
+
+def quarter(quantity="displacement", damping=200.0, kind="spring", turned=False, heavy=None):
+    model = mv.Model("quarter car")
+    model.add_body("wheel", WHEEL, INERTIA, (0, 0, 0.3))
+    model.add_body("body", BODY, INERTIA, (0, 0, 0.8))
+    model.add_joint("axle", "prismatic", "ground", "wheel", (0, 0, 0.3), axis=(0, 0, 1))
+    model.add_joint("guide", "prismatic", "wheel", "body", (0, 0, 0.8), axis=(0, 0, 1))
+    model.add_spring("strut", "wheel", "body", (0, 0, 0.3), (0, 0, 0.8), stiffness=STRUT, damping=ABSORBER)
+    ground = "ground"
+    if heavy is not None:
+        ground = "road"
+        model.add_body("road", heavy, INERTIA, (0, 0, 0))
+        model.add_joint("bed", "prismatic", "ground", "road", (0, 0, 0), axis=(0, 0, 1))
+        model.add_input("push", "road", "z")
+    ends = (ground, "wheel", (0, 0, 0), (0, 0, 0.3))
+    if turned:
+        ends = ("wheel", ground, (0, 0, 0.3), (0, 0, 0))
+    if kind == "spring":
+        model.add_spring("tyre", *ends, stiffness=TYRE, damping=damping)
+    elif kind == "maxwell":
+        model.add_maxwell("tyre", *ends, stiffness=1e5, damping=damping, static_stiffness=TYRE)
+    else:
+        model.add_bushing("tyre", *ends[:2], (0, 0, 0), stiffness=(1e4, 1e4, TYRE, 0, 0, 0),
+                          damping=(0, 0, damping, 0, 0, 0))
+    if heavy is None:
+        model.add_motion_input("road", "tyre", quantity)
+    for quantity in QUANTITIES:
+        model.add_output(quantity, "body", "z", quantity=quantity)
+    model.add_force_output("tyre force", "tyre")
+    return model
+
+
+def by_hand(omega, order, damping=200.0, kind="spring"):
+    """Displacement, velocity, acceleration of the body, force in the tyre by the road."""
+    result = []
+    for s in 1j * np.asarray(omega):
+        tyre = TYRE + (damping * s if kind != "maxwell" else 1e5 * damping * s / (1e5 + damping * s))
+        strut = STRUT + ABSORBER * s
+        matrix = [[WHEEL * s * s + strut + tyre, -strut], [-strut, BODY * s * s + strut]]
+        wheel, body = np.linalg.solve(matrix, [tyre, 0.0])
+        result.append(np.array([body, s * body, s * s * body, (wheel - 1.0) * tyre]) / s**order)
+    return np.array(result).T
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("kind", ["spring", "bushing", "maxwell"])
+@pytest.mark.parametrize("order", range(3))
+def test_frequency_responses_are_those_by_hand(order, kind, turned, method):
+    system = quarter(QUANTITIES[order], kind=kind, turned=turned).linearize(method=method)
+    expected = by_hand(OMEGA, order, kind=kind)
+    if kind == "bushing" and turned:  # its force is counted from the wheel to the ground
+        expected[3] *= -1.0
+    np.testing.assert_allclose(system.frequency_response(OMEGA)[:, 0], expected, rtol=1e-11)
+    assert system.inputs == ("road",)
+    assert system.input_units == (("m", "m/s", "m/s^2")[order],)
+
+
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
+@pytest.mark.parametrize("order", range(3))
+def test_state_spaces_have_the_same_responses_and_name_their_states(order, realization):
+    system = quarter(QUANTITIES[order]).linearize()
+    names = ["displacement", "velocity"] if order == 0 else list(system.outputs)
+    space = system[names, :].state_space(realization)
+    expected = by_hand(OMEGA, order)[: len(names)]
+    np.testing.assert_allclose(space.frequency_response(OMEGA)[:, 0], expected, rtol=1e-10)
+    assert space.states[4:] == ("road.displacement", "road.velocity")[:order]
+    assert space.state_units[4:] == ("m", "m/s")[:order]
+    if realization == "physical":  # the coordinates and rates come back, q' with its jump
+        q = np.linalg.solve(1j * OMEGA[1] * np.eye(len(space.A)) - space.A, space.B)
+        back = space.transform @ q + (0.0 if space.through is None else space.through)
+        np.testing.assert_allclose(back[0] * 1j * OMEGA[1], back[2], rtol=1e-10)
+
+
+def test_matrices_and_modes_are_those_of_the_ground_at_rest():
+    still, moved = quarter(heavy=None).with_parts(inputs={}).linearize(), quarter().linearize()
+    for key in "MCK":
+        np.testing.assert_array_equal(getattr(moved, key), getattr(still, key))
+    np.testing.assert_array_equal(moved.modes().eigenvalues, still.modes().eigenvalues)
+    np.testing.assert_allclose(moved.B0.T, [[TYRE, 0.0]])
+    np.testing.assert_allclose(moved.B1.T, [[200.0, 0.0]])
+
+
+def with_accelerometer(**kwargs):
+    model = quarter(**kwargs)
+    model.add_output("on wheel", "wheel", "z", quantity="acceleration")
+    return model
+
+
+def test_the_body_feels_no_derivative_of_the_road():
+    """The kick of the road's step is one of the wheel; the body only feels its velocity, so D is c_s c_t / (M m)."""
+    np.testing.assert_allclose(quarter().linearize()["acceleration", :].state_space().D, [[1500.0 * 200.0 / 16000.0]])
+
+
+@pytest.mark.parametrize("name", ["on wheel", "tyre force"])
+def test_outputs_that_need_the_derivative_are_refused_by_name(name):
+    system = with_accelerometer().linearize()
+    message = f"output '{name}' needs the derivative of input 'road'.*quantity='velocity'"
+    with pytest.raises(ResponseError, match=message):
+        system[name, :].state_space()
+    with pytest.raises(ResponseError, match=message):
+        system.time_response([0.0, 1.0], [0.0, 0.0], outputs=name)
+    undamped = with_accelerometer(damping=0.0).linearize()
+    assert np.isfinite(undamped[name, :].state_space().D).all()
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("order", range(3))
+def test_step_responses_are_those_of_the_exponential(order, hold):
+    """The force c u' of a step is an impulse c / m, by which the wheel's velocity jumps."""
+    mp.mp.dps = 40
+    t = np.array([0.0, 0.07, 0.4])
+    y = quarter(QUANTITIES[order]).linearize().time_response(t, np.ones(3), hold, outputs=["displacement", "velocity"])
+    k, c = mp.matrix([[TYRE + STRUT, -STRUT], [-STRUT, STRUT]]), mp.matrix([[1700.0, -1500.0], [-1500.0, 1500.0]])
+    a = mp.zeros(7)  # q, q', then u and its integrals r, r' of the acceleration
+    for i, mass in enumerate((mp.mpf(WHEEL), mp.mpf(BODY))):
+        a[i, 2 + i] = 1
+        for j in range(2):
+            a[2 + i, j], a[2 + i, 2 + j] = -k[i, j] / mass, -c[i, j] / mass
+    start = mp.zeros(7, 1)
+    a[2, 4] = TYRE / mp.mpf(WHEEL)
+    a[2, 5] = 200.0 / mp.mpf(WHEEL)
+    a[4, 5], a[5, 6] = 1, 1  # displacement, velocity, acceleration
+    start[4 + order] = 1
+    if order == 0:
+        start[2] = 200.0 / mp.mpf(WHEEL)
+    for at, column in zip(t, y.T, strict=True):
+        state = mp.expm(a * mp.mpf(float(at))) * start
+        np.testing.assert_allclose(column, [float(state[1]), float(state[3])], rtol=1e-9, atol=1e-13)
+
+
+def test_a_heavy_ground_moves_the_end_in_the_same_way():
+    """Pushed by m s^2 u the ground moves by u but for what the tyre does to it, 1e-9 of that."""
+    heavy, s = 1e16, 1j * OMEGA
+    pushed = quarter(heavy=heavy).linearize().frequency_response(OMEGA, inputs="push")[:, 0] * heavy * s**2
+    ours = quarter().linearize().frequency_response(OMEGA)[:, 0]
+    np.testing.assert_allclose(ours, pushed, rtol=1e-7)
+
+
+def test_variants_and_compiled_plants_have_moving_coefficients():
+    model = quarter()
+    values = {"tyre.stiffness": np.array([1e5, 2e5, 3e5]), "tyre.damping": np.array([0.0, 200.0, 900.0])}
+    batch = model.linearize(values=values)
+    responses = batch.frequency_response(OMEGA)
+    plant = model.compile(list(values))
+    for i in range(3):
+        variant = model.with_values({name: float(array[i]) for name, array in values.items()}).linearize()
+        np.testing.assert_allclose(responses[i], variant.frequency_response(OMEGA), rtol=1e-11)
+        np.testing.assert_allclose(batch[i].frequency_response(OMEGA), variant.frequency_response(OMEGA), rtol=1e-11)
+        matrices = plant([values["tyre.stiffness"][i], values["tyre.damping"][i]])
+        np.testing.assert_allclose(matrices.B, np.hstack((variant.B0, variant.B1)), rtol=1e-13)
+        np.testing.assert_allclose(matrices.D, variant.second_order.D, rtol=1e-13)
+    names = ["displacement", "velocity"]
+    t, u = np.linspace(0.0, 1.0, 11), np.sin(np.arange(11.0))
+    part = model.with_parts(outputs={name: model.outputs[name] for name in names})
+    np.testing.assert_allclose(part.linearize(values=values).time_response(t, u)[1],
+                               model.linearize().time_response(t, u, outputs=names), rtol=1e-9, atol=1e-12)
+    slope = plant.tangent(plant.nominal, [1.0, 0.0])
+    np.testing.assert_allclose(slope.B[0], [1.0, 0.0])
+    np.testing.assert_allclose(slope.D[3], [-1.0, 0.0])
+
+
+@pytest.mark.parametrize("name", ["tyre.stiffness", "tyre.damping", "strut.damping", "wheel.mass"])
+def test_sensitivities_take_the_moving_coefficients_along(name):
+    model, h = quarter("velocity"), 1e-4
+    value = model.parameters[name]
+    slopes = model.linearize().frequency_response_sensitivities(OMEGA, [name])[0]
+    above, below = (model.with_values({name: value * (1.0 + sign * h)}).linearize().frequency_response(OMEGA)
+                    for sign in (1.0, -1.0))
+    size = np.abs(slopes).max(axis=-1, keepdims=True)
+    np.testing.assert_allclose(slopes / size, (above - below) / (2.0 * h * value) / size, atol=2e-6)
+
+
+def test_random_vibration_and_loops_take_motions():
+    system = quarter("velocity").linearize()
+    noise = {"road": mv.isolation.road_spectrum("C", 20.0, "velocity")}
+    f = np.geomspace(0.3, 50.0, 7)
+    density = system.psd("acceleration", noise, f)[0]
+    expected = np.abs(by_hand(2.0 * np.pi * f, 1)[2]) ** 2 * noise["road"].at(f)
+    np.testing.assert_allclose(density, expected, rtol=1e-9)
+    rms = system.rms("acceleration", noise)["acceleration"]
+    low, high = noise["road"].frequencies[[0, -1]]
+    square = quad(lambda x: float(np.abs(by_hand([2.0 * np.pi * np.exp(x)], 1)[2, 0]) ** 2 * np.exp(x)
+                                  * noise["road"].at(np.array([np.exp(x)]))[0]),
+                  np.log(low), np.log(high), limit=400, epsrel=1e-10)[0]
+    np.testing.assert_allclose(rms, np.sqrt(square), rtol=1e-8)
+    displaced = quarter().linearize().psd("acceleration", {"road": mv.isolation.road_spectrum("C", 20.0)}, f)[0]
+    np.testing.assert_allclose(displaced, density, rtol=1e-9)
+    loop = system.feedback([[-300.0]], "velocity", "road")
+    space = system.state_space()
+    np.testing.assert_allclose(np.sort_complex(loop.poles()), np.sort_complex(np.linalg.eigvals(
+        space.A - 300.0 * space.B @ space.C[1:2])), rtol=1e-8, atol=1e-10)
+
+
+def test_forces_in_joints_and_on_the_ground_follow_moved_ends():
+    """A lever: the moved end of a spring on its tip loads the bearing; by statics, k u at once."""
+    model = mv.Model("lever")
+    model.add_body("lever", 2.0, INERTIA, (1.0, 0, 0))
+    model.add_joint("bearing", "revolute", "ground", "lever", (0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("rod", "ground", "lever", (2.0, 0, -1.0), (2.0, 0, 0), stiffness=300.0, damping=2.0)
+    model.add_motion_input("end", "rod")
+    model.add_force_output("bearing force", "bearing", "x")
+    model.add_force_output("bearing shear", "bearing", "y")
+    model.add_force_output("rod force", "rod")
+    model.add_force_output("ground force", "ground", "z")
+    names = model.joints["bearing"].axes
+    for method in ("dense", "sparse"):
+        response = model.linearize(method=method).frequency_response(OMEGA)[:, 0]
+        s = 1j * OMEGA
+        rod = 300.0 + 2.0 * s
+        inertia = 1.0 + 2.0
+        turn = 2.0 * rod / (inertia * s**2 + 4.0 * rod)  # upwards
+        force = rod * (2.0 * turn - 1.0)
+        np.testing.assert_allclose(response[2], force, rtol=1e-10)
+        bearing = 2.0 * s**2 * turn + force  # from the bearing on the lever, upwards
+        ground = -2.0 * s**2 * turn
+        np.testing.assert_allclose(np.abs(response[3]), np.abs(ground), rtol=1e-10)
+        seen = np.abs(np.array(names).T[:2, 2, None] * bearing)
+        np.testing.assert_allclose(np.abs(response[:2]), seen, rtol=1e-9, atol=1e-9)
+
+
+def test_dampers_on_massless_plates_have_no_derivative_of_the_input_in_displacements():
+    """A massless plate on the moved damper and a spring: c (p' - u') + k p = 0."""
+    model = mv.Model("plate")
+    model.add_body("plate", 0.0, (0, 0, 0), (0, 0, 0.1))
+    model.add_joint("guide", "prismatic", "ground", "plate", (0, 0, 0.1), axis=(0, 0, 1))
+    model.add_body("mass", 3.0, INERTIA, (0, 0, 0.2))
+    model.add_joint("post", "prismatic", "plate", "mass", (0, 0, 0.2), axis=(0, 0, 1))
+    model.add_spring("damper", "ground", "plate", (0, 0, 0), (0, 0, 0.1), damping=5.0)
+    model.add_spring("spring", "plate", "mass", (0, 0, 0.1), (0, 0, 0.2), stiffness=70.0)
+    model.add_motion_input("road", "damper")
+    model.add_output("plate z", "plate", "z")
+    model.add_output("mass z", "mass", "z")
+    model.add_output("plate v", "plate", "z", quantity="velocity")
+    system, s = model.linearize(), 1j * OMEGA
+    mass = 70.0 / (70.0 + 3.0 * s**2)  # by the plate
+    plate = 5.0 * s / (5.0 * s + 70.0 * (1.0 - mass))
+    expected = [plate, mass * plate]
+    np.testing.assert_allclose(system.frequency_response(OMEGA)[:2, 0], expected, rtol=1e-11)
+    space = system[["plate z", "mass z"], :].state_space()
+    np.testing.assert_allclose(space.frequency_response(OMEGA)[:, 0], expected, rtol=1e-11)
+    y = system.time_response([0.0, 1e-9], [1.0, 1.0], "zero", outputs="plate z")
+    np.testing.assert_allclose(y, 1.0, rtol=1e-6)  # the damper takes the plate along
+    with pytest.raises(ResponseError, match="'plate v' needs the derivative of input 'road'"):
+        system["plate v", :].state_space()
+
+
+def test_what_cannot_be_moved_is_refused_by_name():
+    model = quarter()
+    with pytest.raises(ModelError, match="'strut' are on bodies"):
+        model.add_motion_input("a", "strut")
+    with pytest.raises(ModelError, match="'axle' is no element"):
+        model.add_motion_input("a", "axle")
+    with pytest.raises(ModelError, match=r"quantity = 'velocty'.*velocity"):
+        model.add_motion_input("a", "tyre", "velocty")
+    with pytest.raises(ModelError, match=r"direction = 'x'.*the line of a spring"):
+        model.add_motion_input("a", "tyre", direction="x")
+    model.add_inerter("b", "ground", "wheel", (0, 0, 0), (0, 0, 0.3), inertance=1.0)
+    with pytest.raises(ModelError, match=r"'b' is a inerter"):
+        model.add_motion_input("a", "b")
+    with pytest.raises(ResponseError, match=r"omega\[0\] = 0 rad/s; input 'road' is integrated"):
+        quarter("velocity").linearize().frequency_response([0.0, 1.0])
+    with pytest.raises(AttributeError, match=r"motion input 'road' ask .state_space"):
+        _ = quarter().linearize().reachable
+
+
+def test_files_keep_motion_inputs(tmp_path):
+    model = quarter("velocity", kind="bushing")
+    save(model, tmp_path / "model.yaml")
+    same = load(tmp_path / "model.yaml")
+    assert same.inputs == model.inputs
+    np.testing.assert_array_equal(same.linearize().frequency_response(OMEGA),
+                                  model.linearize().frequency_response(OMEGA))
+
+
+@pytest.mark.parametrize("order", range(3))
+@pytest.mark.parametrize("kind", ["spring", "bushing"])
+def test_runs_of_straight_guides_are_the_linear_responses(kind, order):
+    model = quarter(QUANTITIES[order], kind=kind)
+    t = np.linspace(0.0, 1.0, 101)
+    u = 0.01 * np.sin(9.0 * t)
+    run = model.simulate(t, inputs={"road": u})
+    names = ["displacement", "velocity"] if order == 0 else ["displacement", "velocity", "tyre force"]
+    expected = model.linearize().time_response(t, u, outputs=names)
+    for name, row in zip(names, expected, strict=True):
+        np.testing.assert_allclose(run[name], row, atol=3e-6 * np.abs(row).max())
+
+
+def test_runs_refuse_moved_ends_of_maxwell_elements():
+    model = quarter(kind="maxwell")
+    with pytest.raises(ModelError, match="motion input 'road' moves the end of a Maxwell element"):
+        model.simulate([0.0, 0.1], inputs={"road": [0.0, 0.1]})
