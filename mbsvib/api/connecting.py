@@ -12,6 +12,13 @@ if TYPE_CHECKING:
 class Connecting:
     """Linear equations to which controllers can be connected."""
 
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+        """What notebooks complete after ``system[``: pairs of an output and an input."""
+        return [(output, port) for output in self.outputs for port in self.inputs]
+
     # Any stands for a SampledLoop: the type of a controller does not tell whether it is discrete
 
     def feedback(

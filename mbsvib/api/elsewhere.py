@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NoReturn
 
+from mbsvib.common.completion import completed_names
+
 
 class Elsewhere:
     """An attribute that a class does not have; asking for it raises an AttributeError that tells which object has it.
@@ -36,4 +38,4 @@ def _attributes(kind: type) -> set[str]:
 
 def _names(value: Any) -> list[str]:
     absent = {name for kind in type(value).__mro__ for name, item in vars(kind).items() if isinstance(item, Elsewhere)}
-    return [name for name in object.__dir__(value) if name not in absent]
+    return [name for name in completed_names(value) if name not in absent]

@@ -43,6 +43,8 @@ class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equ
     cached.
     """
 
+    _engine = "basis sensitivity_basis"
+
     large: ClassVar[type[Any] | None] = None
     """The class for sparse matrices, which its module sets."""
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mbsvib.common import tables
+from mbsvib.common.completion import Completed
 
 MOST = 4  # entries of a sequence that are shown
 LONGEST = 60  # characters of one value
@@ -18,7 +19,7 @@ NAMES = ("coordinates", "states", "inputs", "outputs", "parameters", "variables"
 _TWO_COLUMNS: list[tuple[str, tables.Justify]] = [("", "left"), ("", "left")]
 
 
-class Displayed:
+class Displayed(Completed):
     """A result: ``repr`` is one short line, ``str`` and notebooks have its ``table()``, or else its fields."""
 
     __slots__ = ()

@@ -30,6 +30,8 @@ ZERO = (0.0,) * 6
 class Connection(Part):
     """An element between the bodies ``first`` and ``second``."""
 
+    _engine = "acts_along_line at_rest cross_coupling law loaded preload_form rest_wrench row_values"
+
     law: ClassVar[Law | None] = None  # of its force in finite motion
 
     first: str

@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common.arguments import DIRECTIONS, rotated
+from mbsvib.common.completion import Completed
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import NoWordsError
 
@@ -103,8 +104,13 @@ def spatial_field(name: str, value: Any, units: tuple[str, str, str]) -> Paramet
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Part(Completed):
     """A named, immutable part of a model."""
+
+    _engine = (
+        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields point_fields "
+        "replaced_fields signed_fields suspects symbol with_values"
+    )
 
     name: str
 

@@ -38,6 +38,8 @@ class BatchEquations(Matrices):
     (n, m, m) and ``null_inertia`` (n, m, massless) are None if no variant has them.
     """
 
+    _engine = "basis closure kind own_decisions provenances slice"
+
     kind: ClassVar[str] = "batch"
 
     nominal: Equations

@@ -182,6 +182,8 @@ class Equations(Matrices):
     (``explain()`` names them).
     """
 
+    _engine = "kind large provenance"
+
     kind: ClassVar[str] = "system"
     """Tells second-order equations from other linear systems."""
 

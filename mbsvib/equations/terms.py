@@ -22,6 +22,8 @@ class Matrices:
     In many variants arrays may have an axis of variants in front.
     """
 
+    _engine = "body_motion elastic_rows inertia_factor null_inertia row_damping row_owner row_stiffness"
+
     M: Array
     """Mass matrix (m, m), symmetric [kg, kg m, kg m^2]."""
     C: Array

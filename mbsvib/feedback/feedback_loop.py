@@ -34,6 +34,8 @@ class FeedbackLoop(LinearVerbs, Loop):
     Subclasses define whether controllers run in continuous or discrete time.
     """
 
+    _engine = "continuous_form sampled_form"
+
     @property
     @abstractmethod
     def sampled_form(self) -> type[Any]:

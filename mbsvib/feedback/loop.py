@@ -33,6 +33,8 @@ class LoopPlant:
     which of its outputs and inputs those of ``system`` are.
     """
 
+    _engine = "gathered source wrenches"
+
     system: Any
     without_noise: Any = field(default=None, repr=False, kw_only=True)
     gathered: Gathered | None = field(default=None, repr=False, kw_only=True)
@@ -70,6 +72,9 @@ def resolution(linear: Any) -> Resolution:
 @dataclass(frozen=True, repr=False, eq=False)
 class Loop(Displayed, ABC):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them."""
+
+    _engine = ("check_stable equations kind law ports resolution response selected_ports selection sources title "
+               "vibrating")
 
     kind: ClassVar[str] = "closed loop"
 

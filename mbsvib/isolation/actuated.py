@@ -40,6 +40,8 @@ class Active(Plant, Displayed):
     ``LEG.acceleration`` [m/s^2]. Inputs and outputs of the model itself come first and keep their names.
     """
 
+    _engine = "scene space"
+
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,

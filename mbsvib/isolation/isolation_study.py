@@ -40,6 +40,8 @@ BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest na
 class Isolation(Figures, Displayed):
     """Transmissibility from a base to a body and the body's compliance over frequency; prints as a table of figures."""
 
+    _engine = "linear scene"
+
     def under(
         self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None,
         band: tuple[float, float] | None = None,

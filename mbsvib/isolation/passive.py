@@ -42,6 +42,8 @@ GRAVITY = 9.80665
 class Passive(Displayed):
     """Quantities of an isolation that ``optimize`` makes small or keeps within bounds, with their exact gradients."""
 
+    _engine = "scene"
+
     model: Model
     scene: StudyScene = field(repr=False)
     joints: tuple[str, ...] = ()

@@ -42,6 +42,8 @@ class Vibration(Displayed):
     or integrals over frequency; both are accurate to rounding.
     """
 
+    _engine = "exact judged"
+
     study: Figures
     noise: BaseNoise
     band: tuple[float, float] | None

@@ -67,6 +67,8 @@ class Comparison(Displayed):
     square of b over that of a. ``differences`` are those of the parts.
     """
 
+    _engine = "record shape_outputs"
+
     names: tuple[str, str]
     mac: Array
     pairs: tuple[Pair, ...]

@@ -100,6 +100,8 @@ class Measurement(Doors, Displayed):
     Bendat, J. S., Piersol, A. G., Random Data (2010), 9.2.3 (variance of H1).
     """
 
+    _engine = "by_line"
+
     by_line: ClassVar[tuple[str, ...]] = ("omega", "responses", "variance", "coherence", "covariance", "noise_variance")
     omega: Array
     responses: Complex

@@ -52,6 +52,8 @@ class Mechanism:
         If the name is not a text, or gravity is not a vector.
     """
 
+    _engine = "composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+
     kind: ClassVar[str] = "model"
 
     def __init__(self, name: str, gravity: ArrayLike | None = None) -> None:

@@ -59,6 +59,8 @@ class Modes(Displayed):
     at most. ``rung`` is the name of the solver of undamped modes that was accurate enough.
     """
 
+    _engine = "MOST body_motion check_accuracy damped inertia_factor mixed natural rung starts strongest"
+
     MOST: ClassVar[str] = "moves most"
 
     name: str

@@ -33,6 +33,8 @@ class StateSpace(LinearVerbs, Displayed):
     largest singular value of the error of its frequency response, output by input in SI units. Arrays are read-only.
     """
 
+    _engine = "equations kind through transform"
+
     kind: ClassVar[str] = "state space"
     """Tells first-order equations from other linear systems."""
 

@@ -43,6 +43,11 @@ class SparseEquations:
     and there are neither bodies nor rows.
     """
 
+    _engine = (
+        "constraints elastic_rows inertia_factor input_rows kind layout loading loop_rows matrices output_rows "
+        "removed row_damping row_owner row_stiffness separation structure tableau undetermined"
+    )
+
     kind: ClassVar[str] = "sparse system"
 
     name: str

@@ -68,6 +68,8 @@ class Optimum(Displayed):
     solver has converged or the projected gradient is small.
     """
 
+    _engine = "label"
+
     model: Model = field(repr=False)
     values: Mapping[str, float]
     parameters: Mapping[str, float] = field(repr=False)

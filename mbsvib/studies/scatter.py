@@ -127,6 +127,8 @@ class Tolerances(Displayed):
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
 
+    _engine = "index labels linear parted"
+
     name: str
     labels: tuple[str, ...]
     nominal: Array

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 __all__ = ["damping", "hinf", "margin", "rms", "rolloff"]
 
 
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__
+
+
 def hinf(outputs: Names = None, inputs: Names = None, weight: Any = 1.0, most: float | None = None) -> Goal:
     """Return the goal of a small H-infinity norm: the highest peak of the largest singular value.
 

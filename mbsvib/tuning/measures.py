@@ -39,6 +39,8 @@ class Goal(Displayed, ABC):
     a ``limit``, from above or, where it is the ``least``, from below.
     """
 
+    _engine = "at least of rated reached"
+
     weight: float = 1.0
     limit: float | None = None
     least: ClassVar[bool] = False

@@ -59,6 +59,8 @@ class Tunable(Displayed, ABC):
     ``K1 + K2`` acts in parallel, ``K1 * K2`` in series: K2 acts first, and may be a fixed Controller or StateSpace.
     """
 
+    _engine = "described for_ports kind realized single sized through"
+
     __array_ufunc__ = None
 
     inputs: tuple[str, ...]

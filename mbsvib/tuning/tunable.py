@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["diagonal", "gain", "lead_lag", "notch", "pid", "state_space"]
 
 
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__
+
+
 def _part(form: type[Part], outputs: Names, inputs: Names, name: str | None, start: Given, bounds: Given,
           **more: Any) -> Part:  # fmt: skip
     who = f"tunable.{form.kind}"

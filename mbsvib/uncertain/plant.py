@@ -30,6 +30,8 @@ class UncertainPlant(Displayed):
     (MATLAB: ``uss``.)
     """
 
+    _engine = "kind linear"
+
     kind: ClassVar[str] = "uncertain plant"
 
     nominal: Any
