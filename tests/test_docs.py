@@ -107,7 +107,8 @@ def test_commands_work(tmp_path, monkeypatch):
     used = set()
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        for name, content in re.findall(r"`(\w+\.(?:yaml|json))`:\n\n```\w+\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
+        named = r"`(\w+\.(?:yaml|json))`:\n\n```\w+\n(.*?)^```$"
+        for name, content in re.findall(named, text, re.DOTALL | re.MULTILINE):
             (tmp_path / name).write_text(content, encoding="utf-8")
         for block in re.findall(r"^```bash\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
             for line in block.splitlines():
@@ -155,8 +156,8 @@ def test_names_beside_words_of_matlab_exist():
 
     text = (DOCS / "pages" / "coming_from_matlab.md").read_text(encoding="utf-8")
     cells = [line.split("|")[2] for line in text.splitlines() if line.startswith("| `")]
-    homes = {"mv": mv, "mx": mx, "system": mv.System, "model": mv.Model, "loop": ClosedLoop, "margins": Margins, "fit": Fit,
-             "plant": UncertainPlant, "plots": mv.plots, "isolation": mv.isolation}  # fmt: skip
+    homes = {"mv": mv, "mx": mx, "system": mv.System, "model": mv.Model, "loop": ClosedLoop, "margins": Margins,
+             "fit": Fit, "plant": UncertainPlant, "plots": mv.plots, "isolation": mv.isolation}  # fmt: skip
     named = [name for cell in cells for name in re.findall(r"`((?:\w+\.)+\w+)", cell)]
     assert len(named) > 45
     for name in named:

@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import matplotlib as mpl
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent

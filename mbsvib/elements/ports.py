@@ -57,7 +57,7 @@ class Port(Signal):
     relative_to: str = "ground"
 
     def placed(self, to: Placement) -> dict[str, Any]:
-        six = to.six(_direction(self.direction, self.name)[1])
+        six = to.six(with_wrench(self.direction, self.name)[1])
         return {"body": to.body(self.body), "direction": place_direction(self.direction, six),
                 "position": to.point(self.position), "relative_to": to.body(self.relative_to)}  # fmt: skip
 
