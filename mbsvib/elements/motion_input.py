@@ -16,13 +16,15 @@ from mbsvib.common import arguments as check
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.maxwell import Maxwell
 from mbsvib.elements.part import derived
-from mbsvib.elements.ports import MOTION_UNITS, QUANTITIES, Signal, Six, unit_along, with_wrench
+from mbsvib.elements.ports import MOTION_UNITS, QUANTITIES, Signal, Six, placed_in_axes, unit_along, with_wrench
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from mbsvib.elements.placement import Placement
 
 GROUND = "ground"
 
@@ -53,6 +55,13 @@ class MotionInput(Signal):
     def state_units(self) -> tuple[str, str]:
         """Units of the displacement and of the velocity of this end."""
         return unit_along(self.wrench, MOTION_UNITS[0]), unit_along(self.wrench, MOTION_UNITS[1])
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        if to.ground != GROUND:
+            raise ModelError(f"motion input '{self.name}': it moves the end of '{self.element}' on ground, which is on "
+                             f"body '{to.ground}' in the copy; leave it out of the model that is added.",
+                             element=self.name, field="element")  # fmt: skip
+        return placed_in_axes(self, to)
 
     def column_names(self, element: Any) -> tuple[str, ...]:
         """Return the names of the inputs that the equations have for it: displacement and, of elements whose damper

@@ -19,7 +19,6 @@ from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Part
 
 GROUND = "ground"
 
@@ -38,7 +37,7 @@ class Placement:
     turn: Array
     mirrored: bool
     ground: str
-    parts: Mapping[str, Part]
+    parts: Mapping[str, Any]
 
     @property
     def turns(self) -> bool:

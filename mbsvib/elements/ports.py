@@ -147,9 +147,7 @@ class ForceOutput(Signal):
     def placed(self, to: Placement) -> dict[str, Any]:
         if self.element == GROUND:
             return {"direction": self._on_ground(to)}
-        reverse = to.parts[self.element].reversed_axis
-        six = to.six(self.wrench) if reverse is None else to.local(self.wrench, reverse)
-        return {"element": to.name(self.element), "direction": place_direction(self.direction, six)}
+        return placed_in_axes(self, to)
 
     def _on_ground(self, to: Placement) -> str | Six:
         """The direction of a sum of forces on the ground, whose moments are about the origin of the copy."""
@@ -160,6 +158,13 @@ class ForceOutput(Signal):
         six = to.six(self.wrench)
         force = np.array(six[:3]) - np.cross(six[3:], to.offset)
         return place_direction(self.direction, (*force.tolist(), *six[3:]))
+
+
+def placed_in_axes(part: Any, to: Placement) -> dict[str, Any]:
+    """The element and the direction, in the axes of this element, of a copied signal."""
+    reverse = to.parts[part.element].reversed_axis
+    six = to.six(part.wrench) if reverse is None else to.local(part.wrench, reverse)
+    return {"element": to.name(part.element), "direction": place_direction(part.direction, six)}
 
 
 def _checked(who: str, body: str, direction: Any, position: Any, relative_to: str) -> tuple[Any, ...]:
