@@ -66,8 +66,10 @@ ROBOTS = (
            words="Gravity [m/s^2], such as 0,0,-9.81; where X is negative, as --gravity=X,Y,Z. Default: none (MJCF: "
                  "the file's)."),
     flag("--floating", "floating", "URDF: the root link moves freely."),
-    option("--tip", to="tip", metavar="LINK",
-           words="URDF: a link with forces and displacements as inputs and outputs."),
+    option("--tip", to="tip", metavar="LINK", action="append",
+           words="URDF: a link with forces and displacements as inputs and outputs; may be given several times."),
+    option("--loops", to="loops", metavar="FILE", completes="file",
+           words="URDF: a YAML file of Extended URDF with closed loops; those in the URDF itself are always read."),
     option("--inertia", to="inertia", metavar="repair", choices=("repair",),
            words="URDF: replace an inertia that no body can have by the nearest possible one."),
     option("--keyframe", to="keyframe", metavar="NAME", words="MJCF: the keyframe with positions and controls."),

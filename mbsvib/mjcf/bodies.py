@@ -13,7 +13,6 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
 from mbsvib.mjcf.scene import Link, Scene
-from mbsvib.mjcf.wheels import add_wheel
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Link as Mass
 from mbsvib.urdf.robot import ALL
@@ -217,7 +216,7 @@ def add_armature(scene: Scene) -> None:
         wide = ("x", "y", "z", "rx", "ry", "rz") if m.jnt_type[i] == FREE else ("rx", "ry", "rz")
         for coordinate in (f"{link.name}.{axis}" for axis in wide) if single is None else (single,):
             name = f"{link.name}.armature" if single else f"{coordinate}.armature"
-            add_wheel(scene, name, {coordinate: 1.0}, inertia, link)
+            scene.add_wheel(name, {coordinate: 1.0}, inertia, link)
 
 
 def add_ports(scene: Scene, patterns: Sequence[str]) -> None:

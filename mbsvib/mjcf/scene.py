@@ -10,8 +10,10 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.mjcf.compiled import Compiled
+from mbsvib.urdf.wheels import add_wheel, fresh
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
 
@@ -58,12 +60,11 @@ class Scene:
 
     def fresh(self, name: str, more: str) -> str:
         """Return an unused name: the name itself, or with a suffix."""
-        model = self.model
-        groups = (model.bodies, model.joints, model.springs, model.couplers, model.loads)
-        result = name
-        while result == "ground" or any(result in group for group in groups):
-            result = f"{result}.{more}"
-        return result
+        return fresh(self.model, name, more)
+
+    def add_wheel(self, name: str, terms: Mapping[str, float], inertia: float, link: Link) -> tuple[str, float]:
+        """Add a wheel on the ground at a joint; see ``urdf.wheels``."""
+        return add_wheel(self.model, name, terms, inertia, link.at, link.axes, float(self.file.m.stat.extent))
 
     def remark(self, text: str, name: str) -> None:
         """Record that a property of an element was left out."""

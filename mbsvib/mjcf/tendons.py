@@ -10,7 +10,6 @@ import numpy as np
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.bodies import added, along
 from mbsvib.mjcf.scene import Scene
-from mbsvib.mjcf.wheels import add_wheel
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -159,7 +158,7 @@ def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
     key = f"{path.kind} {path.number}"
     if key not in scene.wheels:
         name = f"{scene.file.name(path.kind, path.number)}.wheel"
-        scene.wheels[key] = add_wheel(scene, name, sums(scene, path), inertia, scene.links[path.terms[0][0]])
+        scene.wheels[key] = scene.add_wheel(name, sums(scene, path), inertia, scene.links[path.terms[0][0]])
     return scene.wheels[key]
 
 

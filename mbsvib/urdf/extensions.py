@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
+from mbsvib.urdf.loops import TAGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
     from os import PathLike
     from xml.etree.ElementTree import Element
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 # Parts of the names of elements that connect links, and the calls that add the same to a model.
 CONNECTIONS = {
-    "tendon": "add_coupler()", "equality": "add_joint() or add_coupler()", "bushing": "add_bushing()",
+    "tendon": "add_coupler()", "coupling": "add_coupler()", "equality": "add_joint() or add_coupler()",
+    "bushing": "add_bushing()",
     "spring": "add_spring() or add_bushing()", "damper": "add_spring() or add_bushing()", "loop": "add_joint()",
     "clos": "add_joint()", "constraint": "add_joint()", "weld": "add_joint()", "joint": "add_joint()",
 }  # fmt: skip
@@ -60,21 +62,22 @@ def refuse_macros(top: Element, path: str | PathLike[str]) -> None:
 
 def _read_elements(top: Element) -> Iterator[Element]:
     yield top
-    for kind in ("link", "joint"):
+    for kind in ("link", "joint", *TAGS):
         for element in top.findall(kind):
             yield element
-            for part in element if kind == "joint" else element.findall("inertial"):
+            for part in element.findall("inertial") if kind == "link" else element:
                 yield from part.iter()
 
 
-def left_out(top: Element, path: str | PathLike[str]) -> Remarks:
-    """Refuse what connects or adds links beside the tree; return what else is left out.
+def left_out(top: Element, path: str | PathLike[str], rotors: Collection[int]) -> Remarks:
+    """Refuse what connects or adds links beside the tree and is not read; return what else is left out.
 
-    A simulator's fixed joint may hold the root link to the world, as the reader does.
+    A simulator's fixed joint may hold the root link to the world, as the reader does. ``rotors``: identities of the
+    actuators that are read.
     """
     children = [child.get("link") for child in top.findall("joint/child")]
     roots = [str(link.get("name")) for link in top.findall("link") if link.get("name") not in children]
-    notes = [note for element in top.iter() for note in _noted(element)]
+    notes = [note for element in top.iter() if id(element) not in rotors for note in _noted(element)]
     for element in top:
         tag = _name(element)
         if tag == "gazebo":
@@ -89,6 +92,8 @@ def left_out(top: Element, path: str | PathLike[str]) -> Remarks:
                 notes.append(("all but the first <inertial> of", f"'{element.get('name')}'"))
         elif element.tag == "joint":
             notes += _in_joint(element)
+        elif element.tag in TAGS:
+            continue
         elif tag not in HARMLESS:
             for part in element.iter():
                 if part is element or _name(part) not in (*ADDED, "joint"):  # within others these are mere names
@@ -147,7 +152,8 @@ def _in_joint(joint: Element) -> list[tuple[str, str]]:
     name, dynamics = f"'{joint.get('name')}'", joint.find("dynamics")
     notes = [(f"<{part.tag}> of", name) for part in joint if any(word in _name(part) for word in IN_JOINTS)]
     return notes + [(f"{key} of", f"{name} ({value})") for key, value in (() if dynamics is None else dynamics.items())
-                    if any(word in key.lower() for word in IN_JOINTS) and not _zero(value)]  # fmt: skip
+                    if key != "armature" and any(word in key.lower() for word in IN_JOINTS)
+                    and not _zero(value)]  # fmt: skip
 
 
 def _zero(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis and damping."""
+"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis, limits and damping, loops."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from mbsvib.common.number_text import real
 from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ModelError, nearest
 from mbsvib.urdf.extensions import left_out, refuse_macros
+from mbsvib.urdf.loops import Coupling, Loop, Reader
+from mbsvib.urdf.motion import Hinge, Mimic, moved
+from mbsvib.urdf.motors import Motor, motors_of
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -45,34 +48,9 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mimic:
-    """A joint that follows another one: q = factor q_joint + offset."""
-
-    joint: str
-    factor: float
-    offset: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Hinge:
-    """A joint of any kind: ``origin`` (3,) [m], ``axes`` (3, 3) of its frame in the parent's, ``axis`` in its own."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Array
-    axes: Array
-    axis: Array
-    damping: float
-    friction: float
-    mimic: Mimic | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """All links and joints by name; ``root`` is the link that is not the child of a joint; ``left`` names what was left
-    out.
+    out, ``taken`` what was taken as meant.
     """
 
     name: str
@@ -80,10 +58,14 @@ class Robot:
     joints: dict[str, Hinge]
     root: str
     left: Remarks
+    loops: tuple[Loop, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    motors: tuple[Motor, ...] = ()
+    taken: tuple[str, ...] = ()
 
 
 def read(path: str | PathLike[str]) -> Robot:
-    """Return masses and joints of a URDF file; shapes, colours and limits are ignored."""
+    """Return masses, joints, loops and motors of a URDF file; shapes and colours are ignored."""
     try:
         top = read_xml(content_of(path, ModelError, "a URDF file"))
     except ContentError as error:
@@ -92,11 +74,21 @@ def read(path: str | PathLike[str]) -> Robot:
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
     refuse_macros(top, path)
-    left = left_out(top, path)
+    motors, rotors = motors_of(top, path, _numbers)
+    left = left_out(top, path, rotors)
     links = {name: _link(element, name, path) for name, element in _named(top, "link", path).items()}
     joints = {name: _joint(element, name, links, path) for name, element in _named(top, "joint", path).items()}
+    for motor in motors:
+        if motor.joint not in joints:
+            raise ModelError(f"{path}: transmission of '{motor.name}': {motor.joint!r} is no joint."
+                             f"{nearest(motor.joint, joints)}", element=motor.name, field="joint")  # fmt: skip
+        joint = joints[motor.joint]
+        joints[motor.joint] = replace(joint, armature=joint.armature + motor.inertia * motor.ratio**2)
     joints = {name: _held(joint, joints, path) for name, joint in joints.items()}
-    return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path), left)
+    reader = Reader(path, links, _numbers, _frame, [])
+    loops, couplings = reader.all_of(top)
+    return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path), left, loops, couplings, motors,
+                 tuple(reader.taken))  # fmt: skip
 
 
 def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> Hinge:
@@ -123,17 +115,8 @@ def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> 
                              f"a coupler by model.add_coupler().", element=joint.name, field="mimic")  # fmt: skip
     if joint.mimic is None or (factor != 0.0 and leader.kind != "fixed"):
         return joint
-    at, axes = moved(joint, offset)
+    at, axes = moved(joint, np.array((offset,)))
     return replace(joint, kind="fixed", origin=at, axes=axes, mimic=None)
-
-
-def moved(joint: Hinge, q: float) -> tuple[Array, Array]:
-    """Position and axes of the child's frame in the parent's, at the position ``q`` [rad, m] of a joint."""
-    if joint.kind in ("revolute", "continuous"):
-        return joint.origin, joint.axes @ np.array(check.exponential(tuple(q * joint.axis)))
-    if joint.kind == "prismatic":
-        return joint.origin + q * (joint.axes @ joint.axis), joint.axes
-    return joint.origin, joint.axes
 
 
 def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
@@ -155,7 +138,7 @@ def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike
     for joint in joints.values():
         if joint.child in parents:
             raise ModelError(f"{path}: link '{joint.child}': joints '{parents[joint.child]}' and '{joint.name}' both "
-                             f"carry it; a URDF is a tree. Close the loop by model.add_joint() afterwards.",
+                             f"carry it; a URDF is a tree. Write the joint that closes the loop as a <constraint>.",
                              element=joint.child)  # fmt: skip
         parents[joint.child] = joint.name
     roots = [name for name in links if name not in parents]
@@ -224,8 +207,27 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path
         factor, offset = (_numbers(follows, key, value, 1, who, name)[0]
                           for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
         mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))
+    armature = float(_numbers(element.find("dynamics"), "armature", "0", 1, who, name)[0])
+    if armature < 0.0:
+        raise ModelError(f"{who}: armature = {armature:g}; it cannot be negative.", element=name, field="armature")
     direction = axis / np.linalg.norm(axis)
-    return Hinge(name, kind, ends[0], ends[1], origin, axes, direction, damping, friction, mimic)
+    return Hinge(name, kind, ends[0], ends[1], origin, axes, direction, damping, friction, mimic,
+                 _limits(element, kind, who, name), armature)  # fmt: skip
+
+
+def _limits(element: ElementTree.Element, kind: str, who: str, name: str) -> tuple[float, float] | None:
+    """Limits of a revolute or prismatic joint; None where none are stated, as of two that are equal."""
+    limit = element.find("limit")
+    if limit is None or kind not in ("revolute", "prismatic"):
+        return None
+    ends = []
+    for key, infinite in (("lower", -np.inf), ("upper", np.inf)):
+        unlimited = limit.get(key, "").strip().lower().lstrip("+-") in ("inf", "infinity")
+        ends.append(infinite if unlimited else float(_numbers(limit, key, "0", 1, who, name)[0]))
+    if ends[0] > ends[1]:
+        raise ModelError(f"{who}: limits from {ends[0]:g} to {ends[1]:g} leave no position; expected lower <= upper.",
+                         element=name, field="limit")  # fmt: skip
+    return (ends[0], ends[1]) if ends[0] < ends[1] else None
 
 
 def _frame(element: ElementTree.Element | None, who: str, name: str) -> tuple[Array, Array]:

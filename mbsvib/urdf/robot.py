@@ -13,9 +13,12 @@ from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.urdf.extended import beside, extended
 from mbsvib.urdf.extensions import in_words
 from mbsvib.urdf.groups import Group
-from mbsvib.urdf.reading import Hinge, Robot, moved, read
+from mbsvib.urdf.joining import add_loops, add_motors
+from mbsvib.urdf.posing import KINDS, frames_in_pose
+from mbsvib.urdf.reading import Robot, read
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -23,18 +26,22 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.urdf.closing import Frames
+    from mbsvib.urdf.motion import Hinge
 
 
 REPAIR = 'Correct the file, or take the nearest possible one: load_urdf(..., inertia="repair"), or --inertia repair.'
 ALL = "*"  # key of a mapping by joint: all joints that it does not name
-# Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
-KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
+# Kinds of the model of joints with several coordinates, and the directions about which one number of stiffness acts.
+OTHERS: dict[str, tuple[str, tuple[int, ...]]] = {"planar": ("planar", ()), "floating": ("free", ()),
+                                                  "spherical": ("spherical", (3, 4, 5)),
+                                                  "universal": ("universal", (3, 4))}  # fmt: skip
 
 
 def load_urdf(
     path: str | PathLike[str], *, pose: Mapping[str, float] | None = None, stiffness: Any = 0.0, damping: Any = None,
-    tip: str | None = None, floating: bool = False, gravity: ArrayLike | None = None, name: str | None = None,
-    inertia: str = "as given",
+    tip: str | Iterable[str] | None = None, floating: bool = False, gravity: ArrayLike | None = None,
+    name: str | None = None, inertia: str = "as given", loops: str | PathLike[str] | None = None,
 ) -> Model:  # fmt: skip
     """Read a robot from a URDF file, in a pose, with springs in its joints.
 
@@ -42,27 +49,36 @@ def load_urdf(
     root are the ground, unless the robot floats. Each joint has a torque or force as an input, ``JOINT.torque`` or
     ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
     bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them; one that mimics a fixed joint is held
-    at its offset. A joint that has the name of a link becomes ``NAME.joint``.
+    at its offset. A joint that has the name of a link becomes ``NAME.joint``. Rotors and ``armature`` are inertia of a
+    joint alone; a motor with a ratio N has its own torque or force as an input, ``MOTOR.torque`` or ``MOTOR.force``,
+    which acts N times on its joint.
 
-    Shapes and limits are left. A ``LeftOutWarning`` names dry friction, springs of joints and other mechanics that
-    simulators add, joints that move no mass, and a robot in which nothing with a mass moves. Elements that connect
-    links beside the tree, such as loops, bushings and tendons, are refused: add them to the model after loading.
+    Loops are read in three dialects: ``<constraint>`` as proposed to urdfdom, ``<loop>`` and ``<coupling>`` of URDF+,
+    and the YAML file of Extended URDF, ``loops``. Each is an ideal joint of the file's name (of a YAML, of its first
+    frame), a coupling is a coupler. Loops that are open are closed by Newton's method from the pose: joints that
+    ``pose`` names are held, the others move as little as that takes, by the sum of squares [rad, sizes].
+
+    Shapes are left. A ``LeftOutWarning`` names dry friction, springs of joints and other mechanics that simulators add,
+    joints that move no mass, joints beyond their limits, and a robot in which nothing with a mass moves. Other elements
+    that connect links beside the tree, such as bushings and tendons, are refused: add them to the model after loading.
 
     Parameters
     ----------
     path : str or path-like
         The file; xacro has to be expanded.
     pose : mapping of str to float, optional
-        Positions of joints [rad, m]; default: 0, or that of a mimic.
+        Positions of joints [rad, m]; default: 0, or that of a mimic, or what closes the loops. Positions beyond the
+        limits of the file are refused.
     stiffness : float, array-like of shape (6,), or mapping of str to these
         Of all joints, or by joint, "*" being all others: one number about or along the axis [N m/rad, N/m]; six values
         x y z rx ry rz, z along the axis, where bearings give way too: the joint is then free in all directions, held by
-        the bushing.
+        the bushing. One number of a spherical or universal joint acts about all its axes.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
         Likewise [N m s/rad, N s/m]; default: as in the file. A planar or floating joint takes six values of either;
         damping that the file gives it is left out with a ``LeftOutWarning``.
-    tip : str, optional
-        A link whose frame gets forces ``TIP.Fx`` ... ``TIP.Mz`` as inputs and displacements ``TIP.x`` ... ``TIP.rz``.
+    tip : str or iterable of str, optional
+        Links whose frames get forces ``TIP.Fx`` ... ``TIP.Mz`` as inputs and displacements ``TIP.x`` ... ``TIP.rz``;
+        also links that are part of a body of another name.
     floating : bool
         Whether the root link moves freely; default: it is fixed to the ground.
     gravity : array-like, shape (3,), optional
@@ -73,6 +89,8 @@ def load_urdf(
         What is done with a body whose inertia no body can have: it is refused, or replaced by the nearest possible one
         with an ``AccuracyWarning``. What rounding to six printed digits, or to printed decimals as of ``%f``, explains
         is always replaced. An ``AccuracyWarning`` names bodies of which such rounding leaves no digit of a moment.
+    loops : str or path-like, optional
+        A YAML file of Extended URDF with ``closed_loop``; one of the file's name beside it is warned of if not given.
 
     Returns
     -------
@@ -82,13 +100,19 @@ def load_urdf(
     Raises
     ------
     ModelError
-        If the file is no URDF, is not expanded or has loops, or a name or value is refused.
+        If the file is no URDF or is not expanded, a name or value is refused, or loops cannot be closed: which one, by
+        how much it is open, and what joints of ``pose`` hold it open.
     """
     if inertia not in ("as given", "repair"):
         raise ModelError(f'inertia = {inertia!r}; expected "as given" or "repair".', field="inertia")
     robot = read(path)
+    if loops is not None:
+        robot = extended(robot, loops)
+    elif (other := beside(path)) is not None:
+        warnings.warn(f"{path}: {other} beside it has closed loops, which are not read; give it by loops= (--loops).",
+                      LeftOutWarning, stacklevel=2)  # fmt: skip
     _known("pose", pose or {}, robot)
-    frames = _link_frames(robot, _positions(robot, pose or {}))
+    frames = frames_in_pose(robot, pose or {}, path)
     model = Model(robot.name if name is None else name, gravity)
     groups = _groups(robot, frames, floating)
     moving = [group for group in dict.fromkeys(groups.values()) if group.name != GROUND]
@@ -115,9 +139,13 @@ def load_urdf(
         if joint.mimic is not None:
             follower, leader = labels[joint.name], labels[joint.mimic.joint]
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
-    if tip is not None:
-        _add_tip(model, tip, groups, frames)
-    if left := {**robot.left, **_left_of_joints(robot, damping)}:
+    within = add_loops(model, robot, groups, frames, labels)
+    add_motors(model, robot, labels, frames)
+    for link in [tip] if isinstance(tip, str) else tip or ():
+        _add_tip(model, link, groups, frames)
+    if robot.taken:
+        warnings.warn(f"{path}: taken as meant: {', '.join(robot.taken)}.", LeftOutWarning, stacklevel=2)
+    if left := {**robot.left, **_left_of_joints(robot, damping), **within}:
         warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model
 
@@ -136,6 +164,7 @@ def _idle(robot: Robot, frames: Iterable[str]) -> list[str]:
     """Joints behind which nothing has a mass or an inertia; ``frames`` are the links, parents before children."""
     joint_of = {joint.child: joint for joint in robot.joints.values()}
     heavy = {name for name, link in robot.links.items() if link.mass or link.inertia.any()}
+    heavy.update(link for loop in robot.loops for link in loop.links)  # by the loop they move others
     for link in reversed(list(frames)):
         if link in heavy and link in joint_of:
             heavy.add(joint_of[link].parent)
@@ -149,7 +178,7 @@ def _is_vague(model: Model, group: Group) -> bool:
     return bool(moments[0] <= group.rounding if group.rounding else moments[2] <= group.cancelled)
 
 
-def _groups(robot: Robot, frames: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
+def _groups(robot: Robot, frames: Frames, floating: bool) -> dict[str, Group]:
     """The group of each link, by the link's name; ``frames`` has parents before children."""
     joint_of = {joint.child: joint for joint in robot.joints.values()}
     groups: dict[str, Group] = {}
@@ -163,40 +192,8 @@ def _groups(robot: Robot, frames: dict[str, tuple[Array, Array]], floating: bool
     return groups
 
 
-def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, float]:
-    """Positions of all joints; a joint that mimics another one follows it."""
-    result: dict[str, float] = {}
-    for name in robot.joints:
-        factor, offset, leader = 1.0, 0.0, name
-        while leader not in pose and (mimic := robot.joints[leader].mimic) is not None:
-            factor, offset, leader = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
-        result[name] = offset + factor * check.number(pose.get(leader, 0.0), f"joint '{leader}'", "pose")
-    return result
-
-
-def _link_frames(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
-    """World position and axes of each link's frame, parents before children."""
-    children: dict[str, list[Hinge]] = {}
-    for joint in robot.joints.values():
-        children.setdefault(joint.parent, []).append(joint)
-    frames = {robot.root: (np.zeros(3), np.eye(3))}
-    stack = [robot.root]
-    while stack:
-        link = stack.pop()
-        origin, axes = frames[link]
-        for joint in reversed(children.get(link, [])):
-            q = positions[joint.name]
-            if q and joint.kind not in KINDS:
-                raise ModelError(f"joint '{joint.name}': pose = {q:g}, but a {joint.kind} joint has no position of its "
-                                 f"own.", element=joint.name, field="pose")  # fmt: skip
-            at, joint_axes = moved(joint, q)
-            frames[joint.child] = (origin + axes @ at, axes @ joint_axes)
-            stack.append(joint.child)
-    return frames
-
-
 def _add(
-    model: Model, name: str, joint: Hinge, groups: dict[str, Group], frames: dict[str, tuple[Array, Array]],
+    model: Model, name: str, joint: Hinge, groups: dict[str, Group], frames: Frames,
     stiffness: Any, damping: Any,
 ) -> None:  # fmt: skip
     first, second = groups[joint.parent].name, groups[joint.child].name
@@ -204,33 +201,38 @@ def _add(
     z = axes @ joint.axis
     frame = np.array(check.frame_along(check.axis(tuple(z), joint.name, "axis")))
     k, c = np.ravel(stiffness).astype(float), np.ravel(damping).astype(float)
-    kind, direction = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
+    kind, about = OTHERS.get(joint.kind) or (KINDS[joint.kind][0], KINDS[joint.kind][1:])
     for field, values in (("stiffness", k), ("damping", c)):
-        if direction is None and len(values) == 1 and values.any():
+        if not about and len(values) == 1 and values.any():
             raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six values of {field}, x y z rx ry rz, "
                              f"not one.", element=joint.name, field=field)  # fmt: skip
     if max(len(k), len(c)) == 6:
         kind = "free"
-    model.add_joint(name, kind, first, second, at, orientation=frame)
+    if kind == "universal":
+        first_axis = frames[joint.parent][1] @ joint.axes @ joint.axis
+        part = model.add_joint(name, kind, first, second, at, axis=first_axis, axis2=axes @ joint.axis2)
+        frame = np.array(part.axes)
+    else:
+        model.add_joint(name, kind, first, second, at, orientation=frame)
     if k.any() or c.any():
-        model.add_bushing(f"{name}.k", first, second, at, _six(k, direction), _six(c, direction), frame)
-    if direction is not None:
+        model.add_bushing(f"{name}.k", first, second, at, _six(k, about), _six(c, about), frame)
+    if joint.kind in KINDS:
+        direction = about[0]
         along = (0.0, 0.0, 0.0, *z) if direction == 5 else (*z, 0.0, 0.0, 0.0)
         effort, motion = ("torque", "angle") if direction == 5 else ("force", "travel")
         model.add_input(f"{name}.{effort}", second, along, at, relative_to=first)
         model.add_output(f"{name}.{motion}", second, along, at, relative_to=first)
 
 
-def _six(values: Array, direction: int | None) -> Array:
+def _six(values: Array, directions: tuple[int, ...]) -> Array:
     if len(values) == 6:
         return values
     result = np.zeros(6)
-    if direction is not None:
-        result[direction] = values[0]
+    result[list(directions)] = values[0]
     return result
 
 
-def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: dict[str, tuple[Array, Array]]) -> None:
+def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: Frames) -> None:
     if tip not in frames:
         raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, frames)}", element=tip, field="tip")
     body = groups[tip].name

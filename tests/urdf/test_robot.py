@@ -332,9 +332,7 @@ FIX = '<gazebo><joint name="f" type="fixed"><parent>world</parent><child>{}</chi
 
 
 @pytest.mark.parametrize(("element", "told", "call"), [
-    ('<loop name="close"><link1 link="b"/></loop>', "<loop> 'close'", "add_joint"),
     ('<loop_joint name="close" type="revolute"/>', "<loop_joint> 'close'", "add_joint"),
-    ('<constraint name="close" type="point"/>', "<constraint> 'close'", "add_joint"),
     ('<drake:ball_constraint/>', "<drake:ball_constraint> ''", "add_joint"),
     ('<d:Ball_Constraint xmlns:d="http://drake.mit.edu"/>', "<d:Ball_Constraint> ''", "add_joint"),
     ('<drake:linear_bushing_rpy name="s"/>', "<drake:linear_bushing_rpy> 's'", "add_bushing"),

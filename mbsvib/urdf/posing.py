@@ -1,0 +1,74 @@
+"""The pose of a robot: positions that the user gives, within the limits of the file and with closed loops."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.common.tables import listed
+from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError
+from mbsvib.urdf.closing import Assembly, link_frames
+from mbsvib.urdf.motion import FREEDOMS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.urdf.closing import Frames
+    from mbsvib.urdf.reading import Robot
+
+# Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
+KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
+# Limits are printed with few digits: a right angle may be 1.57 there.
+LIMIT_DIGITS = 1e-3
+# Gaps of closed loops that are no rounding [rad, sizes].
+ROUNDED = 1e-11
+
+
+def frames_in_pose(robot: Robot, pose: Mapping[str, float], path: str | PathLike[str]) -> Frames:
+    """Return the frames of all links in the pose, with closed loops; named joints beyond their limits are refused."""
+    positions = _positions(robot, pose)
+    for name, words in _beyond(robot, positions).items():
+        if name in pose:
+            unit = "m" if robot.joints[name].kind == "prismatic" else "rad, not degrees"
+            raise ModelError(f"{path}: pose: {words}, the limits of the file [{unit}].", element=name, field="pose")
+    if robot.loops or robot.couplings:
+        positions, gaps = Assembly(robot, positions, pose).closed(path)
+        if gaping := [f"'{name}' ({gap:.1g})" for name, gap in gaps.items() if gap > ROUNDED]:
+            warnings.warn(f"{path}: loops that close but for printed digits [rad, sizes]: {listed(gaping)}. Joints are "
+                          f"at the mean of both frames; write more digits.", AccuracyWarning, stacklevel=3)  # fmt: skip
+    if beyond := list(_beyond(robot, positions).values()):
+        warnings.warn(f"{path}: joints beyond the limits of the file: {listed(beyond)}. Give a pose within them.",
+                      LeftOutWarning, stacklevel=3)  # fmt: skip
+    return link_frames(robot, positions)
+
+
+def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, Array]:
+    """Positions (freedoms,) of all joints; a joint that mimics another one follows it."""
+    result: dict[str, Array] = {}
+    for name, joint in robot.joints.items():
+        factor, offset, leader = 1.0, 0.0, name
+        while leader not in pose and (mimic := robot.joints[leader].mimic) is not None:
+            factor, offset, leader = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
+        q = offset + factor * check.number(pose.get(leader, 0.0), f"joint '{leader}'", "pose")
+        if q and joint.kind not in KINDS:
+            raise ModelError(f"joint '{name}': pose = {q:g}, but a {joint.kind} joint has no position of its own.",
+                             element=name, field="pose")  # fmt: skip
+        result[name] = np.full(FREEDOMS[joint.kind], q)
+    return result
+
+
+def _beyond(robot: Robot, positions: Mapping[str, Array]) -> dict[str, str]:
+    """Joints whose positions are beyond their limits, and what is wrong with them."""
+    result = {}
+    for name, joint in robot.joints.items():
+        if joint.limits is not None and joint.kind in KINDS:
+            (low, high), q = joint.limits, float(positions[name][0])
+            slack = LIMIT_DIGITS * max([abs(end) for end in joint.limits if np.isfinite(end)], default=0.0)
+            if not low - slack <= q <= high + slack:
+                result[name] = f"'{name}' at {q:.6g}, beyond {low:g} to {high:g}"
+    return result
