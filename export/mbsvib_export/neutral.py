@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
+from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
@@ -174,7 +175,7 @@ def state_space_of(
     states of a system; a state space accepts "physical" (the default), which changes nothing.
     """
     source = with_ports(source, outputs, inputs)
-    if isinstance(source, System):
+    if isinstance(source, (System, DrivenSystem)):
         return source.state_space(realization)
     ready = source.state_space if isinstance(source, SystemData) else space_of(source, realization)
     if not isinstance(ready, StateSpace):

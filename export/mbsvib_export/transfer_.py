@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.driven import DrivenSystem
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
@@ -61,7 +62,7 @@ def to_transfer_function(
         If a name is unknown.
     """
     control = need("control", "to_transfer_function")
-    linear = linear_of(system)
+    linear = system.state_space() if isinstance(system, DrivenSystem) else linear_of(system)
     if linear is None or kind_of(system) == "sparse system":
         raise refusal(system, "to_transfer_function", "a System (model.linearize()), whose poles and zeros are "
                       "computed from its factors")  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.api.state_space import StateSpace
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import port_numbers
-from mbsvib.errors import counted
+from mbsvib.errors import ResponseError, counted
 from mbsvib.random.verbs import RandomVerbs
 from mbsvib.responses.driven import Drive, driven_response, driven_space, feedthrough_of
 from mbsvib.responses.linear import LinearVerbs
@@ -34,13 +34,13 @@ WITHOUT_INPUTS = frozenset((
 class _Driven(Displayed):
     """Equations and how motions act on them."""
 
-    second_order: Any
+    ends: Any
     drives: tuple[Drive, ...]
 
     @property
     def name(self) -> str:
         """Name of the model."""
-        name: str = self.second_order.name
+        name: str = self.ends.name
         return name
 
     @property
@@ -56,34 +56,34 @@ class _Driven(Displayed):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        names: tuple[str, ...] = self.second_order.outputs
+        names: tuple[str, ...] = self.ends.outputs
         return names
 
     @property
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs."""
-        units: tuple[str, ...] = self.second_order.output_units
+        units: tuple[str, ...] = self.ends.output_units
         return units
 
     def __getattr__(self, key: str) -> Any:
         if key in WITHOUT_INPUTS:
-            return getattr(self.second_order, key)
-        known = not key.startswith("_") and hasattr(type(self.second_order), key)
+            return getattr(self.ends, key)
+        known = not key.startswith("_") and hasattr(type(self.ends), key)
         motion = next((drive.name for drive in self.drives if drive.columns != (drive.name,)), "")
-        hint = f"; beside the motion input '{motion}' ask .state_space(), or .second_order, whose inputs are the " \
+        hint = f"; beside the motion input '{motion}' ask .state_space(), or .ends, whose inputs are the " \
                f"displacements and velocities of the moved ends" if known else ""  # fmt: skip
         raise AttributeError(f"'{type(self).__name__}' object has no attribute '{key}'{hint}.", name=key, obj=self)
 
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
-        return f"{type(self).__name__}({self.name!r}: {self.second_order.dof} DOF, {ports})"
+        return f"{type(self).__name__}({self.name!r}: {self.ends.dof} DOF, {ports})"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
     """M q'' + C q' + K q = B0 u + B1 u',  y = Cq q + Cv q' + Ca q'' + D u: a system with motions as inputs.
 
-    Its matrices, modes and coordinates are those of ``second_order``, the equations whose inputs are the displacements
+    Its matrices, modes and coordinates are those of ``ends``, the equations whose inputs are the displacements
     ``NAME.displacement`` and velocities ``NAME.velocity`` of the moved ends. ``drives`` tell how the inputs act on
     these. Time responses, norms and loops are those of ``state_space()``.
     """
@@ -91,7 +91,7 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
     kind: ClassVar[str] = "state space"
     """Tells what has a state space from systems of second order."""
 
-    second_order: Any
+    ends: Any
     """The equations with the motions of all ends as inputs: a System or SparseSystem."""
     drives: tuple[Drive, ...]
     """The inputs and how they act."""
@@ -146,7 +146,7 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         Modes
             Printed as a table.
         """
-        return self.second_order.modes(*args, **kwargs)
+        return self.ends.modes(*args, **kwargs)
 
     def poles(self) -> Complex:
         """Return the eigenvalues [1/s] of the mechanism; those of its inputs' integrators are not among them.
@@ -156,7 +156,7 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         array, shape (2m,)
             Poles in ascending magnitude.
         """
-        poles: Complex = self.second_order.poles()
+        poles: Complex = self.ends.poles()
         return poles
 
     def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
@@ -182,8 +182,8 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
         drives = tuple([self.drives[k] for k in i])
         columns = [column for drive in drives for column in drive.columns]
-        part = self.second_order.with_ports([self.outputs[k] for k in o], columns)
-        return replace(self, second_order=part, drives=drives)
+        part = self.ends.with_ports([self.outputs[k] for k in o], columns)
+        return replace(self, ends=part, drives=drives)
 
     def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs; it exists where no proper state space does.
@@ -210,9 +210,98 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
             If a frequency is not finite or a pole, or 0 with a velocity or acceleration, or a name is unknown.
         """
         part = self.with_ports(outputs, inputs)
-        equations = part.second_order
+        equations = part.ends
         response: Complex = driven_response(equations.frequency_response(omega), equations.inputs, part.drives, omega)
         return response
+
+    def reduced(self, order: int | None = None, error: float | None = None, method: str = "balanced",
+                keep: Names = None, **kwargs: Any) -> Any:  # fmt: skip
+        """Return a model with fewer states or coordinates.
+
+        Parameters
+        ----------
+        order, error, method, keep
+            Those of ``System.reduced``. Of other methods than "balanced" errors and bounds are those of ``ends``, by the
+            displacement and velocity of each end.
+        **kwargs
+            More of those of ``SparseSystem.reduced``.
+
+        Returns
+        -------
+        StateSpace or DrivenSystem
+            A state space of balanced states; else equations of motion.
+
+        Raises
+        ------
+        ResponseError
+            As of ``System.reduced`` and ``state_space``.
+        """
+        part = self if keep is None else self.with_ports(keep)
+        if getattr(self.ends, "kind", "") != "system":
+            return replace(part, ends=part.ends.reduced(order, **kwargs))
+        if method == "balanced":
+            return part.state_space("modal").reduced(order, error)
+        return replace(part, ends=part.ends.reduced(order, error, method))
+
+    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
+        """Return the invariant zeros from some inputs to some outputs, also where no proper state space exists.
+
+        Where an output needs the derivative of a displacement they are those by its velocity, G / s, whose finite
+        zeros are the same.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their numbers may differ.
+
+        Returns
+        -------
+        array, shape (zeros,)
+            Zeros [1/s] in ascending magnitude.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+        """
+        from mbsvib.responses.finite_zeros import first_order_zeros
+
+        part = self.with_ports(outputs, inputs)
+        try:
+            space = part.state_space()
+        except ResponseError:
+            raised = [replace(drive, order=drive.order + 1) if len(drive.columns) > drive.order + 1 else drive
+                      for drive in part.drives]  # fmt: skip
+            space = replace(part, drives=tuple(raised)).state_space()
+        return first_order_zeros(space.A, space.B, space.C, space.D)
+
+    def frequency_grid(
+        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
+        f_max: float | None = None,
+    ) -> Array:  # fmt: skip
+        """Return angular frequencies that resolve every resonance and antiresonance by the motions of the ends.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+        n : int, optional
+            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+        f_min, f_max : float, optional
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency.
+
+        Returns
+        -------
+        array, shape (points,)
+            Ascending angular frequencies [rad/s].
+
+        Raises
+        ------
+        ResponseError
+            As of ``System.frequency_grid``.
+        """
+        grid: Array = self.with_ports(outputs, inputs).ends.frequency_grid(None, None, n, f_min=f_min, f_max=f_max)
+        return grid
 
     def frequency_response_sensitivities(
         self, omega: ArrayLike, parameters: Any = None, outputs: Names = None, inputs: Names = None
@@ -240,7 +329,7 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         """
         part = self.with_ports(outputs, inputs)
         columns = [column for drive in part.drives for column in drive.columns]
-        slopes = self.second_order.frequency_response_sensitivities(omega, parameters, list(part.outputs), columns)
+        slopes = self.ends.frequency_response_sensitivities(omega, parameters, list(part.outputs), columns)
         result: Complex = driven_response(slopes, columns, part.drives, omega)
         return result
 
@@ -267,11 +356,11 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         ResponseError
             If an output needs the derivative of an input, or the realization is unknown.
         """
-        space: StateSpace = self.second_order.state_space(*(() if realization is None else (realization,)), **kwargs)
-        return driven_space(space, self.drives, feedthrough_of(self.second_order, space), self.name)
+        space: StateSpace = self.ends.state_space(*(() if realization is None else (realization,)), **kwargs)
+        return driven_space(space, self.drives, feedthrough_of(self.ends, space), self.name)
 
     def _columns(self, order: int) -> Array:
-        inputs, matrix = list(self.second_order.inputs), self.second_order.B
+        inputs, matrix = list(self.ends.inputs), self.ends.B
         result = np.zeros((len(matrix), len(self.drives)))
         for k, drive in enumerate(self.drives):
             if len(drive.columns) > order:
@@ -283,26 +372,26 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
 class DrivenBatch(_Driven):
     """Systems with motions as inputs of n variants, as ``Batch``; ``batch[i]`` is the ``DrivenSystem`` of variant i."""
 
-    second_order: Any
+    ends: Any
     """The batch with the motions of all ends as inputs."""
     drives: tuple[Drive, ...]
     """The inputs and how they act."""
 
     def __len__(self) -> int:
-        return len(self.second_order)
+        return len(self.ends)
 
     def __getitem__(self, index: int) -> DrivenSystem:
-        return DrivenSystem(self.second_order[index], self.drives)
+        return DrivenSystem(self.ends[index], self.drives)
 
     @property
     def nominal(self) -> DrivenSystem:
         """The system of the model itself."""
-        return DrivenSystem(self.second_order.nominal, self.drives)
+        return DrivenSystem(self.ends.nominal, self.drives)
 
     @property
     def values(self) -> Any:
         """The values that vary."""
-        return self.second_order.values
+        return self.ends.values
 
     def modes(self, rtol: float | None = None) -> Any:
         """Return the modes of all variants.
@@ -317,7 +406,7 @@ class DrivenBatch(_Driven):
         BatchModes
             With an axis of variants in front.
         """
-        return self.second_order.modes(rtol)
+        return self.ends.modes(rtol)
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
         """Return the frequency response of all variants.
@@ -337,7 +426,7 @@ class DrivenBatch(_Driven):
         ResponseError
             As of ``DrivenSystem.frequency_response``.
         """
-        batch = self.second_order
+        batch = self.ends
         result: Complex = driven_response(batch.frequency_response(omega), batch.nominal.inputs, self.drives, omega)
         return result
 

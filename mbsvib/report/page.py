@@ -9,6 +9,7 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model, kind_of
 from mbsvib.errors import ExportError, ModelError
@@ -136,6 +137,8 @@ def _linear(source: Any, field: str) -> Any:
         return source.state_space()
     if kind_of(source) not in ("system", "closed loop", "state space"):
         return _linearized(a_model(source, "report", field))
+    if isinstance(source, DrivenSystem):
+        return source.ends
     closed = getattr(source, "second_order", None)
     if closed is None and kind_of(source) == "closed loop" and source.growing:
         return source.state_space()  # its responses are those of the equations, and the table says that it is unstable
@@ -144,6 +147,8 @@ def _linear(source: Any, field: str) -> Any:
 
 def _linearized(model: Model) -> System:
     system = model.linearize()
+    if isinstance(system, DrivenSystem):  # the page shows what each motion of an end does
+        system = system.ends
     if not isinstance(system, System):
         raise ModelError(
             f"report: model '{model.name}' has so many bodies that its equations are sparse, and no page could show "

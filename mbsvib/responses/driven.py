@@ -186,7 +186,7 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
         space, name=name, A=a, B=b, C=c, D=d, transform=transform[:0] if lost else transform,
         states=space.states + states, state_units=space.state_units + units,
         inputs=tuple([drive.name for drive in known]), input_units=tuple([drive.unit for drive in known]),
-        through=moved if moved.any() and not lost else None,
+        through=moved if moved.any() and not lost else None, error_bound=None,
     )  # fmt: skip
 
 

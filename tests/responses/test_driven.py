@@ -165,7 +165,7 @@ def test_variants_and_compiled_plants_have_moving_coefficients():
         np.testing.assert_allclose(batch[i].frequency_response(OMEGA), variant.frequency_response(OMEGA), rtol=1e-11)
         matrices = plant([values["tyre.stiffness"][i], values["tyre.damping"][i]])
         np.testing.assert_allclose(matrices.B, np.hstack((variant.B0, variant.B1)), rtol=1e-13)
-        np.testing.assert_allclose(matrices.D, variant.second_order.D, rtol=1e-13)
+        np.testing.assert_allclose(matrices.D, variant.ends.D, rtol=1e-13)
     names = ["displacement", "velocity"]
     t, u = np.linspace(0.0, 1.0, 11), np.sin(np.arange(11.0))
     part = model.with_parts(outputs={name: model.outputs[name] for name in names})
@@ -259,6 +259,35 @@ def test_dampers_on_massless_plates_have_no_derivative_of_the_input_in_displacem
     np.testing.assert_allclose(y, 1.0, rtol=1e-6)  # the damper takes the plate along
     with pytest.raises(ResponseError, match="'plate v' needs the derivative of input 'road'"):
         system["plate v", :].state_space()
+
+
+def test_zeros_grids_and_reductions_are_those_of_the_motion():
+    system = with_accelerometer().linearize()
+    zeros = system.transmission_zeros("on wheel", "road")  # s^2 (k + c s) (M s^2 + c_s s + k_s)
+    expected = [0.0, 0.0, *np.roots([BODY, ABSORBER, STRUT]), -TYRE / 200.0]
+    np.testing.assert_allclose(np.sort_complex(zeros), np.sort_complex(expected), rtol=1e-6, atol=1e-6)
+    assert np.abs(system.frequency_grid("on wheel") - np.abs(expected[2])).min() < 1e-3
+    small = system.reduced(2, method="modal")
+    np.testing.assert_allclose(small.frequency_response(OMEGA), system.frequency_response(OMEGA), rtol=1e-9)
+    balanced = quarter("velocity").linearize().reduced(4, keep="acceleration")
+    np.testing.assert_allclose(balanced.frequency_response(OMEGA)[0, 0], by_hand(OMEGA, 1)[2], rtol=1e-8)
+    sparse = quarter().linearize(method="sparse").reduced(2)
+    np.testing.assert_allclose(sparse.frequency_response(OMEGA)[:, 0], by_hand(OMEGA, 0), rtol=1e-8)
+
+
+def test_exports_keep_the_response_of_the_motion(tmp_path):
+    export = pytest.importorskip("mbsvib_export")
+    pytest.importorskip("control")
+    for order in (0, 1):
+        system = quarter(QUANTITIES[order]).linearize()["displacement", :]
+        np.testing.assert_allclose(export.to_control(system)(1j * OMEGA).reshape(-1), by_hand(OMEGA, order)[0],
+                                   rtol=1e-9)
+        path = tmp_path / f"{order}.json"
+        path.write_text(export.to_json(system), encoding="utf-8")
+        np.testing.assert_allclose(export.from_json(path).frequency_response(OMEGA)[0, 0], by_hand(OMEGA, order)[0],
+                                   rtol=1e-9)
+    with pytest.raises(mv.MbsvibError, match="'tyre force' needs the derivative of input 'road'"):
+        export.to_control(quarter().linearize())
 
 
 def test_what_cannot_be_moved_is_refused_by_name():
