@@ -221,8 +221,8 @@ class DrivenSystem(RandomVerbs, LinearVerbs, _Driven):
         Parameters
         ----------
         order, error, method, keep
-            Those of ``System.reduced``. Of other methods than "balanced" errors and bounds are those of ``ends``, by the
-            displacement and velocity of each end.
+            Those of ``System.reduced``. Of other methods than "balanced" errors and bounds are those of ``ends``, by
+            the displacement and velocity of each end.
         **kwargs
             More of those of ``SparseSystem.reduced``.
 

@@ -98,7 +98,8 @@ class Posed(Mechanism):
             Names or patterns (``"leg*.k"``) of springs and bushings of any kind that have stiffness at rest, whose
             preloads are to be found, True for all: the pose stays, and of all preloads that hold it those of least
             norm are taken: the least sum over these of |force|^2 + |moment / L|^2, moments about the bushing's
-            position. L is the root mean square distance from their mean of all centres of mass, points of joints and
+            position. ``"*.tyre.z"`` names directions of bushings, in their own axes.
+            L is the root mean square distance from their mean of all centres of mass, points of joints and
             bushings, and ends of springs. Default: the pose is found.
         report : bool
             True: return how it was found as well, ``Equilibrium`` with the model, whether it is stable and the modes

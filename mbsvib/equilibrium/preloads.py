@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
@@ -18,7 +20,7 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.preload_form import PreloadForm
@@ -43,7 +45,7 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
                              for (name, form), wrench in zip(forms.items(), wrenches, strict=True)})  # fmt: skip
     balanced = balance(posed_model(static_model(result), at.pose))
     if balanced.strict_share > BALANCE and balanced.share > BALANCE:  # forces that are rounding balance as well
-        listed = ", ".join(f"'{name}'" for name in names[:6]) + (", ..." if len(names) > 6 else "")
+        listed = ", ".join(f"'{name}'" for name in list(names)[:6]) + (", ..." if len(names) > 6 else "")
         text, details = unbalanced_force(at, balanced)
         raise EquilibriumError(
             f"model '{model.name}': no preload of {listed} holds the given pose; {text}. Choose springs that act along "
@@ -72,10 +74,26 @@ def without_rounding(model: M) -> M:
     return changed(model, changes)
 
 
-def _forms(model: Mechanism, names: Sequence[str], size: float) -> dict[str, PreloadForm]:
-    """How connections can carry a preload, without those that cannot."""
+def _forms(model: Mechanism, names: Iterable[str], size: float) -> dict[str, PreloadForm]:
+    """How connections can carry a preload, without those that cannot; along some directions where a mapping of names
+    to directions has these.
+    """
     forms = {name: model.springs[name].preload_form(size) for name in names}
-    return {name: form for name, form in forms.items() if form is not None}
+    result = {name: form for name, form in forms.items() if form is not None}
+    if isinstance(names, dict):
+        result = {name: _along(form, model.springs[name], names[name], size) for name, form in result.items()}
+    return result
+
+
+def _along(form: PreloadForm, part: Any, directions: Sequence[str], size: float) -> PreloadForm:
+    """The form with preloads along some of its own axes alone; all where no direction is named."""
+    if not directions:
+        return form
+    axes = np.kron(np.eye(2), np.array(part.orientation))
+    unit = np.array([1.0] * 3 + [size] * 3)
+    six = axes.T[[DIRECTIONS.index(direction) for direction in directions]] * unit[
+        [DIRECTIONS.index(direction) for direction in directions], None]  # fmt: skip
+    return replace(form, wrenches=six)
 
 
 def _balancing(
@@ -93,15 +111,23 @@ def _balancing(
     return [part @ form.wrenches for part, form in zip(parts, forms.values(), strict=True)]
 
 
-def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> list[str]:
-    """Names of the springs that are named or match a pattern, without those that have no stiffness."""
+def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> dict[str, tuple[str, ...]]:
+    """Names of the springs that are named or match a pattern, without those that have no stiffness, with the
+    directions of bushings that a pattern such as ``"*.tyre.z"`` names; none: all.
+    """
     if isinstance(selection, bool):
         patterns = ["*"] if selection else []
     else:
         items = [selection] if isinstance(selection, str) or not hasattr(selection, "__iter__") else list(selection)
         patterns = [item if isinstance(item, str) else getattr(item, "name", str(item)) for item in items]
-    names: dict[str, None] = {}
+    names: dict[str, tuple[str, ...]] = {}
     for pattern in patterns:
+        along = _directions(model, pattern)
+        if along:
+            for name, directions in along.items():
+                if names.get(name, directions):  # a bushing that was named without directions keeps all of them
+                    names[name] = tuple(dict.fromkeys((*names.get(name, ()), *directions)))
+            continue
         picked = [name for name in model.springs if name == pattern or fnmatchcase(name, pattern)]
         stiff = _forms(model, picked, 1.0)
         if not stiff:
@@ -109,8 +135,29 @@ def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> list[s
             raise ModelError(f"equilibrium: preload = {pattern!r} {why} in model '{model.name}'; name springs or "
                              f"bushings with stiffness.{'' if picked else nearest(pattern, model.springs)}",
                              element=pattern, field="preload")  # fmt: skip
-        names |= dict.fromkeys(stiff)
-    return list(names)
+        for name in stiff:
+            names[name] = ()
+    return names
+
+
+def _directions(model: Mechanism, pattern: str) -> dict[str, tuple[str, ...]]:
+    """The directions with stiffness of bushings that a pattern names, none if it matches names of elements."""
+    if any(name == pattern or fnmatchcase(name, pattern) for name in model.springs):
+        return {}
+    result: dict[str, tuple[str, ...]] = {}
+    for name, part in model.springs.items():
+        if not hasattr(part, "orientation"):
+            matched = part.acts_along_line and fnmatchcase(f"{name}.z", pattern)
+            if matched and part.preload_form(1.0) is not None:
+                result[name] = ()
+            continue
+        stiffness = np.abs(np.array(part.stiffness))
+        stiff = stiffness if stiffness.ndim == 1 else stiffness.max(axis=1)
+        named = tuple([direction for direction, value in zip(DIRECTIONS, stiff.tolist(), strict=True)
+                       if value and fnmatchcase(f"{name}.{direction}", pattern)])  # fmt: skip
+        if named:
+            result[name] = named
+    return result
 
 
 def _rows(at: PosedModel, forms: Mapping[str, PreloadForm]) -> Array:

@@ -186,3 +186,21 @@ def test_forces_that_are_rounding_need_no_preload():
     held = model.equilibrium(preload="k a")
     np.testing.assert_allclose(held.springs["k a"].preload, (0, 0, -20.0, 0, 0, 0), rtol=1e-14)
     assert held.linearize().dof == 2
+
+
+def test_patterns_name_directions_of_bushings():
+    """A beam on two bushings that are stiff in all directions: z alone carries the weight, and x alone cannot."""
+    model = mv.Model("car", gravity=(0, 0, -10.0))
+    model.add_body("car", 3.0, (1, 1, 1), (0.5, 0, 1.0))
+    for name, x in (("front.tyre", 0.0), ("rear.tyre", 2.0)):
+        model.add_bushing(name, "ground", "car", (x, 0, 0), (1e4, 1e4, 1e5, 10.0, 10.0, 10.0))
+    held = model.equilibrium(preload="*.tyre.z")
+    along = {name: np.array(part.preload) for name, part in held.springs.items()}
+    for preload, share in zip(along.values(), (0.75, 0.25), strict=True):
+        np.testing.assert_allclose(np.abs(preload), [0.0, 0.0, 30.0 * share, 0.0, 0.0, 0.0], atol=1e-12)
+    both = model.equilibrium(preload=["front.tyre.z", "rear.tyre.?"])
+    np.testing.assert_allclose(np.abs(both.springs["rear.tyre"].preload[2]), 7.5, rtol=1e-9)
+    with pytest.raises(mv.EquilibriumError):
+        model.equilibrium(preload="*.x")
+    with pytest.raises(mv.ModelError, match=r"'\*\.tyre\.w' is not a spring"):
+        model.equilibrium(preload="*.tyre.w")
