@@ -9,7 +9,8 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 SLOW = {"absorber_by_ipopt", "active_damping_by_units", "codesign_of_mount_and_gain", "cut_another_loop",
-        "decentral_control_three_poses", "drop_test", "force_feedback_worst_case", "hexapod_isolation",
+        "decentral_control_three_poses", "drop_test", "force_feedback_worst_case", "gain_scheduled_hexapod",
+        "hexapod_isolation",
         "hexapod_legs_from_measured_responses",
         "hoeken_balancing", "linkage_under_gravity", "mpc_of_stewart", "nano_stage_error_budget",
         "robot_arm_over_its_workspace", "rotor_stator_campbell", "scraper_cycle", "snap_through",
