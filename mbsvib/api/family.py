@@ -177,8 +177,7 @@ class Family(Batch):
 
 
 def family(
-    model: Mechanism, values: Mapping[str, ArrayLike], grid: bool = False, independent: Sequence[str] | None = None,
-    relaxed: bool = True,
+    model: Mechanism, values: Mapping[str, ArrayLike], grid: bool, independent: Sequence[str] | None, relaxed: bool
 ) -> Family:  # fmt: skip
     """Return a model in many poses; see ``Model.family``."""
     from mbsvib.api.plant import compiled

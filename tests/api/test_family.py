@@ -221,6 +221,23 @@ def test_the_number_of_poses_is_limited(monkeypatch):
         family.interpolated()
 
 
+def test_poses_are_added_where_no_change_is_followed(monkeypatch):
+    """As where changes at all points happen to be zero: then the whole set grows by one index each time."""
+    checks = []
+    monkeypatch.setattr(lpv_module, "FOLLOWED", 1e30)
+    monkeypatch.setattr(lpv_module, "_checks", lambda *args: checks.append(args) or np.linspace(-1, 1, 50)[:, None])
+    lpv = hanging_crank().family({"A.rz": [-0.2, 0.2]}).interpolated(1e-3)
+    assert lpv.error_bound <= 1e-3
+    assert len(checks) == lpv.poses
+
+
+def test_checks_have_all_corners_of_few_coordinates():
+    checks = lpv_module._checks(3, 0)
+    assert len({tuple(x) for x in checks.tolist() if set(map(abs, x)) == {1.0}}) == 8
+    assert (abs(checks) < 1.0).all(axis=1).sum() >= 1000
+    assert not np.array_equal(checks, lpv_module._checks(3, 1))
+
+
 def test_motions_without_mass_are_refused():
     model = mv.Model("massless")
     model.add_body("a", 1.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.0))
