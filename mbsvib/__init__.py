@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mbsvib.modes.disparity import modal_disparity
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.tuning import goals, tunable, tune
-    from mbsvib.urdf import load_urdf
+    from mbsvib.urdf import load_urdf, save_urdf
 
 __all__ = [
     "AccuracyWarning",
@@ -78,6 +78,7 @@ __all__ = [
     "plots",
     "report",
     "save",
+    "save_urdf",
     "studies",
     "sweep",
     "tolerances",
@@ -110,6 +111,7 @@ _HOMES = {
     "optimize": "mbsvib.studies",
     "report": "mbsvib.report",
     "save": "mbsvib.files",
+    "save_urdf": "mbsvib.urdf",
     "studies": "mbsvib.studies",
     "sweep": "mbsvib.studies",
     "tolerances": "mbsvib.studies",
