@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.elements import body as _body
 from mbsvib.elements import bushing as _bushing
@@ -14,7 +14,7 @@ from mbsvib.elements import torsion_spring as _torsion
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -27,24 +27,34 @@ class RigidMechanism(Mechanism):
     """A mechanism of rigid bodies, joints and spring-dampers."""
 
     def add_body(
-        self, name: str, mass: float, inertia: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0),
-        orientation: ArrayLike | None = None,
+        self, name: str, mass: float | None = None, inertia: ArrayLike | None = None,
+        position: ArrayLike = (0.0, 0.0, 0.0), orientation: ArrayLike | None = None,
+        shape: Mapping[str, Any] | None = None, density: float | None = None,
     ) -> Body:  # fmt: skip
-        """Add a rigid body.
+        """Add a rigid body, by its mass and inertia or by its shape and density.
+
+        With a shape, mass = density V and the inertia that of the solid; the body keeps these numbers, not the shape.
 
         Parameters
         ----------
         name : str
             Name, unique among bodies, joints, bushings and springs.
         mass : float
-            Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too).
+            Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too). An error
+            beside a shape, as is the inertia.
         inertia : array-like, shape (3,), (6,) or (3, 3)
             Inertia about the centre of mass in body axes [kg m^2]: principal moments, the tensor's entries
             xx yy zz xy xz yz (xy = -integral of x y dm), or the tensor.
         position : array-like, shape (3,)
-            Centre of mass [m], world axes.
+            Centre of mass [m], world axes; of a mesh the origin of its file, from which the centre of mass follows.
         orientation : array-like, shape (3, 3) or (3,), optional
             Body axes as columns, or a rotation vector [rad]; default: world axes.
+        shape : mapping, optional
+            Its ``"type"`` and dimensions [m]: box (``size``, three edges), cylinder (``radius``, ``length``), tube
+            (``radius`` outside, ``wall``, ``length``), both along z of the body, sphere (``radius``), or mesh
+            (``file``: .stl or .obj, ``scale``: metres per unit of the file, 1 by default; extra ``mbsvib[mesh]``).
+        density : float, optional
+            Density of the shape [kg/m^3].
 
         Returns
         -------
@@ -54,9 +64,14 @@ class RigidMechanism(Mechanism):
         Raises
         ------
         ModelError
-            If the name is taken, the mass is negative, or no body can have this inertia.
+            If the name is taken, the mass is negative, no body can have this inertia, a word of the shape is unknown or
+            missing, or a mesh is not watertight.
+
+        Source: as in ``mbsvib.elements.shapes``.
         """
         self._check_name(name, "body")
+        if shape is not None or density is not None:
+            return self._keep(self._bodies, _body.of_shape(name, mass, inertia, position, orientation, shape, density))
         part = _body.make(name, mass, inertia, position, orientation)
         return self._keep(self._bodies, part)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from inspect import signature
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
-from mbsvib.api.add_couplers import CoupledMechanism
+from mbsvib.api.add_drives import DrivenMechanism
 from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_models import NestedMechanism
-from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.pose import Posed
@@ -33,8 +32,7 @@ if TYPE_CHECKING:
 
 
 class Model(
-    RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, NestedMechanism, Posed,
-    Running, Simulated,
+    DrivenMechanism, FlexibleMechanism, LoadedMechanism, PortedMechanism, NestedMechanism, Posed, Running, Simulated
 ):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 

@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements import shapes
 from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
 from mbsvib.errors import ModelError
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
+INERTIA = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
 # CAD programs print inertia tensors with six or seven digits; a thin plate then violates Ixx + Iyy = Izz by this much.
 TRIANGLE_SLACK = 1e-6
 # A tensor is certainly valid if the leading minors of E, relative to those of a sphere of equal trace, are above this.
@@ -89,6 +91,9 @@ class Body(Part):
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:
     """Check the values of a body and build it."""
     who = f"body '{name}'"
+    for field, value, expected in (("mass", mass, "a positive number [kg], or 0"), ("inertia", inertia, INERTIA)):
+        if value is None:
+            raise check.refuse(who, field, None, expected, "Give mass and inertia, or shape and density.")
     mass = check.number(mass, who, "mass", "a positive number [kg], or 0")
     if mass < 0.0:
         raise check.refuse(who, "mass", mass, "a positive number [kg], or 0")
@@ -96,8 +101,26 @@ def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) ->
                 check.orientation(orientation, who))  # fmt: skip
 
 
+def of_shape(
+    name: str, mass: Any, inertia: Any, position: Any, orientation: Any, shape: Any, density: Any
+) -> Body:
+    """Check the values of a body of a solid shape and build it; ``position`` is the origin of the shape's axes."""
+    who = f"body '{name}'"
+    for field, value in (("mass", mass), ("inertia", inertia)):
+        if value is not None:
+            raise ModelError(f"{who}: {field} = {check.shown(value)} is given beside a shape, from which it follows; "
+                             f"leave one out.", element=who, field=field)  # fmt: skip
+    for field, value, other in (("shape", shape, "density"), ("density", density, "shape")):
+        if value is None:
+            raise ModelError(f"{who}: {other} is given without {field}; give both, or mass and inertia.",
+                             element=who, field=field)  # fmt: skip
+    solid, axes = shapes.solid(shape, density, who), check.orientation(orientation, who)
+    centre = np.array(check.vector(position, who, "position")) + np.array(axes) @ np.array(solid.centre)
+    return make(name, solid.mass, solid.inertia, tuple(centre.tolist()), axes)
+
+
 def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, float]:
-    expected = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
+    expected = INERTIA
     items = value.tolist() if hasattr(value, "tolist") else value
     if hasattr(items, "__len__") and len(items) == 3 and hasattr(items[0], "__len__"):
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = check.square(items, 3, who, "inertia", expected)

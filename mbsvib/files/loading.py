@@ -12,13 +12,13 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, KeyPath
 from mbsvib.files.reading import read
-from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
+from mbsvib.files.words import ALL_SECTIONS, VERSION, head_words, mandatory, options, unfit, words
 from mbsvib.mechanism.mechanism import GROUND
 
 # keys at the top level in addition to the sections and the arguments of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"
-# sections of parts that may be connected by their nodes
-COMPOSED = ("beams", "superelements")
+# sections of parts that may be connected by their nodes or bodies
+COMPOSED = ("models", "beams", "superelements")
 # maximum number of known names in a message
 MOST_NAMES = 12
 
@@ -41,27 +41,62 @@ def load(path: str | PathLike[str]) -> Model:
     ModelError
         If the file cannot be read, or a key or value in it is refused; the message gives file, line and key.
     """
-    document = read(path)
+    return _loaded(read(path), Path(path), (Path(path).resolve(),))
+
+
+def _loaded(document: Document, path: Path, open_files: tuple[Path, ...], name: str | None = None) -> Model:
+    """The model of a document, in which paths are relative to the folder of ``path``.
+
+    ``open_files`` are those whose parts it is; ``name`` is its own where it gives none, else that of the file.
+    """
     data = document.data
     if not isinstance(data, dict):
         problem = "the file is empty" if data is None else f"{_what(data)} stands at the top"
-        raise document.error((), f"{problem}; expected the sections of a model: {', '.join(SECTIONS)}.")
+        raise document.error((), f"{problem}; expected the sections of a model: {', '.join(ALL_SECTIONS)}.")
     _check_version(document, data)
     head = head_words()
     for key in data:
-        if key not in SECTIONS and key not in head and key not in (MARK, SCHEMA):
+        if key not in ALL_SECTIONS and key not in head and key not in (MARK, SCHEMA):
             raise document.error((key,), "there is no such section."
-                                 f"{_misplaced(key) or _known(key, [*SECTIONS, *head, MARK])}")  # fmt: skip
-    model = _model(document, {key: data[key] for key in head if key in data}, Path(path).stem)
-    entries = [(section, name, entry) for section in SECTIONS
+                                 f"{_misplaced(key) or _known(key, [*ALL_SECTIONS, *head, MARK])}")  # fmt: skip
+    model = _model(document, {key: data[key] for key in head if key in data}, name or path.stem)
+    entries = [(section, name, entry) for section in ALL_SECTIONS
                for name, entry in _entries(document, section, data.get(section))]  # fmt: skip
-    for section, name, entry in _nodes_first(entries):
-        _add(document, model, section, name, entry)
+    for section, key, entry in _nodes_first(entries):
+        _add(document, model, section, key, _with_files(document, (section, key), entry, path.parent, open_files))
     return model
 
 
+def _with_files(document: Document, key_path: KeyPath, entry: Any, folder: Path, open_files: tuple[Path, ...]) -> Any:
+    """The words of a part, with the model that it names or has inside, and the path of its mesh from the folder on."""
+    if not isinstance(entry, dict):
+        return entry
+    if key_path[0] == "models" and isinstance(entry.get("other"), str | dict):
+        return entry | {"other": _other(document, (*key_path, "other"), entry["other"], folder, open_files)}
+    shape = entry.get("shape")
+    if key_path[0] == "bodies" and isinstance(shape, dict) and isinstance(shape.get("file"), str):
+        return entry | {"shape": shape | {"file": str(folder / shape["file"])}}
+    return entry
+
+
+def _other(document: Document, key_path: KeyPath, value: Any, folder: Path, open_files: tuple[Path, ...]) -> Model:
+    """The model that is a part of another: the content of a file, or sections in place."""
+    if isinstance(value, dict):
+        depth = len(key_path)
+        lines = {place[depth:]: line for place, line in document.lines.items() if place[:depth] == key_path}
+        inside = Document(document.file, value, lines)
+        return _loaded(inside, folder / Path(document.file).name, open_files, key_path[1])
+    path = folder / value
+    if path.resolve() in open_files:
+        raise document.error(key_path, f"the file '{value}' would be a part of itself.", field="other")
+    try:
+        return _loaded(read(path), path, (*open_files, path.resolve()))
+    except ModelError as error:
+        raise document.error(key_path, str(error), element=error.element, field=error.field) from error
+
+
 def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, Any]]:
-    """Entries sorted so that beams and superelements follow those to whose nodes they are connected."""
+    """Entries sorted so that models, beams and superelements follow those to whose bodies they are connected."""
     waiting = [item for item in items if item[0] in COMPOSED]
     if not waiting:
         return items
@@ -77,11 +112,12 @@ def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, 
 
 
 def _attached_bodies(entry: Any) -> set[str]:
-    """Possible owners of the nodes to which a beam or superelement is connected."""
+    """Possible owners of the bodies to which a model, beam or superelement is connected."""
     if not isinstance(entry, dict):
         return set()
     attached = entry.get("bodies")
-    names = [entry.get("a"), entry.get("b"), *(attached.values() if isinstance(attached, dict) else ())]
+    names = [*(entry.get(word) for word in ("a", "b", "ground")),
+             *(attached.values() if isinstance(attached, dict) else ())]
     return {name[:i] for name in names if isinstance(name, str) for i, sign in enumerate(name) if sign == "."}
 
 
@@ -158,7 +194,7 @@ def _is_body(model: Model, value: Any) -> bool:
 
 
 def _kind(document: Document, key_path: KeyPath, entry: dict[str, Any]) -> str:
-    kinds = SECTIONS[key_path[0]]
+    kinds = ALL_SECTIONS[key_path[0]]
     if len(kinds) == 1 or "type" not in entry:
         return kinds[0]
     kind = entry.pop("type")
@@ -175,12 +211,12 @@ def _with_line(document: Document, key_path: KeyPath, error: ModelError) -> Mode
 
 
 def _calls(section: str) -> str:
-    return " or ".join(f"add_{kind} ({', '.join(words(kind))})" for kind in SECTIONS[section])
+    return " or ".join(f"add_{kind} ({', '.join(words(kind))})" for kind in ALL_SECTIONS[section])
 
 
 def _misplaced(key: str) -> str:
     """Return a hint for names of sections that do not exist, such as those of single types."""
-    for section, kinds in SECTIONS.items():
+    for section, kinds in ALL_SECTIONS.items():
         for kind in kinds:
             if key in (kind, f"{kind}s"):
                 condition = "" if kind == kinds[0] else f", each with 'type: {kind}'"
@@ -189,7 +225,7 @@ def _misplaced(key: str) -> str:
 
 
 def _kinds_with_word(section: str, kind: str, key: str) -> str:
-    others = [candidate for candidate in SECTIONS[section] if candidate != kind and key in words(candidate)]
+    others = [candidate for candidate in ALL_SECTIONS[section] if candidate != kind and key in words(candidate)]
     return f" It is a word of add_{others[0]}: add 'type: {others[0]}' if that is meant." if others else ""
 
 

@@ -20,6 +20,20 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     section: tuple([family.word for family in FAMILIES if family.section == section])
     for section in dict.fromkeys(family.section for family in FAMILIES)
 }
+# Calls that add several parts: files may have them, and hold these parts once they are saved again.
+COMPOUND: dict[str, tuple[str, ...]] = {"models": ("model",), "drives": ("ball_screw", "belt", "gear_pair")}
+
+
+def _all_sections() -> dict[str, tuple[str, ...]]:
+    """All sections in the order in which they are read: models with bodies, drives with joints."""
+    result = {}
+    for section, kinds in SECTIONS.items():
+        result[section] = kinds
+        result |= {"bodies": {"models": COMPOUND["models"]}, "joints": {"drives": COMPOUND["drives"]}}.get(section, {})
+    return result
+
+
+ALL_SECTIONS = _all_sections()
 
 
 @cache

@@ -9,6 +9,7 @@ from hypothesis import given
 
 import mbsvib as mv
 from mbsvib.api.model import ADDERS
+from mbsvib.files.words import COMPOUND
 from tests.support.arm import arm
 from tests.support.random_models import open_trees, rebuilt
 
@@ -52,7 +53,8 @@ def test_ground_is_no_body():
 def test_every_part_knows_its_adder():
     assert {type(part) for part in parts(arm())} <= set(ADDERS)
     adders = {adder for adder in dir(mv.Model) if adder.startswith("add_")}
-    assert adders - {"add_port", "add_model"} == set(ADDERS.values())  # these are other parts
+    several = {f"add_{kind}" for kinds in COMPOUND.values() for kind in kinds} | {"add_port"}
+    assert adders - several == set(ADDERS.values())
 
 
 def test_repr_counts():

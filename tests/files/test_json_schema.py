@@ -13,14 +13,14 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.files import load, save, schema
-from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, words
+from mbsvib.files.words import ALL_SECTIONS, VERSION, head_words, mandatory, words
 from mbsvib.files.yaml_text import read_yaml
 from mbsvib.library import models as library_models
 from tests.files.models import models
 from tests.files.test_saving import READABLE
 from tests.support.sizes import examples
 
-KINDS_OF_PARTS = [kind for kinds in SECTIONS.values() for kind in kinds]
+KINDS_OF_PARTS = [kind for kinds in ALL_SECTIONS.values() for kind in kinds]
 VALID = jsonschema.Draft202012Validator(schema())
 
 
@@ -39,14 +39,14 @@ def test_schema_is_one_of_draft_2020_12():
 
 def test_top_level_keys_are_the_sections_and_the_words_of_model():
     top = schema()
-    assert set(top["properties"]) == {*SECTIONS, *head_words(), "mbsvib", "$schema"}
+    assert set(top["properties"]) == {*ALL_SECTIONS, *head_words(), "mbsvib", "$schema"}
     assert top["additionalProperties"] is False
 
 
 @pytest.mark.parametrize("kind", KINDS_OF_PARTS)
 def test_words_are_those_of_the_call(kind):
     part = schema()["$defs"][kind]
-    shared = next(kinds for kinds in SECTIONS.values() if kind in kinds)
+    shared = next(kinds for kinds in ALL_SECTIONS.values() if kind in kinds)
     typed = {"type"} if len(shared) > 1 else set()
     assert set(part["properties"]) == set(words(kind)) | typed
     assert part["additionalProperties"] is False
@@ -73,7 +73,7 @@ def test_choices_are_those_of_the_parts():
     assert parts["joint"]["properties"]["kind"]["enum"] == [*KINDS, "custom", None]
     assert parts["direction"]["anyOf"][0]["enum"] == [*DIRECTIONS]
     assert parts["output"]["properties"]["quantity"]["enum"] == [*QUANTITIES]
-    for kinds in SECTIONS.values():
+    for kinds in ALL_SECTIONS.values():
         if len(kinds) > 1:
             assert parts[kinds[0]]["properties"]["type"]["enum"] == [*kinds]
             assert [parts[kind]["properties"]["type"]["const"] for kind in kinds[1:]] == [*kinds[1:]]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import mbsvib as mv
 import mbsvib.files
 from mbsvib.files import load
-from mbsvib.files.words import SECTIONS
+from mbsvib.files.words import ALL_SECTIONS
 from tests.files.models import sections
 from tests.support.sizes import examples
 
@@ -110,7 +110,7 @@ def test_what_is_wrong_is_told_with_its_line_and_key(written, text, message):
 @pytest.mark.parametrize("text", ["", "# nothing\n", "~\n"])
 def test_empty_file(written, text):
     assert str(refused(written(text))) == (
-        f"isolator.yaml, line 1: the file is empty; expected the sections of a model: {', '.join(SECTIONS)}."
+        f"isolator.yaml, line 1: the file is empty; expected the sections of a model: {', '.join(ALL_SECTIONS)}."
     )
 
 
@@ -123,7 +123,7 @@ def test_error_keeps_element_and_field(written):
 
 def test_line_of_an_alias_is_that_of_its_use(written):
     error = refused(written("bodies:\n  p: &p\n    mass: 1\n  q:\n    <<: *p\n    inertia: [1, 1, 1]\n"))
-    assert str(error).startswith("isolator.yaml, line 2, bodies.p: missing: inertia")
+    assert str(error).startswith("isolator.yaml, line 2, bodies.p.inertia: inertia = None; expected 3")
     shared = "bodies:\n  p: &p {mass: 1, inertia: [1, 1, 1]}\n  q: *p\nsprings:\n  s: *p\n"
     message = str(refused(written(shared)))
     assert message.startswith("isolator.yaml, line 5, springs.s.mass: add_spring has no such word")
