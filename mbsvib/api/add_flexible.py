@@ -1,10 +1,11 @@
-"""The calls that add beams and reduced finite element models."""
+"""The calls that add beams, flexures and reduced finite element models."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbsvib.elements import beam as _beam
+from mbsvib.elements import flexure as _flexure
 from mbsvib.elements import superelement as _superelement
 from mbsvib.elements.part import Composed
 from mbsvib.mechanism.mechanism import Mechanism
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from mbsvib.elements import Body
     from mbsvib.elements.beam import Beam
+    from mbsvib.elements.flexure import Flexure
     from mbsvib.elements.material import Material
     from mbsvib.elements.sections import Circle, Rectangle, Section, Tube
     from mbsvib.elements.superelement import Superelement
@@ -95,6 +97,83 @@ class FlexibleMechanism(Mechanism):
         second = None if b is None else self._body_name(b, "beam", name, "b")
         part = _beam.make(name, first, second, section, material, start, end, axis, length, nodes, elements, shear,
                           y_axis, alpha, beta, damping_ratio, displacements, second_order)  # fmt: skip
+        return self._compose(part)
+
+    def add_flexure(
+        self, name: str, a: str | Body, b: str | Body, shape: Mapping[str, Any],
+        material: Material | Mapping[str, Any], position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike | None = None, shear: bool = False, alpha: float = 0.0, beta: float = 0.0,
+        damping_ratio: float = 0.0, displacements: ArrayLike | None = None, second_order: bool = True,
+    ) -> Flexure:  # fmt: skip
+        """Add a flexure: a leaf spring or a notch hinge, whose ends two bodies hold clamped.
+
+        About its middle its stiffness is diagonal in its axes, z along it and y along its width. For a leaf of the
+        length L, width b and thickness t,
+
+        k_x = 12 E I_y / L^3,  k_y = 12 E I_x / L^3,  k_z = E A / L,
+        k_rx = E I_x / L,  k_ry = E I_y / L,  k_rz = G J / L
+
+        with I_y = b t^3 / 12, I_x = t b^3 / 12, and J that of a rectangle whose ends do not warp. The compliances of a
+        notch are integrals of its thickness h(z):
+
+        1/k_ry = int 12 / (E b h^3),  1/k_x = int 12 z^2 / (E b h^3) + 1.2 / (G b h),  1/k_z = int 1 / (E b h),
+        1/k_rx = int 12 / (E b^3 h),  1/k_y = int 12 z^2 / (E b^3 h) + 1.2 / (G b h),  1/k_rz = int 1 / (G J),
+
+        without what the bodies beside it give way, and with free warping. Its mass is consistent with these
+        deflections, and the axial force changes its stiffness to first order: a guided leaf under the compression P has
+        12 E I_y / L^3 - 6 P / (5 L), which is 0.6 % more than the exact value at 0.5 pi^2 E I_y / L^2 and vanishes at
+        1.013 of the buckling load; ``add_beam`` with several elements is exact there. Its element is called
+        ``"NAME.e1"``, with x along it; force outputs may name it.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        a, b : str or Body
+            The bodies that hold its ends: ``a`` that at -z, ``b`` that at +z.
+        shape : mapping
+            Lengths [m] by the type: ``{"type": "leaf", "length": ..., "width": ..., "thickness": ...}``, the circular
+            ``"notch"`` with ``radius``, ``thickness`` of the neck and ``width`` (its length is twice the radius),
+            ``"elliptic"`` with ``length`` and ``depth`` of the cuts, ``thickness`` and ``width``, or
+            ``"corner_filleted"`` with ``length``, ``radius`` of the fillets, ``thickness`` and ``width``.
+        material : Material or mapping
+            The material, or its words: ``{"E": 2.1e11, "nu": 0.3, "rho": 7800}``.
+        position : array-like, shape (3,)
+            Its middle [m], world axes.
+        orientation : array-like, shape (3, 3) or (3,), optional
+            Its axes as columns, or a rotation vector [rad]; default: world axes.
+        shear : bool
+            Of a leaf: True for shear deformation, with the factor 5/6, and rotary inertia, which count where it is not
+            much longer than wide. Notches always have both.
+        alpha, beta : float
+            Rayleigh damping, C = alpha M + beta K of the flexure [1/s, s].
+        damping_ratio : float
+            Damping ratio of every elastic mode of the flexure with both ends free.
+        displacements : array-like, shape (2, 6), optional
+            How far its ends and their rotation vectors are [m, rad], world axes, from where they would be without
+            forces in the frame of the ground, if that holds an end, else of ``a``. ``equilibrium`` states it.
+        second_order : bool
+            True: in ``equilibrium``, ``moved``, ``path`` and ``simulate`` its slopes add to its strain, so that a bent
+            leaf is shorter. False: linear there. Bending by more than 0.15 rad gives a warning.
+
+        Returns
+        -------
+        Flexure
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, both are the same, or a number of shape or material is refused.
+
+        Source: Paros, Weisbord, How to design flexure hinges, Machine Design 37 (1965), 151-156 (circular); Smith,
+        Flexures (2000) (elliptic); Lobontiu, Compliant Mechanisms (2003) (corner-filleted); Timoshenko, Goodier, Theory
+        of Elasticity, section 109, and Meijaard, Brouwer, Jonker, Multibody Syst. Dyn. 23 (2010), 271-289 (torsion).
+        """
+        self._check_name(name, "flexure")
+        first, second = self._body_name(a, "flexure", name, "a"), self._body_name(b, "flexure", name, "b")
+        part = _flexure.make(name, first, second, shape, material, position, orientation, shear, alpha, beta,
+                             damping_ratio, displacements, second_order)  # fmt: skip
         return self._compose(part)
 
     def add_superelement(

@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
+from mbsvib.elements.beam_element import Element, Prismatic
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, ParameterField, Part, derived, vector_field
@@ -103,6 +104,10 @@ class Beam(Composed):
         """Area, second moments, torsion constant and shear factors."""
         return self.section.properties(self.material.poisson)
 
+    def element(self, length: float) -> Element:
+        """Return what an element of this ``length`` [m] between two nodes is made of."""
+        return Prismatic(length, self.properties, self.material, self.shear)
+
     def body_of(self, i: int) -> str:
         if i == 0 and self.a is not None:
             return self.a
@@ -187,11 +192,12 @@ class Beam(Composed):
         rest = self.without_forces()
         points = np.array(rest.points)
         between = np.diff(points, axis=0)
-        half = 0.5 * self.material.rho * self.properties.A * np.array(rest.lengths())
+        parts = [(self.element(length), length) for length in rest.lengths()]
+        half, share = np.array([(0.5 * part.mass, part.arm / length) for part, length in parts]).T
         mass, moment = np.zeros(len(points)), np.zeros((len(points), 3))
         for side, sign in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
             mass[side] += half
-            moment[side] += sign / 6.0 * half[:, None] * between
+            moment[side] += sign * (share * half)[:, None] * between
         arm = moment / mass[:, None]
         if self.displacements is not None:
             arm = np.einsum("nij,nj->ni", exponential(np.array(self.displacements)[:, 3:]), arm)
@@ -274,16 +280,13 @@ def make(
     """Check the values of a beam and build it."""
     who = f"beam '{name}'"
     shape, material = _sections.make(section, who), _material.make(material, who)
-    if type(shear) is not bool:
-        raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
-    if type(second_order) is not bool:
-        raise check.refuse(who, "second_order", second_order, "True (slopes add to the strain) or False (linear)")
+    check_flags(who, shear, second_order)
     properties = shape.properties(material.poisson)
     if shear and (properties.ky is None or properties.kz is None):
         raise ModelError(f"{who}: shear=True needs the section's shear factors ky and kz; give them (5/6 for a "
                          f"rectangle), or use a tube, circle or rectangle.", element=who, field="section")  # fmt: skip
-    rayleigh = _damping(who, "alpha", alpha), _damping(who, "beta", beta)
-    ratio = _damping(who, "damping_ratio", damping_ratio)
+    rayleigh = checked_damping(who, "alpha", alpha), checked_damping(who, "beta", beta)
+    ratio = checked_damping(who, "damping_ratio", damping_ratio)
     if axis is not None or length is not None:
         axis, length, far_end = _end_along(who, start, end, axis, length)
         (start, _), nodes, points, elements = _points(who, start, far_end, nodes, elements)
@@ -292,7 +295,7 @@ def make(
     if y_axis is not None:
         y_axis = _y_axis(who, y_axis, len(points) - 1)
     if displacements is not None:
-        displacements = _displacements(who, displacements, len(points))
+        displacements = checked_displacements(who, displacements, len(points))
     beam = Beam(name, a, b, shape, material, start, end, axis, length, nodes, elements, shear, y_axis, *rayleigh, ratio,
                 displacements, second_order, points)  # fmt: skip
     beam.frames()
@@ -312,7 +315,16 @@ def _y_axis(who: str, value: Any, elements: int) -> Any:
     return tuple([check.axis(item, who, "y_axis") for item in items])
 
 
-def _displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
+def check_flags(who: str, shear: Any, second_order: Any) -> None:
+    """Refuse what is neither True nor False."""
+    if type(shear) is not bool:
+        raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
+    if type(second_order) is not bool:
+        raise check.refuse(who, "second_order", second_order, "True (slopes add to the strain) or False (linear)")
+
+
+def checked_displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
+    """Return displacements (nodes, 6) of the nodes of a beam, checked."""
     expected = f"x y z [m] and rx ry rz [rad] of each of the {nodes} nodes"
     items = check.listed(value, who, "displacements", expected)
     if len(items) != nodes:
@@ -320,7 +332,8 @@ def _displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
     return tuple([check.numbers(item, (6,), who, "displacements", expected) for item in items])
 
 
-def _damping(who: str, word: str, value: Any) -> float:
+def checked_damping(who: str, word: str, value: Any) -> float:
+    """Return a coefficient of damping, which is not negative."""
     result = check.number(value, who, word)
     if result < 0.0:
         raise check.refuse(who, word, value, "a number that is not negative")

@@ -10,8 +10,9 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -25,7 +26,76 @@ if TYPE_CHECKING:
 
 # Of both planes of bending: indices of deflection and rotation of both ends in (u1, theta1, u2, theta2), and the ratio
 # of slope to rotation.
-_PLANES = (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0))
+PLANES = (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0))
+
+
+class BentLine(NamedTuple):
+    """The bent line of an element in one plane: per unit deflection d and rotation r of its end against its start,
+    about the midpoint, the integrals of its squared slope less that of the chord.
+
+    ``deflected`` [1/m] and ``turned`` [m] are those of d^2 and r^2; ``weighed`` [1] is the work in d r of the tension
+    that unit weight along the element makes, beyond that of weights on straight halves.
+    """
+
+    deflected: float
+    turned: float
+    weighed: float
+
+
+class Element(Protocol):
+    """What a beam is made of between two nodes, in the axes of the element (x along it)."""
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg]."""
+
+    @property
+    def arm(self) -> float:
+        """Distance of the weight of either half from its node [m], of consistent nodal loads."""
+
+    def stiffness(self) -> tuple[float, ...]:
+        """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
+
+    def mass_rows(self) -> Array:
+        """Return the rows F of the consistent mass matrix F^T F, over (u1, theta1, u2, theta2)."""
+
+    def bent_lines(self) -> tuple[BentLine, BentLine]:
+        """Return its bent lines in the planes x-y and x-z."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prismatic:
+    """An element of constant section."""
+
+    length: float
+    section: Properties
+    material: Material
+    shear: bool
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg]."""
+        return self.material.rho * self.section.A * self.length
+
+    @property
+    def arm(self) -> float:
+        """Distance of the weight of either half from its node [m]."""
+        return self.length / 6.0
+
+    def stiffness(self) -> tuple[float, ...]:
+        """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
+        return stiffness(self.length, self.section, self.material, self.shear)
+
+    def mass_rows(self) -> Array:
+        """Return the rows F of the consistent mass matrix F^T F."""
+        return mass_rows(self.length, self.section, self.material, self.shear)
+
+    def bent_lines(self) -> tuple[BentLine, BentLine]:
+        """Return its bent lines in the planes x-y and x-z."""
+        length, scales = self.length, [1.0 / (1.0 + phi) for phi in shear_ratios(
+            self.length, self.section, self.material, self.shear)]  # fmt: skip
+        one, other = (BentLine(0.2 * s * s / length, length / 12.0, s / 30.0 - 1.0 / 12.0) for s in scales)
+        return one, other
 
 
 def shear_ratios(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, float]:
@@ -66,7 +136,7 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
     for x, weight in _gauss(2):
         add(weight * mass, [0, 6], (1.0 - x, x))
         add(weight * polar_inertia, [3, 9], (1.0 - x, x))
-    for (indices, sign), phi, moment in zip(_PLANES, shear_ratios(length, section, material, shear),
+    for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
                                             (section.Iz, section.Iy), strict=True):  # fmt: skip
         slopes = np.array([1.0, sign, 1.0, sign])
         for x, weight in _gauss(4):

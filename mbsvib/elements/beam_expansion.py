@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import beam_element as element
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
@@ -41,7 +40,7 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
     result = []
     for i, (length, axes) in enumerate(beam.frames()):
         midpoint = middle(beam, i)
-        k = element.stiffness(length, beam.properties, beam.material, beam.shear)
+        k = beam.element(length).stiffness()
         first, second = beam.body_of(i), beam.body_of(i + 1)
         name = beam.element_names[i]
         joint = _joint.make(name, "free", first, second, midpoint, axes, None, None, None, None)
@@ -56,7 +55,7 @@ def masses(beam: Beam) -> list[SharedRows]:
     result = []
     for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
         if length not in rows:
-            rows[length] = element.mass_rows(length, beam.properties, beam.material, beam.shear)
+            rows[length] = beam.element(length).mass_rows()
         # the mass is that of the length without forces
         matrix = rows[length] if unloaded == length else rows[length] * sqrt(unloaded / length)
         result.append(SharedRows(beam.name, (_node(beam, i), _node(beam, i + 1)), rotated(matrix, axes)))
@@ -99,14 +98,14 @@ def elastic_part(beam: Beam, gravity: Vector | None = None) -> ElasticPart:
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
             arm = midpoint - np.array(unloaded.points[j])
             rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ rigid_transport(arm)
-        values += element.stiffness(length, beam.properties, beam.material, beam.shear)
+        element = beam.element(length)
+        values += element.stiffness()
         chord = np.zeros((2, rows.shape[1]))
         chord[:, 6 * i + 6 : 6 * i + 9] = np.array(axes)[:, 1:].T / length
         chord[:, 6 * i : 6 * i + 3] = -chord[:, 6 * i + 6 : 6 * i + 9]
         slopes += [*chord, *rows[[6 * i + 1, 6 * i + 2, 6 * i + 4, 6 * i + 5]]]
-        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
-        across = [0.2 / (length * (1.0 + phi) ** 2) for phi in ratios]
-        factors += [length, length, *across, length / 12.0, length / 12.0]
+        lines = element.bent_lines()
+        factors += [length, length, *(line.deflected for line in lines), *(line.turned for line in lines[::-1])]
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
     columns = [6 * i + j for i in nodes for j in range(6)]
     return ElasticPart(
@@ -138,7 +137,7 @@ def modal_damper(beam: Beam) -> SharedRows:
     = Q R.
     """
     frames = beam.frames()
-    k = np.array([element.stiffness(length, beam.properties, beam.material, beam.shear) for length, _ in frames])
+    k = np.array([beam.element(length).stiffness() for length, _ in frames])
     rows = _free_mass_rows(beam)
     rigid = np.linalg.qr(rows[:, :6])[0]
     elastic = rows[:, 6:] / np.sqrt(k.reshape(-1))

@@ -1,4 +1,4 @@
-"""The families of parts that are elastic in the frame of one of their bodies: beams and superelements.
+"""The families of parts that are elastic in the frame of one of their bodies: beams, flexures and superelements.
 
 A new family needs its expansion (``elements.families``), its elastic part, in a row here, ``without_forces`` and
 ``node_weights``.
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.flexure import Flexure
 from mbsvib.elements.superelement import Superelement
 
 if TYPE_CHECKING:
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.part import Composed
 
 ELASTIC: dict[type[Composed], Callable[..., ElasticPart]] = {
-    Beam: beam_expansion.elastic_part, Superelement: superelement_expansion.elastic_part,
+    Beam: beam_expansion.elastic_part, Flexure: beam_expansion.elastic_part,
+    Superelement: superelement_expansion.elastic_part,
 }  # fmt: skip
 
 

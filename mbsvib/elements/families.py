@@ -14,6 +14,7 @@ from mbsvib.elements import (
     body,
     bushing,
     bushing_rows,
+    flexure,
     inerter,
     joint,
     load,
@@ -68,6 +69,7 @@ def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superel
 FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
     Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand),
+    Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=flexure.expand),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
            expand=superelement_expansion.expand),
     Family(joint.Joint, "joint", "joints", joint.make),

@@ -30,7 +30,7 @@ class Properties:
     kz: float | None
 
 
-class _Checked:
+class Checked:
     """What has numbers that are positive; those that are None by default may be so."""
 
     __slots__ = ()
@@ -48,7 +48,7 @@ class _Checked:
 
 
 @dataclass(frozen=True, slots=True)
-class Section(_Checked):
+class Section(Checked):
     """A section by its properties: A [m^2], Iy, Iz, J [m^4]; shear factors are needed by beams with shear."""
 
     A: float
@@ -75,7 +75,7 @@ class Section(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Circle(_Checked):
+class Circle(Checked):
     """A solid circle of ``radius`` [m]; default shear factors after Cowper."""
 
     radius: float
@@ -100,7 +100,7 @@ class Circle(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Tube(_Checked):
+class Tube(Checked):
     """A circular tube of outer ``radius`` and thickness ``wall`` [m]; default shear factors after Cowper."""
 
     radius: float
@@ -136,7 +136,7 @@ class Tube(_Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle(_Checked):
+class Rectangle(Checked):
     """A rectangle, ``width`` along y and ``height`` along z [m]; default shear factors after Cowper."""
 
     width: float
@@ -159,7 +159,7 @@ class Rectangle(_Checked):
         """
         b, h = self.width, self.height
         factor = 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
-        return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, _torsion(max(b, h), min(b, h)),
+        return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, rectangle_torsion(b, h),
                           self.ky or factor, self.kz or factor)  # fmt: skip
 
 
@@ -170,8 +170,16 @@ Shape = Section | Circle | Tube | Rectangle
 _NAMES = {shape: name for name, shape in SHAPES.items()}
 
 
-def _torsion(a: float, b: float) -> float:
-    """Saint-Venant's series for sides a >= b; with tanh x = 1 - 2 / (1 + e^2x) the sum of ones has a closed form."""
+def rectangle_torsion(width: float, height: float) -> float:
+    """Return the torsion constant of a rectangle [m^4], by Saint-Venant's series.
+
+    J = a b^3 / 3 (1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2 b) / n^5),  a >= b
+
+    With tanh x = 1 - 2 / (1 + e^2x) the sum of ones has a closed form.
+
+    Source: Timoshenko, Goodier, Theory of Elasticity, 3rd ed., section 109.
+    """
+    a, b = max(width, height), min(width, height)
     total = 31.0 * 1.0369277551433699263 / 32.0  # sum over odd n of n^-5 = 31/32 zeta(5)
     for n in range(1, 41, 2):
         total -= 2.0 * exp(-n * pi * a / b) / (1.0 + exp(-n * pi * a / b)) / n**5

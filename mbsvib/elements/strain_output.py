@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.common import arguments as check
 from mbsvib.elements import ports
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_element import shear_ratios
+from mbsvib.elements.beam_element import Prismatic, shear_ratios
 from mbsvib.elements.beam_expansion import middle
+from mbsvib.elements.flexure import Leaf
 from mbsvib.elements.part import Part
 from mbsvib.elements.sections import Rectangle, Section
 from mbsvib.elements.shared_rows import ExpandedPart
@@ -71,6 +72,10 @@ def make(name: str, element: str, at: Any = "start", side: Any = "z", distance: 
 def expand(part: StrainOutput, composed: Mapping[str, Part]) -> ExpandedPart:
     """Return the output as a relative displacement of the two nodes of its element."""
     beam = next(item for item in composed.values() if isinstance(item, Beam) and part.element in item.element_names)
+    if not isinstance(beam.element(1.0), Prismatic):
+        raise ModelError(f"strain output '{part.name}': the section of {beam.family} '{beam.name}' is not constant, so "
+                         f"that its strain is not linear along it; ask for the moment in it by a force output on "
+                         f"'{part.element}'.", element=part.name, field="element")  # fmt: skip
     i = beam.element_names.index(part.element)
     length, axes = beam.frames()[i]
     sign = -1.0 if part.side[0] == "-" else 1.0
@@ -94,6 +99,8 @@ def _surface(part: StrainOutput, beam: Beam) -> float:
     section = beam.section
     if isinstance(section, Rectangle):
         return 0.5 * (section.width if part.side[-1] == "y" else section.height)
+    if isinstance(section, Leaf):
+        return 0.5 * (section.width if part.side[-1] == "y" else section.thickness)
     if isinstance(section, Section):
         raise ModelError(f"strain output '{part.name}': the section of beam '{beam.name}' is given by its properties, "
                          f"which do not contain its surface; give distance= [m] from the centre line.",

@@ -3,7 +3,7 @@
 The pose is the loaded one. Forces in the elements follow from statics; statically indeterminate ones (beams held at
 both ends) are those of linear elasticity, with the least energy. A preloaded bushing at the middle of an element acts
 as between two rigid halves; the bent line between the nodes under a tension N adds a quadratic form in the deformations
-of the element, d across and r about the middle:
+of the element, d across and r about the middle; of constant section
 
 N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12 - W (1 / 12 - s / 30) d r,   s = 1 / (1 + phi)
 
@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import beam_element as element
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
     from mbsvib.elements.beam import Beam
+    from mbsvib.elements.beam_element import BentLine
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
@@ -175,7 +175,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], gravity: Vector | None)
 
 def element_masses(beam: Beam) -> Array:
     """Return the masses of a beam's elements (elements,) [kg]."""
-    return beam.material.rho * beam.properties.A * np.array(beam.lengths())
+    return np.array([beam.element(length).mass for length in beam.lengths()])
 
 
 def bent_forms(beam: Beam) -> Array:
@@ -184,7 +184,7 @@ def bent_forms(beam: Beam) -> Array:
     Returns (elements, 6, 6): on the displacement of an element's end against its start, at the midpoint [N/m, N, N m
     per N].
     """
-    return _forms(beam, lambda length, s: ((0.2 * s * s + 1.0) / length, 0.5, -length / 6.0))
+    return _forms(beam, lambda line, length: (line.deflected + 1.0 / length, 0.5, line.turned - 0.25 * length))
 
 
 def weight_forms(beam: Beam) -> Array:
@@ -192,17 +192,18 @@ def weight_forms(beam: Beam) -> Array:
 
     Returns (elements, 6, 6): as of ``bent_forms`` [1/m, 1, m per N].
     """
-    return _forms(beam, lambda _, s: (0.0, s / 30.0 - 1.0 / 12.0, 0.0))
+    return _forms(beam, lambda line, _: (0.0, line.weighed, 0.0))
 
 
-def _forms(beam: Beam, entries: Callable[[float, float], tuple[float, float, float]]) -> Array:
-    """Forms with these entries of d d, d r and r r in both planes of each element; ``entries``: of L and s."""
+def _forms(beam: Beam, entries: Callable[[BentLine, float], tuple[float, float, float]]) -> Array:
+    """Forms with these entries of d d, d r and r r in both planes of each element; ``entries``: of its bent line and
+    its length.
+    """
     result = []
     for length, _ in beam.frames():
-        form = np.zeros((6, 6))
-        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
-        for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):
-            own, mixed, turned = entries(length, 1.0 / (1.0 + phi))
+        form, element = np.zeros((6, 6)), beam.element(length)
+        for (across, about, sign), line in zip(((1, 5, 1.0), (2, 4, -1.0)), element.bent_lines(), strict=True):
+            own, mixed, turned = entries(line, length)
             form[across, across], form[about, about] = own, turned
             form[across, about] = form[about, across] = sign * mixed
         result.append(form)

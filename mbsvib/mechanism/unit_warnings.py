@@ -23,8 +23,8 @@ def unit_warnings(parts: Sequence[Any]) -> list[str]:
     They are about materials with a speed of sound that no solid has, and bodies whose radius of gyration is far larger
     than the mechanism.
     """
-    result = [f"beam '{part.name}': E = {material.E:.3g} and rho = {material.rho:.3g}, a speed of sound of {speed:.3g} "
-              f"m/s; are they in N/m^2 and kg/m^3?"
+    result = [f"{part.family} '{part.name}': E = {material.E:.3g} and rho = {material.rho:.3g}, a speed of sound of "
+              f"{speed:.3g} m/s; are they in N/m^2 and kg/m^3?"
               for part in parts if (material := getattr(part, "material", None)) is not None
               if not SLOWEST < (speed := sqrt(material.E / material.rho)) < FASTEST]  # fmt: skip
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]

@@ -184,6 +184,20 @@ def beams(draft):
     _attach(draft)
 
 
+def flexures(draft):
+    """A leaf of a soft material between two bodies, or a body and the ground."""
+    if "flexure" not in draft.features:
+        return
+    rng, a = draft.rng, draft.pick(draft.heavy)
+    b = "ground" if draft.chance(0.5) else draft.body()
+    if draft.chance(0.5):
+        a, b = b, a
+    shape = {"type": "leaf", "length": float(rng.uniform(0.3, 0.5)), "width": 0.1, "thickness": 0.03}
+    draft.add("flexure", "flexure", a=a, b=b, shape=shape, position=draft.near(draft.pick(draft.heavy), 0.4),
+              material={"E": float(10 ** rng.uniform(8, 9)), "nu": 0.3, "rho": 1500.0}, shear=bool(draft.chance(0.5)),
+              orientation=rng.uniform(-1, 1, 3), alpha=0.3, beta=1e-4, damping_ratio=0.02)  # fmt: skip
+
+
 def _attach(draft):
     """Hold some free ends of flexible parts by a joint or a spring."""
     for node, point in draft.nodes.items():

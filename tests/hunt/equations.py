@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.hunt.flexible import beam, points_of, strain, superelement
+from tests.hunt.flexible import beam, points_of, strain, superelement, with_beams
 from tests.hunt.forces_in_pose import ForcesInPose
 from tests.hunt.restated import acts_on, six
 
@@ -40,6 +40,7 @@ class Equations:
     """Matrices of a scene; the last six of the displacements are the ground's, which the solution leaves out."""
 
     def __init__(self, scene):
+        scene = with_beams(scene)
         self.scene = scene
         self.origins = {call.name: np.array(call.arguments.get("position", np.zeros(3)), dtype=float)
                         for call in scene.of("body")}  # fmt: skip

@@ -30,7 +30,9 @@ BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spri
            "beam strain", "cross-coupled bushing")  # fmt: skip
 PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
           *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
-ALL = (*PAIRED, *BESIDES)
+# Features of scenes that ask for these alone.
+ALONE = ("flexure",)
+ALL = (*PAIRED, *BESIDES, *ALONE)
 
 # what one feature needs besides
 NEEDS = {

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 
 from tests.beams.reference import PLANES, matrices
+from tests.hunt.scene import Call
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,25 @@ def axes_of(call, along):
     z = np.cross(x, towards) if towards is not None else np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
     z /= np.linalg.norm(z)
     return np.column_stack((x, np.cross(z, x), z))
+
+
+def with_beams(scene):
+    """The scene with each leaf spring as the beam that it is: z along it, clamped ends that hold its warping."""
+    return scene.with_calls([_as_beam(call) if call.kind == "flexure" else call for call in scene.calls])
+
+
+def _as_beam(call):
+    a = dict(call.arguments)
+    shape, position = a.pop("shape"), np.array(a.pop("position"), dtype=float)
+    turn = np.array(a.pop("orientation"), dtype=float)
+    axes = Rotation.from_rotvec(turn).as_matrix() if turn.ndim == 1 else turn
+    length, b, t, nu = shape["length"], shape["width"], shape["thickness"], a["material"]["nu"]
+    area, iy, iz, j, _, _ = properties({"type": "rectangle", "width": b, "height": t}, nu)
+    x = length / b * np.sqrt(6 / (1 + nu))
+    section = {"A": area, "Iy": iy, "Iz": iz, "J": j / (1 - np.tanh(x) / x), "ky": 5 / 6, "kz": 5 / 6}
+    half = 0.5 * length * axes[:, 2]
+    return Call("beam", call.name, a | {"section": section, "start": position - half, "end": position + half,
+                                        "elements": 1, "y_axis": axes[:, 1]})  # fmt: skip
 
 
 def beam(call):

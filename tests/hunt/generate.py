@@ -35,6 +35,7 @@ def draft_of(seed, attempt, features=None):
     elements.massless(draft)
     elements.rotors(draft)
     elements.beams(draft)
+    elements.flexures(draft)
     elements.superelements(draft)
     elements.springs(draft)
     elements.besides(draft)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 POINTS = ("position", "start", "end")
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -24,8 +25,8 @@ def acts_on(call, scene):
         return "ground"
     head = target.partition(".")[0]
     kind = next(other.kind for other in scene.calls if other.name == head and other.kind not in IN_WORLD)
-    if kind in ("beam", "superelement"):
-        return "beam element" if target.partition(".")[2].startswith("e") and kind == "beam" else "body"
+    if kind in ("beam", "flexure", "superelement"):
+        return "beam element" if target.partition(".")[2].startswith("e") and kind != "superelement" else "body"
     return kind
 
 
@@ -45,10 +46,11 @@ def turned(scene, by):
         if "nodes" in a:
             a["nodes"] = ({name: by @ np.array(p) for name, p in a["nodes"].items()} if isinstance(a["nodes"], dict)
                           else [by @ np.array(p) for p in a["nodes"]])  # fmt: skip
-        has_axes = call.kind in ("body", "bushing", "superelement") or (
+        has_axes = call.kind in ("body", "bushing", "flexure", "superelement") or (
             call.kind == "joint" and a.get("kind") != "distance" and "axis" not in a)  # fmt: skip
         if has_axes:
-            a["orientation"] = by @ np.array(a.get("orientation", np.eye(3)), dtype=float)
+            own = np.array(a.get("orientation", np.eye(3)), dtype=float)
+            a["orientation"] = by @ (Rotation.from_rotvec(own).as_matrix() if own.ndim == 1 else own)
         if call.kind in IN_WORLD or on_sum(call, scene):
             wrench = six(a["direction"])
             a["direction"] = np.concatenate((by @ wrench[:3], by @ wrench[3:]))
@@ -133,6 +135,7 @@ def scalars(u):
         "rotor": {"speed": 1 / u.time, "inertia": u.mass * u.length**2},
         "load": {"force": u.force, "torque": u.force * u.length, "position": u.length},
         "beam": {"start": u.length, "end": u.length, "length": u.length, "alpha": 1 / u.time, "beta": u.time},
+        "flexure": {"position": u.length, "alpha": 1 / u.time, "beta": u.time},
         "input": {"position": u.length}, "output": {"position": u.length}, "base_motion": {"position": u.length},
     }  # fmt: skip
 
@@ -168,6 +171,9 @@ def rescaled(scene, u):
             if "nodes" in a:
                 a["nodes"] = [u.length * np.array(p) for p in a["nodes"]]
             a["section"] = {k: v * section.get(k, 1.0) if k != "type" else v for k, v in a["section"].items()}
+            a["material"] = {k: v * material.get(k, 1.0) for k, v in a["material"].items()}
+        if call.kind == "flexure":
+            a["shape"] = {k: v if k == "type" else u.length * v for k, v in a["shape"].items()}
             a["material"] = {k: v * material.get(k, 1.0) for k, v in a["material"].items()}
         if call.kind == "superelement":
             for word, times in (("M", 2), ("C", 1), ("K", 0)):

@@ -43,6 +43,7 @@ ROWS = {
     "Point masses": ("point mass",),
     "Rotors": features.SPIN,
     "Beams": features.BEAMS,
+    "Flexures": ("flexure",),
     "Superelements": features.SUPERELEMENTS,
     "Gravity and forces": ("gravity", "dead force"),
     "Preloads and free lengths": ("bushing preload", "line preload", "free length", "preloaded torsion spring"),

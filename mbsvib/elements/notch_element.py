@@ -1,0 +1,190 @@
+"""A notch hinge as an element: stiffness, mass and bent lines of a bar whose thickness varies along it.
+
+The bar is symmetric about its middle, where x = 0. Its thickness is
+
+h(x) = t for |x| <= f,   t + 2 c (1 - sqrt(1 - ((|x| - f) / a)^2)) beyond, up to |x| = f + a,
+
+a quarter of an ellipse on either side of a straight neck. Under a moment and a force at its ends curvature is
+M / (E I), shear 1.2 V / (G A), so that about the middle its six compliances are the integrals over x of
+
+1 / (E b h),  12 x^2 / (E b^3 h) + 1.2 / (G b h),  12 x^2 / (E b h^3) + 1.2 / (G b h),  1 / (G J),  12 / (E b h^3),
+12 / (E b^3 h).
+
+J is that of the rectangle b h at x. Mass and bent lines follow from the deflections that these loads make.
+
+Source: Paros, Weisbord, How to design flexure hinges, Machine Design 37 (1965), 151-156 (circular); Smith, Badami,
+Dale, Xu, Elliptical flexure hinges, Rev. Sci. Instrum. 68 (1997), 1474-1483; Lobontiu, Compliant Mechanisms (2003),
+chapter 2 (corner-filleted).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from math import pi
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mbsvib.elements.beam_element import PLANES, BentLine
+from mbsvib.elements.sections import rectangle_torsion
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.material import Material
+
+# Gauss points on the neck and on a quarter of the ellipse. Over the angle p, x = f + a sin p, integrands are smooth,
+# and their peak at the neck, of the width sqrt(t / c), is at an end, where the points are dense: errors of all numbers
+# are below 1e-12 for t >= 1e-3 c.
+POINTS = 96
+# Shear factor of a rectangle, which the published formulas have.
+SHEAR = 5.0 / 6.0
+
+
+class Plane(NamedTuple):
+    """Static deflections of one half in one plane, per d and per r, at the points: ``across`` (2, n) deflection,
+    ``about`` (2, n) rotation of the section; ``compliance`` is that of d and of r, ``line`` the bent line.
+    """
+
+    compliance: tuple[float, float]
+    across: Array
+    about: Array
+    line: BentLine
+
+
+@dataclass(frozen=True, slots=True)
+class NotchElement:
+    """A bar of ``width`` b along y and of the thickness h(x) along z, with the neck's ``thickness`` t [m].
+
+    ``flat`` f, ``along`` a and ``deep`` c describe its profile [m].
+    """
+
+    flat: float
+    along: float
+    deep: float
+    thickness: float
+    width: float
+    material: Material
+
+    @property
+    def _half(self) -> tuple[Array, Array, Array, Array]:
+        """Points x (n,) of one half [m], their weights (n,), the integrals from the middle to each (n, n), and h."""
+        unit, weight, running = _points()
+        angle = 0.5 * pi * unit
+        x, h = self.along * np.sin(angle), self.thickness + 4.0 * self.deep * np.sin(0.5 * angle) ** 2
+        weight_of_notch = self.along * np.cos(angle) * 0.5 * pi
+        if not self.flat:
+            return x, weight * weight_of_notch, running * weight_of_notch, h
+        count = len(unit)
+        both = np.zeros((2 * count, 2 * count))
+        both[:count, :count] = running * self.flat
+        both[count:, :count] = weight * self.flat
+        both[count:, count:] = running * weight_of_notch
+        return (np.concatenate((self.flat * unit, self.flat + x)),
+                np.concatenate((weight * self.flat, weight * weight_of_notch)), both,
+                np.concatenate((np.full(count, self.thickness), h)))  # fmt: skip
+
+    @property
+    def length(self) -> float:
+        """Its length [m]."""
+        return 2.0 * (self.flat + self.along)
+
+    @property
+    def mass(self) -> float:
+        """Its mass [kg]."""
+        _, weight, _, h = self._half
+        return float(2.0 * self.material.rho * self.width * (weight @ h))
+
+    @property
+    def arm(self) -> float:
+        """Distance of the weight of either half from its node [m], consistent with soft bending."""
+        return 4.0 * float(self._half[1] @ (self._heavier * self._planes()[1].about[1]))
+
+    @property
+    def _heavier(self) -> Array:
+        """Share of the mass between the middle and each point (n,)."""
+        _, weight, running, h = self._half
+        return np.asarray(0.5 * (running @ h) / (weight @ h))
+
+    def _planes(self) -> tuple[Plane, Plane]:
+        """The planes x-y, stiff, and x-z, soft."""
+        h, b = self._half[3], self.width
+        return self._plane(b**3 * h / 12.0), self._plane(b * h**3 / 12.0)
+
+    def _plane(self, moment: Array) -> Plane:
+        x, weight, running, h = self._half
+        bend = 1.0 / (self.material.E * moment)
+        shear = 1.0 / (SHEAR * self.material.shear_modulus * self.width * h)
+        deflected, turned = 2.0 * float(weight @ (x * x * bend + shear)), 2.0 * float(weight @ bend)
+        about_d = (weight @ (x * bend) - running @ (x * bend)) / deflected
+        about_r = (running @ bend) / turned
+        slope = about_d + shear / deflected
+        across_r = 0.25 * self.length - (weight @ about_r - running @ about_r)
+        more = slope - 1.0 / self.length
+        heavier = self._heavier
+        line = BentLine(2.0 * float(weight @ more**2), 2.0 * float(weight @ about_r**2),
+                        -2.0 * float(weight @ (heavier * about_r * slope)))  # fmt: skip
+        return Plane((deflected, turned), np.array((running @ slope, across_r)), np.array((about_d, about_r)), line)
+
+    def stiffness(self) -> tuple[float, ...]:
+        """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
+        (_, weight, _, h), stiff, soft = self._half, *self._planes()
+        pull = 2.0 * float(weight @ (1.0 / h)) / (self.material.E * self.width)
+        twist = 2.0 * float(weight @ (1.0 / self._torsion))
+        compliance = (pull, stiff.compliance[0], soft.compliance[0], twist, soft.compliance[1], stiff.compliance[1])
+        return tuple([1.0 / value for value in compliance])
+
+    @property
+    def _torsion(self) -> Array:
+        """Torsional rigidity G J at the points (n,)."""
+        shear, b = self.material.shear_modulus, self.width
+        return np.array([shear * rectangle_torsion(b, h) for h in self._half[3].tolist()])
+
+    def bent_lines(self) -> tuple[BentLine, BentLine]:
+        """Return its bent lines in the planes x-y and x-z."""
+        stiff, soft = self._planes()
+        return stiff.line, soft.line
+
+    def mass_rows(self) -> Array:
+        """Return the rows F (12, 12) of the consistent mass matrix F^T F, rotary inertia included."""
+        x, weight, running, h = self._half
+        b, rho, length = self.width, self.material.rho, self.length
+        mass, rows = 2.0 * rho * b * h * weight, np.zeros((12, 12))
+        difference, mean = np.array([-1.0, 1.0]), np.array([0.5, 0.5])
+        for first, inertia, slope in ((0, mass, 1.0 / h), (3, mass * (b * b + h * h) / 12.0, 1.0 / self._torsion)):
+            odd = 0.5 * (running @ slope) / (weight @ slope)
+            rows[2 * (first > 0) : 2 * (first > 0) + 2, [first, first + 6]] = _compressed(
+                inertia, (np.outer(np.ones(len(x)), mean), np.outer(odd, difference)))  # fmt: skip
+        # over (u1, theta1, u2, theta2): motion and rotation of the middle, d and r
+        middle, turn = np.array([0.5, 0.25 * length, 0.5, -0.25 * length]), np.array([0.0, 0.5, 0.0, 0.5])
+        d, r = np.array([-1.0, -0.5 * length, 1.0, -0.5 * length]), np.array([0.0, -1.0, 0.0, 1.0])
+        squares = (np.full_like(h, b * b), h * h)
+        for i, ((indices, sign), plane, square) in enumerate(zip(PLANES, self._planes(), squares, strict=True)):
+            across, about = plane.across, plane.about
+            shapes = (middle + np.outer(across[1], r), np.outer(x, turn) + np.outer(across[0], d))
+            turns = (turn + np.outer(about[0], d), np.outer(about[1], r))
+            packed = _compressed(np.concatenate((mass, mass * square / 12.0)),
+                                 [np.concatenate(pair) for pair in zip(shapes, turns, strict=True)])  # fmt: skip
+            rows[4 + 4 * i : 8 + 4 * i, indices] = packed * np.array([1.0, sign, 1.0, sign])
+        return rows
+
+
+def _compressed(inertia: Array, shapes: tuple[Array, ...] | list[Array]) -> Array:
+    """As few rows as columns with the same products as sqrt(inertia) times the rows of all shapes."""
+    return np.asarray(np.linalg.qr(np.concatenate([np.sqrt(inertia)[:, None] * shape for shape in shapes]))[1])
+
+
+@cache
+def _points() -> tuple[Array, Array, Array]:
+    """Gauss points (n,) and weights (n,) on 0..1, and the matrix (n, n) of integrals from 0 to each of them.
+
+    The integrals are those of Legendre polynomials through the points.
+    """
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    orders = np.arange(POINTS)
+    polynomials = np.polynomial.legendre.legvander(x, POINTS)
+    to_coefficients = (orders + 0.5)[:, None] * polynomials[:, :-1].T * weight
+    integrals = np.empty((POINTS, POINTS))
+    integrals[:, 0] = x + 1.0
+    integrals[:, 1:] = (polynomials[:, 2:] - polynomials[:, :-2]) / (2.0 * orders[1:] + 1.0)
+    return 0.5 * (1.0 + x), 0.5 * weight, 0.5 * integrals @ to_coefficients
