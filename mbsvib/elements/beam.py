@@ -105,7 +105,18 @@ class Beam(Composed):
         return self.section.properties(self.material.poisson)
 
     def element(self, length: float) -> Element:
-        """Return what an element of this ``length`` [m] between two nodes is made of."""
+        """Return what an element between two nodes is made of.
+
+        Parameters
+        ----------
+        length : float
+            Distance of its nodes [m].
+
+        Returns
+        -------
+        Element
+            Its stiffness, mass and bent lines.
+        """
         return Prismatic(length, self.properties, self.material, self.shear)
 
     def body_of(self, i: int) -> str:

@@ -69,7 +69,7 @@ def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superel
 FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
     Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand),
-    Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=flexure.expand),
+    Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=beam_expansion.expand),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
            expand=superelement_expansion.expand),
     Family(joint.Joint, "joint", "joints", joint.make),

@@ -18,7 +18,6 @@ from mbsvib.elements import beam
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Prismatic
-from mbsvib.elements.beam_expansion import elastic_part, expand
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.material import Material
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam_element import Element
     from mbsvib.elements.pose import Pose
-
-__all__ = ["SHAPES", "CornerFilleted", "Elliptic", "Flexure", "Leaf", "Notch", "elastic_part", "expand", "make"]
 
 # Neck over the depth of the cuts below which the Gauss points of a notch are too few for 12 digits.
 THINNEST = 1e-3
@@ -229,7 +226,18 @@ class Flexure(Beam):
         return f"flexure '{self.name}': {_NAMES[type(self.shape)]}"
 
     def element(self, length: float) -> Element:
-        """Return what it is made of, stretched to a length [m]."""
+        """Return what it is made of, stretched to a length.
+
+        Parameters
+        ----------
+        length : float
+            Distance of its nodes [m].
+
+        Returns
+        -------
+        Element
+            Its stiffness, mass and bent lines.
+        """
         result: Element = self.shape.element(length, self.material, self.shear)
         return result
 
