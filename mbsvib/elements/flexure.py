@@ -19,7 +19,7 @@ from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Prismatic
 from mbsvib.elements.connection import check_ends
-from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.notch_element import NotchElement
 from mbsvib.elements.part import ParameterField, derived, rotation_field, vector_field
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam_element import Element
+    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Neck over the depth of the cuts below which the Gauss points of a notch are too few for 12 digits.
@@ -244,6 +245,13 @@ class Flexure(Beam):
     def without_forces(self) -> Flexure:
         """Return the flexure without forces, in the frame of its root in this pose."""
         return self if self.displacements is None else _between(replace(self, displacements=None))
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        refuse_other_root(self, to)
+        kwargs = {"a": to.body(self.a), "b": to.body(self.b), "position": to.point(self.position),
+                  "orientation": to.axes(self.orientation, 0)}  # fmt: skip
+        return kwargs if self.displacements is None else kwargs | {
+            "displacements": [to.six(six) for six in self.displacements]}  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Flexure:
         if is_unmoved(self, pose):

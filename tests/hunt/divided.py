@@ -152,6 +152,8 @@ def mirrored(scene):
             a["nodes"] = [MIRROR @ np.array(p) for p in a["nodes"]]
         if a.get("orientation") is not None:
             a["orientation"] = MIRROR @ np.array(a["orientation"]) @ MIRROR
+        if call.kind == "flexure":  # its x is turned round, as z leads from one body to the other
+            a["orientation"] = a["orientation"] @ np.diag([-1.0, 1.0, -1.0])
         if call.kind == "body":
             value = np.array(a["inertia"], dtype=float)
             if value.ndim == 2:

@@ -189,13 +189,14 @@ def flexures(draft):
     if "flexure" not in draft.features:
         return
     rng, a = draft.rng, draft.pick(draft.heavy)
-    b = "ground" if draft.chance(0.5) else draft.body()
+    b = "ground" if draft.chance(0.5) and "floating" not in draft.features else draft.body()
     if draft.chance(0.5):
         a, b = b, a
+    damping = {} if "no damping" in draft.features else {"alpha": 0.3, "beta": 1e-4, "damping_ratio": 0.02}
     shape = {"type": "leaf", "length": float(rng.uniform(0.3, 0.5)), "width": 0.1, "thickness": 0.03}
     draft.add("flexure", "flexure", a=a, b=b, shape=shape, position=draft.near(draft.pick(draft.heavy), 0.4),
               material={"E": float(10 ** rng.uniform(8, 9)), "nu": 0.3, "rho": 1500.0}, shear=bool(draft.chance(0.5)),
-              orientation=rng.uniform(-1, 1, 3), alpha=0.3, beta=1e-4, damping_ratio=0.02)  # fmt: skip
+              orientation=rotation(rng), **damping)  # fmt: skip
 
 
 def _attach(draft):

@@ -27,12 +27,10 @@ GLOBAL = ("floating", "locked", "far from origin")
 LOADING = (*LOADS, "preloaded torsion spring")
 # Features that some scenes have besides those that their seed asks for, so that the plans of seeds stay as they are.
 BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spring", "torsion spring moment",
-           "beam strain", "cross-coupled bushing")  # fmt: skip
+           "beam strain", "cross-coupled bushing", "flexure")  # fmt: skip
 PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
           *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
-# Features of scenes that ask for these alone.
-ALONE = ("flexure",)
-ALL = (*PAIRED, *BESIDES, *ALONE)
+ALL = (*PAIRED, *BESIDES)
 
 # what one feature needs besides
 NEEDS = {
@@ -129,6 +127,7 @@ def _besides(seed, selected):
     rng = np.random.default_rng((seed, 4))
     for feature in BESIDES:
         fits_in = "locked" not in selected and ("beam" in selected or feature != "beam strain") and (
-            any(hold in selected for hold in HOLDS) or feature != "preloaded torsion spring")  # fmt: skip
+            any(hold in selected for hold in HOLDS) or feature != "preloaded torsion spring") and (
+            "equilibrium pose" not in selected or feature != "flexure")  # fmt: skip
         if rng.random() < OFTEN_BESIDES and fits_in:
             yield from with_needs(feature)

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.linalg import eigh
-from scipy.spatial.transform import Rotation
 
 from tests.beams.reference import PLANES, matrices
 from tests.hunt.scene import Call
@@ -95,8 +94,7 @@ def with_beams(scene):
 def _as_beam(call):
     a = dict(call.arguments)
     shape, position = a.pop("shape"), np.array(a.pop("position"), dtype=float)
-    turn = np.array(a.pop("orientation"), dtype=float)
-    axes = Rotation.from_rotvec(turn).as_matrix() if turn.ndim == 1 else turn
+    axes = np.array(a.pop("orientation"), dtype=float)
     length, b, t, nu = shape["length"], shape["width"], shape["thickness"], a["material"]["nu"]
     area, iy, iz, j, _, _ = properties({"type": "rectangle", "width": b, "height": t}, nu)
     x = length / b * np.sqrt(6 / (1 + nu))

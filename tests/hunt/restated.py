@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 POINTS = ("position", "start", "end")
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -49,8 +48,7 @@ def turned(scene, by):
         has_axes = call.kind in ("body", "bushing", "flexure", "superelement") or (
             call.kind == "joint" and a.get("kind") != "distance" and "axis" not in a)  # fmt: skip
         if has_axes:
-            own = np.array(a.get("orientation", np.eye(3)), dtype=float)
-            a["orientation"] = by @ (Rotation.from_rotvec(own).as_matrix() if own.ndim == 1 else own)
+            a["orientation"] = by @ np.array(a.get("orientation", np.eye(3)), dtype=float)
         if call.kind in IN_WORLD or on_sum(call, scene):
             wrench = six(a["direction"])
             a["direction"] = np.concatenate((by @ wrench[:3], by @ wrench[3:]))
