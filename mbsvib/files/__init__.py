@@ -29,13 +29,13 @@ where a section has two::
       z: {body: platform, direction: z, quantity: acceleration}
       leg.force: {type: force_output, element: leg}
 
-What is several parts has sections as well: ``models`` has copies of other models, each from a file or with its sections
-in place, and ``drives`` has ball screws, belts and gear pairs. Paths are relative to the folder of the file. ``save``
-writes their parts in full: ``models: {left: {other: wheel.yaml, ground: chassis, mirror: y}}``.
-
 A joint of free directions needs no kind: ``free: [x, rz]`` will do. Parts that share words can share them by an anchor
 and a merge key (``leg1: &leg {...}``, ``leg2: {<<: *leg, position: [...]}``). Editors check a file against
 ``schema()``.
+
+What is several parts has sections as well: ``models`` has copies of other models, each from a file or with its sections
+in place, and ``drives`` has ball screws, belts and gear pairs. Paths are relative to the folder of the file. ``save``
+writes their parts in full: ``models: {left: {other: wheel.yaml, ground: chassis, mirror: y}}``.
 """
 
 from mbsvib.files.loading import load
