@@ -99,7 +99,7 @@ _PETERSON = {"NLNM": _NLNM, "NHNM": _NHNM}
 # Displacement densities [m^3] at 0.1 cycles/m: geometric means of the classes
 _ROADS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}
 # The reference, and the span of spatial frequencies [cycles/m]
-_REFERENCE, _ROAD_SPAN = 0.1, (0.011, 2.83)
+ROAD_REFERENCE, ROAD_SPAN = 0.1, (0.011, 2.83)
 
 
 def vc_spectrum(name: str, quantity: str = "acceleration") -> Table:
@@ -192,11 +192,16 @@ def road_spectrum(name: str, speed: float, quantity: str = "displacement") -> Ta
 
     Source: ISO 8608:2016, table C.2.
     """
-    roughness = _ROADS[_one_of(name, _ROADS, "road_spectrum", "name")]
+    roughness = road_roughness(name, "road_spectrum")
     if not isinstance(speed, (int, float, np.number)) or not 0.0 < speed < np.inf:
         raise ResponseError(f"road_spectrum: speed = {check.shown(speed)}; expected a positive number [m/s].")
-    n = np.array(_ROAD_SPAN)
-    return _as(n * speed, roughness * (n / _REFERENCE) ** -2.0 / speed, "displacement", quantity, "road_spectrum")
+    n = np.array(ROAD_SPAN)
+    return _as(n * speed, roughness * (n / ROAD_REFERENCE) ** -2.0 / speed, "displacement", quantity, "road_spectrum")
+
+
+def road_roughness(name: str, who: str) -> float:
+    """Return the displacement density G(0.1) [m^3] of a class of roads; ``who`` asks for it, in messages."""
+    return _ROADS[_one_of(name, _ROADS, who, "name")]
 
 
 def _as(f: Array, values: Array, given: str, quantity: str, who: str) -> Table:
