@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from mbsvib.cli._app import DESCRIPTION
+from mbsvib.cli._arguments import ALIGN
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._robots import ROBOTS
 from mbsvib.files import schema
@@ -67,6 +68,8 @@ def commands_page() -> str:
                 for one in command.arguments]  # fmt: skip
         usage = " ".join(["mbsvib", name, *words])
         parts += [f"## {name}\n\n`{usage}`\n\n{command.summary}\n", _table("Argument", rows)]
+    parts += ["## Option of all commands that take a MODEL\n",
+              _table("Option", [(_option(ALIGN), ALIGN.settings["help"])])]
     rows = [(_option(one), one.settings["help"]) for one in ROBOTS]
     parts += [ROBOTS_START, _table("Option", rows)]
     parts += ["## Options of all commands\n", _table("Option", list(OPTIONS.items()))]

@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 @overload
 def linearize(
     model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...,
-    method: Literal["dense"] | None = ...,
+    method: Literal["dense"] | None = ..., align: float | None = ...,
 ) -> System: ...  # fmt: skip
 
 
 @overload
 def linearize(
     model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ..., *,
-    method: Literal["sparse"],
+    method: Literal["sparse"], align: float | None = ...,
 ) -> SparseSystem: ...  # fmt: skip
 
 
 @overload
 def linearize(
     model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
-    values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ...,
+    values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ..., align: float | None = ...,
 ) -> Batch: ...  # fmt: skip
 
 
 def linearize(
     model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
-    values: Mapping[str, ArrayLike] | None = None, method: str | None = None,
+    values: Mapping[str, ArrayLike] | None = None, method: str | None = None, align: float | None = None,
 ) -> System | Batch | SparseSystem:  # fmt: skip
     """Return the minimal linear equations of motion about the model's pose.
 
@@ -63,6 +63,9 @@ def linearize(
         Values of parameters, by name or pattern, for n variants in one pass.
     method : str, optional
         "dense" or "sparse"; default: dense up to some hundred coordinates, sparse beyond.
+    align : float, optional
+        Tolerance [rad, share of the size of loops] within which axes are taken as meant to be aligned, as of
+        ``Model.aligned``; default: axes are as given.
 
     Returns
     -------
@@ -90,6 +93,10 @@ def linearize(
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
     model = a_model(model, "linearize")
+    if align is not None:
+        from mbsvib.equations.alignment import aligned
+
+        model = aligned(model, align)
     if model.composed:
         from mbsvib.equilibrium.search import check_displacements
 

@@ -59,24 +59,24 @@ class Model(
     @overload
     def linearize(
         self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...,
-        method: Literal["dense"] | None = ...,
+        method: Literal["dense"] | None = ..., align: float | None = ...,
     ) -> System: ...  # fmt: skip
 
     @overload
     def linearize(
         self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ..., *,
-        method: Literal["sparse"],
+        method: Literal["sparse"], align: float | None = ...,
     ) -> SparseSystem: ...  # fmt: skip
 
     @overload
     def linearize(
         self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
-        values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ...,
+        values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ..., align: float | None = ...,
     ) -> Batch: ...  # fmt: skip
 
     def linearize(
         self, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
-        values: Mapping[str, ArrayLike] | None = None, method: str | None = None,
+        values: Mapping[str, ArrayLike] | None = None, method: str | None = None, align: float | None = None,
     ) -> System | Batch | SparseSystem:  # fmt: skip
         """Return the minimal linear equations of motion, M q'' + C q' + K q = B u.
 
@@ -92,6 +92,10 @@ class Model(
         method : str, optional
             "dense" or "sparse". Default: dense up to 600 coordinates; beyond that (unless ``independent`` or
             ``values`` are given) sparse, in time and memory proportional to the number of bodies.
+        align : float, optional
+            Axes of joints within this angle [rad] of parallel, and within this share of the size of loops of a common
+            line or point, are taken as meant so, only in loops that gain freedom by it (``aligned``); ``explain()``
+            names them. Default: axes are as given.
 
         Returns
         -------
@@ -114,13 +118,15 @@ class Model(
         """
         from mbsvib.api.linearize import linearize
 
-        kwargs: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method}
+        kwargs: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method,
+                                  "align": align}  # fmt: skip
         result: System | Batch | SparseSystem = linearize(self, **kwargs)
         return result
 
     def compile(
         self, parameters: str | Sequence[str] | None = None, cut: Sequence[str] | None = None,
         independent: Sequence[str] | None = None, *, pose: str | Sequence[str] | None = None, relaxed: bool = False,
+        align: float | None = None,
     ) -> Plant:  # fmt: skip
         """Return the equations as a function of some parameters, for sweeps, fits and optimisers that ask often.
 
@@ -138,6 +144,8 @@ class Model(
             their displacements from the described pose [m, rad], as of ``moved``. Without derivatives.
         relaxed : bool
             As of ``moved``: whether springs and bushings keep the forces of the described pose.
+        align : float, optional
+            As of ``linearize``.
 
         Returns
         -------
@@ -154,7 +162,8 @@ class Model(
         """
         from mbsvib.api.plant import compiled
 
-        return compiled(self, parameters, cut, independent, pose, relaxed)
+        model = self if align is None else self.aligned(align)
+        return compiled(model, parameters, cut, independent, pose, relaxed)
 
     def family(
         self, values: Mapping[str, ArrayLike], grid: bool = False, independent: Sequence[str] | None = None,

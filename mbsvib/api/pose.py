@@ -21,6 +21,34 @@ if TYPE_CHECKING:
 class Posed(Mechanism):
     """Methods of ``Model`` that lead to other poses."""
 
+    def aligned(self, tolerance: float) -> Self:
+        """Return a new model in which axes of loops that are meant to be aligned are so; bodies do not move.
+
+        In loops that gain degrees of freedom by it, and nowhere else, axes that are nearly parallel take their mean
+        direction, those nearly on one line their mean line, those nearly through one point that point. Nothing else
+        changes by a bit. ``linearize(align=...)`` is the same in one step; ``moved``, ``equilibrium``, ``family`` and
+        ``simulate`` are methods of the result.
+
+        Parameters
+        ----------
+        tolerance : float
+            Largest angle of an axis from the mean [rad], at most 0.05; largest distance of an axis from a common line
+            or point, as a share of the largest distance between joints of the loops.
+
+        Returns
+        -------
+        Model
+            The model with axes aligned, named in its ``alignments`` and by ``explain()``; itself if there are none.
+
+        Raises
+        ------
+        ModelError
+            If the tolerance is out of range, or loops of more than 1500 coordinates hang together.
+        """
+        from mbsvib.equations.alignment import aligned
+
+        return aligned(self, tolerance)
+
     def moved(
         self, values: Mapping[str, float], *, relaxed: bool = False, cut: Sequence[str] | None = None
     ) -> Self:

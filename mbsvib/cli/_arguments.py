@@ -17,10 +17,13 @@ if TYPE_CHECKING:
 
 
 class ModelFile(NamedTuple):
-    """A model on the command line: a path or a built-in name, and the options with which its file is read."""
+    """A model on the command line: a path or a built-in name, the options with which its file is read, and the
+    tolerance within which axes of loops are aligned.
+    """
 
     word: str
     options: dict[str, Any] = {}  # noqa: RUF012 (a default that nothing changes)
+    align: float | None = None
 
 
 class Argument(NamedTuple):
@@ -98,6 +101,11 @@ OUTPUTS = option("--output", to="outputs", metavar="NAME", action="append", comp
                  words="Output; may be given several times.")  # fmt: skip
 FIRST = option("--from", to="first", metavar="HZ", type=number, words="First frequency [Hz].")
 LAST = option("--to", to="last", metavar="HZ", type=number, words="Last frequency [Hz].")
+ALIGN = option(
+    "--align", to="align", metavar="TOLERANCE", type=number,
+    words="Axes of joints that are by up to this off parallel [rad], or off a common line or point [share of the "
+          "loops' size], are taken as meant so, in loops that gain freedom by it, such as 1e-3.",
+)  # fmt: skip
 JSON = flag("--json", "as_json", "Print JSON with every digit.")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import ModelFile
+from mbsvib.cli._arguments import ALIGN, ModelFile
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._lookup import SUFFIXES, model_of
 from mbsvib.cli._robots import READERS, ROBOTS
@@ -79,6 +79,8 @@ def candidates(words: list[str]) -> list[str]:
     arguments = command.arguments
     if command.models and any(word.lower().endswith(tuple(READERS)) for word in before):
         arguments += ROBOTS
+    if command.models:
+        arguments += (ALIGN,)
     by_name = {name: argument for argument in arguments for name in argument.names}
     awaited = by_name.get(before[-1])
     if awaited is not None and awaited.takes_value:

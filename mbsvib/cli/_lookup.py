@@ -30,8 +30,16 @@ def model_of(source: ModelFile) -> Model:
     """Return the model of a file or of a name in the library.
 
     ``source``: a path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name; and
-    options of files that state less than a model.
+    options of files that state less than a model, and the tolerance within which axes are aligned.
     """
+    model = _model_of(source)
+    if source.align is None:
+        return model
+    with as_misuse("linearize"):
+        return model.aligned(source.align)
+
+
+def _model_of(source: ModelFile) -> Model:
     word = source.word
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
@@ -63,6 +71,8 @@ def model_or_measurement(source: ModelFile) -> Model | Measurement:
     if not Path(source.word).is_file():
         raise UsageProblem(f"there is no file '{source.word}'.")
     robots.refuse_others(source.word, "measured data", source.options, [])
+    if source.align is not None:
+        raise UsageProblem(f"--align: '{source.word}' is measured data, which have no axes.")
     if suffix == ".npz":
         from mbsvib.measurement.data import Measurement
 

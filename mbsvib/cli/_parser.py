@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Action, ArgumentParser, HelpFormatter
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from mbsvib.cli._arguments import ModelFile
+from mbsvib.cli._arguments import ALIGN, ModelFile
 from mbsvib.cli._robots import ROBOTS, given
 from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import nearest
@@ -29,6 +29,7 @@ class Parser(ArgumentParser):
         for argument in command.arguments:
             self.add_argument(*argument.names, **argument.settings)
         if self._models:
+            self.add_argument(*ALIGN.names, **ALIGN.settings)
             group = self.add_argument_group("options of URDF and MJCF files")
             for argument in ROBOTS:
                 group.add_argument(*argument.names, **argument.settings)
@@ -42,8 +43,9 @@ class Parser(ArgumentParser):
             kind = "option" if rest[0].startswith("-") else "argument"
             self.error(f"there is no {kind} '{rest[0]}' here.{nearest(rest[0], known)}")
         result = vars(values)
-        options = given(result) if self._models else {}
-        return result | {name: ModelFile(result[name], options) for name in self._models if result[name] is not None}
+        options, align = (given(result), result.pop("align")) if self._models else ({}, None)
+        return result | {name: ModelFile(result[name], options, align) for name in self._models
+                         if result[name] is not None}  # fmt: skip
 
     def error(self, message: str) -> NoReturn:
         """Raise the problem that argparse has met."""

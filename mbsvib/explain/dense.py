@@ -13,6 +13,7 @@ from mbsvib.mechanism.unit_warnings import unit_warnings
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
     from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.responses.basis import Basis
     from mbsvib.sparse.equations import SparseEquations
 
@@ -40,7 +41,8 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         condensed = system.provenance.separation is not None
         lines.append("  No motion has mass or damping: outputs follow inputs without dynamics." if condensed else
                      "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
-    lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
+    lines += ["topology", *_topology(system), "loops", *_loops(system)]
+    lines += [*alignments(system.provenance.origin), "coordinates", *_coordinates(system)]
     if system.provenance.statics is not None:
         from mbsvib.explain.loads import explain_loads
 
@@ -125,6 +127,13 @@ def _loops(system: Equations) -> list[str]:
     if idle:
         lines.append(f"  without constraint: {listed(idle)}")
     return lines + [line for group in groups for line in rank_decision(group)]
+
+
+def alignments(origin: Mechanism | None) -> list[str]:
+    """Return the joints whose axes were aligned, one line each."""
+    return [] if origin is None or not origin.alignments else [
+        "  aligned within the tolerance, as the loops gain freedom by it:",
+        *(f"    {change.explained}" for change in origin.alignments)]  # fmt: skip
 
 
 def rank_decision(group: LoopGroup) -> list[str]:

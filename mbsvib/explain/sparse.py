@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.errors import counted
-from mbsvib.explain.dense import rank_decision, removed, separated, undamped
+from mbsvib.explain.dense import alignments, rank_decision, removed, separated, undamped
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -45,7 +45,7 @@ def explain(system: SparseEquations) -> str:
         count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
         of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
         lines += ["loads", f"  in balance; {counted(count, 'row')} {of}"]
-    lines += ["loops", *_loops(system)]
+    lines += ["loops", *_loops(system), *alignments(system.model)]
     if system.separation is not None:
         lines += ["coordinates", *separated(system.separation, 2 * system.dof - system.massless)]
     lines += ["tableau", *_tableau(system), *_forces(system), "skipped", *_skipped(system)]

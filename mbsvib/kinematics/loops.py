@@ -124,7 +124,7 @@ def reduce(
     n = len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
-    blocks = _groups(coordinates, cuts)
+    blocks = loop_groups(coordinates, cuts)
     scaled = _scaled(coordinates, cuts, phi, blocks)
     depends = np.zeros(n, dtype=bool)
     solved = []
@@ -158,8 +158,8 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
     return pinned
 
 
-def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
-    """Rows and columns of each group of loops; loops that share a coordinate are in one group."""
+def loop_groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
+    """Return rows and columns of each group of loops; loops that share a coordinate are in one group."""
     first, second = cuts.rows.first.take(cuts.start), cuts.rows.second.take(cuts.start)
     touched = coordinates.path.take(second, axis=0) != coordinates.path.take(first, axis=0)
     if cuts.couplings is not None:

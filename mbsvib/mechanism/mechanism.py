@@ -52,7 +52,7 @@ class Mechanism:
         If the name is not a text, or gravity is not a vector.
     """
 
-    _engine = "composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+    _engine = "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
 
     kind: ClassVar[str] = "model"
 
@@ -72,6 +72,7 @@ class Mechanism:
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
         self._expansion: Expansion | None = None
+        self._alignments: tuple[Any, ...] = ()
         self._derived: dict[tuple[Hashable, ...], Any] = {}
 
     @property
@@ -148,6 +149,11 @@ class Mechanism:
     def expansion(self) -> Expansion | None:
         """Mass and stiffness between more than two bodies, where beams and superelements are expanded."""
         return self._expansion
+
+    @property
+    def alignments(self) -> tuple[Any, ...]:
+        """Joints whose axes were aligned, with angle [rad] and shift [m], of a mechanism that ``aligned`` returned."""
+        return self._alignments
 
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:

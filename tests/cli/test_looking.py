@@ -96,3 +96,18 @@ def test_check_of_a_locked_mechanism(run, tmp_path):
 def test_schema_is_one(run):
     schema = json.loads(run("schema").stdout)
     Draft202012Validator.check_schema(schema)
+
+
+def test_axes_are_aligned_on_request(run, tmp_path):
+    mv.save(mv.library.four_bar().replace("C", axis=(2e-5, 1, 0)), tmp_path / "drawn.yaml")
+    assert "four_bar: 0 DOF" in run(f"check {tmp_path / 'drawn.yaml'}").stdout
+    result = run(f"check {tmp_path / 'drawn.yaml'} --align 1e-4")
+    assert result.exit_code == 0
+    assert "four_bar: 1 DOF" in result.stdout
+    assert "C: turned by 1.5e-05 rad" in result.stdout
+
+
+def test_a_tolerance_that_is_none_is_misuse(run):
+    result = run("modes four_bar --align 1")
+    assert result.exit_code == 2
+    assert "align = 1; expected an angle [rad] above 0, at most 0.05" in result.stderr

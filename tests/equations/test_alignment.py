@@ -1,0 +1,258 @@
+"""Loops whose axes are meant to be aligned: freedom comes back, eigenvalues are off by the tilt at most, trees stay."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+Z = np.array([0.0, 0.0, 1.0])
+TILTS = [0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3]
+
+
+class Tilted:
+    """A model whose axes are tilted, and whose points are moved, at random by up to a tilt."""
+
+    def __init__(self, tilt, seed=0):
+        self.tilt, self.random = tilt, np.random.default_rng(seed)
+        self.model = mv.Model("tilted")
+
+    def off(self, vector):
+        """A vector with a random one of the length of the tilt added to it, normal to it."""
+        across = np.cross(vector, self.random.standard_normal(3))
+        return vector + self.tilt * across / np.linalg.norm(across) * np.linalg.norm(vector)
+
+    def body(self, name, *points):
+        self.model.add_body(name, 1.0, (0.02, 0.03, 0.04), np.mean(points, axis=0))
+
+    def joint(self, name, kind, first, second, point, axis=Z):
+        self.model.add_joint(name, kind, first, second, point, axis=self.off(np.array(axis, float)))
+
+    def spring(self, body, point):
+        self.model.add_bushing("spring", "ground", body, point, (30.0, 40.0, 50.0, 10.0, 11.0, 12.0))
+
+
+def four_bar(tilt, seed=0):
+    a, b, c, d = (0, 0, 0), (0.2, 0.3, 0), (0.9, 0.6, 0), (1.0, 0, 0)
+    scene = Tilted(tilt, seed)
+    for name, ends in {"crank": (a, b), "coupler": (b, c), "rocker": (c, d)}.items():
+        scene.body(name, *ends)
+    for name, first, second, at in (("A", "ground", "crank", a), ("B", "crank", "coupler", b),
+                                    ("C", "coupler", "rocker", c), ("D", "rocker", "ground", d)):  # fmt: skip
+        scene.joint(name, "revolute", first, second, at)
+    scene.spring("crank", a)
+    return scene.model
+
+
+def six_bar(tilt, seed=0):
+    """A Watt linkage: a four-bar with a dyad from its coupler to ground; points in no plane of symmetry."""
+    scene = Tilted(tilt, seed)
+    p = {"A": (0, 0, 0), "B": (0.2, 0.3, 0), "C": (0.9, 0.6, 0), "D": (1.0, 0, 0), "E": (0.6, 0.9, 0),
+         "F": (1.1, 1.2, 0), "G": (1.5, 0.1, 0)}  # fmt: skip
+    for name, ends in {"crank": "AB", "coupler": "BC", "rocker": "CD", "link": "EF", "end": "FG"}.items():
+        scene.body(name, *(p[end] for end in ends))
+    for name, first, second in (("A", "ground", "crank"), ("B", "crank", "coupler"), ("C", "coupler", "rocker"),
+                                ("D", "rocker", "ground"), ("E", "coupler", "link"), ("F", "link", "end"),
+                                ("G", "end", "ground")):  # fmt: skip
+        scene.joint(name, "revolute", first, second, p[name])
+    scene.spring("end", p["F"])
+    return scene.model
+
+
+def slider_crank(tilt, seed=0):
+    scene = Tilted(tilt, seed)
+    scene.body("crank", (0, 0, 0), (0.2, 0.2, 0))
+    scene.body("rod", (0.2, 0.2, 0), (0.8, 0, 0))
+    scene.body("piston", (0.8, 0, 0))
+    scene.joint("A", "revolute", "ground", "crank", (0, 0, 0))
+    scene.joint("B", "revolute", "crank", "rod", (0.2, 0.2, 0))
+    scene.joint("C", "revolute", "rod", "piston", (0.8, 0, 0))
+    scene.joint("slide", "prismatic", "ground", "piston", (0.8, 0, 0), (1, 0, 0))
+    scene.spring("piston", (0.8, 0, 0))
+    return scene.model
+
+
+def rails(tilt, seed=0):
+    scene = Tilted(tilt, seed)
+    scene.body("carriage", (0, 0.5, 0))
+    scene.joint("left", "prismatic", "ground", "carriage", (0, 0, 0), (1, 0, 0))
+    scene.joint("right", "prismatic", "ground", "carriage", (0, 1, 0), (1, 0, 0))
+    scene.spring("carriage", (0, 0.5, 0))
+    return scene.model
+
+
+def spherical_linkage(tilt, seed=0):
+    """Four hinges whose axes pass through the origin."""
+    scene = Tilted(tilt, seed)
+    axes = [(1.0, 0.1, 0.2), (0.7, 0.7, 0.5), (0.1, 1.0, 0.6), (-0.4, 0.8, 0.1)]
+    points = [np.array(axis) / np.linalg.norm(axis) for axis in axes]
+    for name, k in (("a", 0), ("b", 1), ("c", 2)):
+        scene.body(name, points[k], points[k + 1])
+    for k, (first, second) in enumerate((("ground", "a"), ("a", "b"), ("b", "c"), ("c", "ground"))):
+        scene.joint(f"hinge{k}", "revolute", first, second, points[k], points[k])
+    scene.spring("b", points[1])
+    return scene.model
+
+
+def door(tilt, seed=0):
+    """Three hinges, tilted and beside the common line."""
+    scene = Tilted(tilt, seed)
+    scene.body("leaf", (0.4, 0, 0), (0.4, 0, 2))
+    for k, height in enumerate((0.2, 1.0, 1.8)):
+        x, y = 0.5 * tilt * scene.random.uniform(-1, 1, 2)
+        scene.joint(f"hinge{k}", "revolute", "ground", "leaf", (x, y, height))
+    scene.spring("leaf", (0, 0, 0))
+    return scene.model
+
+
+LINKAGES = [four_bar, six_bar, slider_crank, rails, spherical_linkage, door]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("tilt", TILTS)
+@pytest.mark.parametrize("linkage", LINKAGES)
+def test_freedom_comes_back_and_eigenvalues_are_off_by_the_tilt_at_most(linkage, tilt, seed):
+    exact = linkage(0.0).linearize()
+    system = linkage(tilt, seed).linearize(align=2.5e-3)
+    assert system.dof == exact.dof == 1
+    off = abs(system.modes().frequencies[0] / exact.modes().frequencies[0] - 1.0)
+    assert off < 3.0 * tilt + 1e-12
+    if tilt not in (1e-12,):  # which rounding may hide, or not
+        assert (tilt > 0.0) == ("aligned within the tolerance" in system.explain())
+
+
+@pytest.mark.parametrize("linkage", [four_bar, six_bar])
+def test_planar_linkages_are_off_by_the_square_of_the_tilt(linkage):
+    exact = linkage(0.0).linearize().modes().frequencies[0]
+    off = [abs(linkage(tilt, 1).linearize(align=2.5e-3).modes().frequencies[0] / exact - 1.0) for tilt in (1e-3, 1e-4)]
+    assert off[0] < 10.0 * 1e-6
+    assert off[1] < 0.02 * off[0]
+
+
+@pytest.mark.parametrize("linkage", LINKAGES)
+def test_nothing_changes_where_no_freedom_is_gained(linkage):
+    exact = linkage(0.0)
+    assert exact.aligned(1e-3) is exact
+    assert exact.aligned(1e-3).alignments == ()
+
+
+def test_trees_and_loops_that_move_stay_bit_for_bit():
+    tree = mv.Model("tree")
+    tree.add_body("upper", 1.0, (0.1, 0.1, 0.1), (0, 0, 1))
+    tree.add_body("lower", 1.0, (0.1, 0.1, 0.1), (0, 0, 2))
+    tree.add_joint("A", "revolute", "ground", "upper", (0, 0, 0), axis=(0, 0, 1))
+    tree.add_joint("B", "revolute", "upper", "lower", (0, 1e-4, 1), axis=(1e-4, 0, 1))
+    for model in (tree, mv.library.stewart(), mv.library.seven_r(), mv.library.rssr()):
+        before, after = model.linearize(), model.linearize(align=1e-2)
+        assert model.aligned(1e-2) is model
+        assert (before.M == after.M).all()
+        assert (before.K == after.K).all()
+
+
+def test_of_two_groups_only_the_locked_one_is_changed():
+    """The joint of a tree and a loop that moves, both with axes that are nearly parallel, keep every bit."""
+    model = four_bar(1e-4)
+    model.add_body("arm", 1.0, (0.1, 0.1, 0.1), (0, 0, 1))
+    model.add_joint("free", "revolute", "ground", "arm", (0, 0, 1), axis=(0, 1e-5, 1))
+    after = model.aligned(1e-3)
+    assert {change.joint for change in after.alignments} == set("ABCD")
+    assert after.joints["free"] is model.joints["free"]
+    assert after.bodies == model.bodies
+
+
+def test_what_gives_no_freedom_is_undone():
+    """Two hinges that nearly meet the line of a third, in another plane, are no part of what locks the four-bar."""
+    model = four_bar(0.0)
+    model.add_body("leaf", 1.0, (0.1, 0.1, 0.1), (0.3, 0.3, 0))
+    model.add_joint("low", "revolute", "coupler", "leaf", (0.2, 0.3, 0), axis=(0, 1, 0))
+    model.add_joint("high", "revolute", "coupler", "leaf", (0.2, 0.5, 0), axis=(0, 1, 1e-4))
+    after = model.aligned(1e-3)
+    assert {change.joint for change in after.alignments} == {"low", "high"}
+    assert after.linearize().dof == 2
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_every_engine_takes_the_aligned_joints(method):
+    model = four_bar(1e-4, 2)
+    model.add_input("F", "crank", (0, 1, 0))
+    model.add_output("y", "crank", (0, 1, 0))
+    aligned = model.aligned(1e-3)
+    system = model.linearize(align=1e-3, method=method)
+    expected = aligned.linearize().modes().frequencies
+    assert system.modes(1).frequencies == pytest.approx(expected, rel=1e-9)
+    for name in "ABCD":
+        assert f"{name}: turned by" in system.explain()
+
+
+def test_batches_compiled_plants_poses_and_families_take_the_aligned_joints():
+    model = four_bar(1e-4, 2)
+    aligned = model.aligned(1e-3)
+    masses = [1.0, 2.0, 3.0]
+    each = [aligned.with_values({"rocker.mass": mass}).linearize().modes().frequencies[0] for mass in masses]
+    batch = model.linearize(values={"rocker.mass": masses}, align=1e-3)
+    assert batch.modes().frequencies[:, 0] == pytest.approx(each, rel=1e-12)
+    plant = model.compile("rocker.mass", align=1e-3)
+    heavier = aligned.with_values({"rocker.mass": 2.0}).linearize()
+    np.testing.assert_allclose(plant([2.0]).M, heavier.M, rtol=1e-12)
+    moved = aligned.moved({"A.rz": 0.2}, relaxed=True)
+    exact = four_bar(0.0).moved({"A.rz": 0.2}, relaxed=True)
+    found = moved.linearize().modes().frequencies
+    assert found == pytest.approx(exact.linearize().modes().frequencies, rel=1e-4)
+    assert "A: turned by" in moved.linearize().explain()
+    with pytest.raises(mv.MbsvibError, match="variant"):
+        model.linearize(values={"C.orientation.rx": [0.0, 1e-4]}, align=1e-3)
+
+
+def test_a_truss_that_is_locked_for_good_gets_no_advice():
+    """A triangle of three bars on three pins, tilted: with its axes in line it is as rigid as before."""
+    scene = Tilted(1e-4)
+    a, b, c = (0, 0, 0), (1, 0, 0), (0.4, 0.7, 0)
+    for name, ends in {"left": (a, c), "right": (b, c)}.items():
+        scene.body(name, *ends)
+    scene.joint("A", "revolute", "ground", "left", a)
+    scene.joint("B", "revolute", "ground", "right", b)
+    scene.joint("C", "revolute", "left", "right", c)
+    model = scene.model
+    assert model.aligned(1e-2) is model
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert model.linearize().dof == 0
+    assert not [one for one in caught if "align" in str(one.message)]
+
+
+@pytest.mark.parametrize("joint", "ABCD")
+def test_the_warning_names_the_joint_farthest_from_the_median_and_a_tolerance_that_helps(joint):
+    exact = four_bar(0.0)
+    axes = {name: part.axis for name, part in exact.joints.items()}
+    axes[joint] = (3e-4, -2e-4, 1.0)
+    model = exact.replace(joint, axis=axes[joint])
+    with pytest.warns(mv.NearSingularWarning, match=rf"joint '{joint}' by 0\.000361 rad .*linearize\(align=0\.001\)"):
+        assert model.linearize().dof == 0
+    assert model.linearize(align=1e-3).dof == 1
+
+
+@pytest.mark.parametrize(("linkage", "seed"), [(door, 1), (spherical_linkage, 1)])
+def test_loops_that_points_lock_are_told_with_advice_that_helps(linkage, seed):
+    model = linkage(1e-4, seed)
+    words = r"one line, parallel or through one point: joint '.*linearize\(align=0\.001\)"
+    with pytest.warns(mv.NearSingularWarning, match=words):
+        assert model.linearize().dof == 0
+    assert model.linearize(align=1e-3).dof == 1
+
+
+@pytest.mark.parametrize("value", [0.0, -1e-3, 0.2, float("nan"), "wide", True])
+def test_a_tolerance_out_of_range_is_refused(value):
+    with pytest.raises(mv.ModelError, match=r"linearize: align = .*0\.05"):
+        four_bar(1e-3).linearize(align=value)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_units_of_length_decide_nothing(scale):
+    model = mv.Model("scaled")
+    model.add_body("leaf", 1.0, np.array([0.1, 0.1, 0.1]) * scale**2, np.array([0.4, 0, 0.5]) * scale)
+    for name, point in (("low", (0, 0, 0)), ("high", (5e-4, 0, 1))):
+        model.add_joint(name, "revolute", "ground", "leaf", np.array(point) * scale, axis=(0, 0, 1))
+    assert model.linearize(align=1e-3).dof == 1
+    assert [change.shift / scale for change in model.aligned(1e-3).alignments] == pytest.approx([2.5e-4, 2.5e-4])
+    assert model.aligned(1e-4) is model
