@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.library._cubic import cubic_hexapod
     from mbsvib.library._dh import from_dh
     from mbsvib.library._engine import engine_on_mounts
+    from mbsvib.library._flexures import cross_hinge, parallel_guide
     from mbsvib.library._inclined_chain import inclined_chain
     from mbsvib.library._ladder import ladder
     from mbsvib.library._linkages import four_bar, slider_crank
@@ -38,15 +39,17 @@ if TYPE_CHECKING:
     from mbsvib.library._wafer_stage import wafer_stage
 
 __all__ = [
-    "build", "cantilever", "carpet_scraper", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh",
-    "gripper", "hinged_rod", "hoeken", "inclined_chain", "ladder", "models", "pendulum_chain", "puma", "quadruped",
-    "quarter_car", "rotor_stator", "rssr", "seven_r", "singular_beam", "six_link", "sleeping_top", "slider_crank",
-    "stanford", "stewart", "stewart_isolator", "toggle", "tree", "trifilar_pendulum", "two_link", "wafer_stage",
+    "build", "cantilever", "carpet_scraper", "chain", "cross_hinge", "cubic_hexapod", "engine_on_mounts", "four_bar",
+    "from_dh", "gripper", "hinged_rod", "hoeken", "inclined_chain", "ladder", "models", "parallel_guide",
+    "pendulum_chain", "puma", "quadruped", "quarter_car", "rotor_stator", "rssr", "seven_r", "singular_beam",
+    "six_link", "sleeping_top", "slider_crank", "stanford", "stewart", "stewart_isolator", "toggle", "tree",
+    "trifilar_pendulum", "two_link", "wafer_stage",
 ]  # fmt: skip
 
 # where each function is; a file is imported when one of its functions is asked for
 _HOMES = {
-    "cantilever": "_cantilever", "carpet_scraper": "_machines", "chain": "_chain", "cubic_hexapod": "_cubic",
+    "cantilever": "_cantilever", "carpet_scraper": "_machines", "chain": "_chain", "cross_hinge": "_flexures",
+    "cubic_hexapod": "_cubic", "parallel_guide": "_flexures",
     "engine_on_mounts": "_engine", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
     "hinged_rod": "_pendulums", "hoeken": "_machines", "inclined_chain": "_inclined_chain", "ladder": "_ladder",
     "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_quadruped", "quarter_car": "_quarter_car",
@@ -88,6 +91,8 @@ _DESCRIPTIONS = {
     "singular_beam": "clamped beam with two arms that swing through their stretched pose, 42 DOF",
     "sleeping_top": "top that spins upright on its tip, 3 DOF",
     "cantilever": "steel tube of 20 beam elements with a mass at its tip, 120 DOF",
+    "parallel_guide": "stage on two parallel leaf springs, 6 DOF",
+    "cross_hinge": "disk that turns on two crossed leaf springs, 6 DOF",
     "wafer_stage": "long and short stroke, and a metrology frame on isolators, 21 DOF",
     "engine_on_mounts": "engine whose weight four rubber mounts carry, 6 DOF",
 }
