@@ -66,6 +66,8 @@ class _Driven(Displayed):
         return units
 
     def __getattr__(self, key: str) -> Any:
+        if key in ("ends", "drives"):  # before these are there, as while an object is read from a pickle
+            raise AttributeError(key)
         if key in WITHOUT_INPUTS:
             return getattr(self.ends, key)
         known = not key.startswith("_") and hasattr(type(self.ends), key)

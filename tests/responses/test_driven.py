@@ -1,5 +1,8 @@
 """Motions as inputs against the quarter car by hand, a heavy ground, and exponentials in extended precision."""
 
+import copy
+import pickle
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -307,6 +310,22 @@ def test_what_cannot_be_moved_is_refused_by_name():
         quarter("velocity").linearize().frequency_response([0.0, 1.0])
     with pytest.raises(AttributeError, match=r"motion input 'road' ask .state_space"):
         _ = quarter().linearize().reachable
+
+
+def test_systems_with_motions_can_be_pickled_and_copied():
+    system = quarter().linearize()
+    for same in (pickle.loads(pickle.dumps(system)), copy.copy(system)):  # noqa: S301
+        np.testing.assert_array_equal(same.frequency_response(OMEGA), system.frequency_response(OMEGA))
+
+
+def test_copies_of_a_model_have_roads_of_their_own():
+    corner, car = quarter("velocity"), mv.Model("two")
+    for name, x in (("left", -1.0), ("right", 1.0)):
+        car.add_model(name, corner, position=(x, 0, 0))
+    system = car.linearize()
+    assert system.inputs == ("left.road", "right.road")
+    np.testing.assert_allclose(system.frequency_response(OMEGA, "right.displacement", "right.road")[0, 0],
+                               by_hand(OMEGA, 1)[0], rtol=1e-11)
 
 
 def test_files_keep_motion_inputs(tmp_path):
