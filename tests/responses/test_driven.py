@@ -314,7 +314,7 @@ def test_what_cannot_be_moved_is_refused_by_name():
 
 def test_systems_with_motions_can_be_pickled_and_copied():
     system = quarter().linearize()
-    for same in (pickle.loads(pickle.dumps(system)), copy.copy(system)):  # noqa: S301
+    for same in (pickle.loads(pickle.dumps(system)), copy.copy(system)):
         np.testing.assert_array_equal(same.frequency_response(OMEGA), system.frequency_response(OMEGA))
 
 
@@ -354,3 +354,24 @@ def test_runs_refuse_moved_ends_of_maxwell_elements():
     model = quarter(kind="maxwell")
     with pytest.raises(ModelError, match="motion input 'road' moves the end of a Maxwell element"):
         model.simulate([0.0, 0.1], inputs={"road": [0.0, 0.1]})
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_moved_ends_act_through_massless_nodes(method):
+    """Two springs in series with a node that has no mass, whose motion and force follow from statics."""
+    model = mv.Model("series")
+    model.add_body("node", 0.0, (0, 0, 0), (0, 0, 0.1))
+    model.add_joint("guide", "prismatic", "ground", "node", (0, 0, 0.1), axis=(0, 0, 1))
+    model.add_body("mass", 3.0, INERTIA, (0, 0, 0.2))
+    model.add_joint("post", "prismatic", "ground", "mass", (0, 0, 0.2), axis=(0, 0, 1))
+    model.add_spring("lower", "ground", "node", (0, 0, 0), (0, 0, 0.1), stiffness=300.0)
+    model.add_spring("upper", "node", "mass", (0, 0, 0.1), (0, 0, 0.2), stiffness=600.0)
+    model.add_motion_input("road", "lower")
+    model.add_output("node z", "node", "z")
+    model.add_output("mass z", "mass", "z")
+    model.add_force_output("lower force", "lower")
+    both = 200.0 / (200.0 - 3.0 * OMEGA**2)
+    node = (300.0 + 600.0 * both) / 900.0
+    expected = [node, both, 300.0 * (node - 1.0)]
+    response = model.linearize(method=method).frequency_response(OMEGA)[:, 0]
+    np.testing.assert_allclose(response, expected, rtol=1e-10)
