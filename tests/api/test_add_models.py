@@ -86,7 +86,7 @@ def test_random_scenes_move_alike_anywhere_and_in_a_mirror(seed):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.AccuracyWarning", "ignore::mbsvib.LargeDisplacementWarning")
 def test_many_random_scenes_have_parts_of_all_families():
-    models = [model for seed in range(60) if (model := hunted(seed)) is not None]
+    models = [model for seed in range(60) if (model := hunted(seed)) is not None] + [on_a_road()]
     seen = {type(part) for model in models if compare(model)
             for group in model.groups().values() for part in group.values()}  # fmt: skip
     assert seen == {family.part for family in FAMILIES}
@@ -240,6 +240,28 @@ def test_preloads_in_a_mirror():
     model.add_model("m", part, SHIFT, TURN, mirror="z")
     expected = TURN @ reflection("z") @ before.reshape(2, 3).T * (1.0, -1.0)
     np.testing.assert_allclose(model.springs["m.pressed"].rest_wrench, expected.T.ravel(), rtol=0, atol=1e-14)
+
+
+def on_a_road():
+    """A wheel whose ground moves at the tyre and, in the axes of the bushing, at the pad."""
+    part = wheel()
+    part.add_motion_input("road", "tyre")
+    part.add_motion_input("shake", "pad", direction="z", quantity="velocity")
+    return part
+
+
+def test_motion_inputs():
+    assert compare(on_a_road())
+
+
+def test_flexures_and_their_forces():
+    part = wheel()
+    part.add_body("stage", 1.0, (0.1, 0.2, 0.3), position=(0.1, 0.6, 0.5))
+    part.add_flexure("leaf", "hub", "stage", {"type": "leaf", "length": 0.05, "width": 0.02, "thickness": 5e-4},
+                     {"E": 2e11, "nu": 0.3, "rho": 7800.0}, (0.05, 0.6, 0.4), (0.3, 0.2, -0.4))  # fmt: skip
+    for i, name in enumerate(part.composed["leaf"].element_names):
+        part.add_force_output(f"force{i}", name, (1, 2, 3, 4, 5, 6))
+    assert compare(part)
 
 
 def test_forces_in_elements_keep_their_signs():
