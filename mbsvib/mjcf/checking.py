@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from mbsvib.errors import ModelError
 from mbsvib.mjcf.compiled import HINGE, SLIDE, Compiled
 from mbsvib.mjcf.scene import Scene
+from mbsvib.urdf.posing import LIMIT_DIGITS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 # Permitted difference of forces from MuJoCo's, relative to the largest.
 SAME = 1e-9
@@ -79,3 +85,14 @@ def look_for_left(scene: Scene) -> None:
         pair = " with ".join(f"'{body}'" for body in bodies)
         if pair not in scene.remarks.get("contact in this pose of", ()):
             scene.remark("contact in this pose of", pair)
+
+
+def refuse_beyond(file: Compiled, pose: Mapping[str, Any]) -> None:
+    """Refuse positions of hinges and slides that are named in a pose beyond their range, as degrees usually are."""
+    m, names = file.m, file.names("joint")
+    for i in [names.index(name) for name in pose]:
+        if m.jnt_limited[i] and int(m.jnt_type[i]) in (SLIDE, HINGE):
+            (low, high), q = np.array(m.jnt_range[i]), float(file.position(i)[0])
+            if not low - LIMIT_DIGITS * abs(low) <= q <= high + LIMIT_DIGITS * abs(high):
+                raise file.refuse("joint", i, f"pose = {q:.6g}, beyond its range {low:.6g} to {high:.6g} "
+                                  f"[{'m' if m.jnt_type[i] == SLIDE else 'rad, not degrees'}].", "pose")  # fmt: skip

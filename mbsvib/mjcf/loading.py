@@ -12,6 +12,7 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning
 from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
+from mbsvib.mjcf.closing import close_equalities
 from mbsvib.mjcf.compiled import Compiled, compiled
 from mbsvib.mjcf.scene import Scene
 from mbsvib.urdf.extensions import in_words
@@ -50,6 +51,8 @@ def load_mjcf(
         The file.
     pose : mapping of str to float or array-like, optional
         Positions of joints as in MuJoCo's qpos [rad, m], quaternions of ball joints; default: the keyframe's, or qpos0.
+        Equality constraints that are open there are closed by Newton's method: joints that are named are held, the
+        others move as little as that takes. Positions beyond the range of a hinge or slide are refused.
     keyframe : str or int, optional
         Name or number of a keyframe, whose positions and controls are taken.
     control : mapping of str to float, optional
@@ -82,6 +85,8 @@ def load_mjcf(
         If MuJoCo is not installed or refuses the file, or a name, a value or an element is refused.
     """
     file = compiled(path, pose or {}, keyframe, control or {}, leave)
+    checking.refuse_beyond(file, pose or {})
+    close_equalities(file, pose or {})
     checking.refuse_unknown(file)
     model = Model(_name(file) if name is None else name, _gravity(file, gravity))
     scene = Scene(file, model, np.zeros(file.m.nv))

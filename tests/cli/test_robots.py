@@ -121,3 +121,23 @@ def test_options_are_completed(run, rods):
     assert "--stiffness" in candidates("modes", rods, "--s")
     assert candidates("modes", rods, "--stiffness", "i") == ["i="]
     assert "--stiffness" not in candidates("modes", "stewart", "--s")
+
+
+LEG = ROBOTS / "leg.urdf"
+
+
+def test_robots_with_loops_in_any_pose(run, tmp_path):
+    """Under gravity, with stiffness and tips; loops of a YAML; a pose in degrees is a misuse."""
+    pose = "--pose front_hip=-0.7 --pose rear_hip=0.5"
+    result = run(f"modes {LEG} {pose} --stiffness 200 --tip body --tip rear_shin --json")
+    assert (result.exit_code, len(json.loads(result.stdout)["modes"])) == (0, 2)
+    held = run(f"equilibrium {LEG} {pose} --stiffness 200 --gravity 0,0,-9.81 --preload *_hip.k --file held.yaml")
+    assert held.exit_code == 0
+    assert mv.load("held.yaml").linearize().dof == 2
+    assert "the limits of the file [rad, not degrees]" in run(f"modes {LEG} --pose rear_hip=30").stderr
+    words = TWO_RODS.replace("</robot>", '<link name="p"/><joint name="f" type="fixed"><parent link="b"/><child '
+                             'link="p"/></joint></robot>')  # fmt: skip
+    (tmp_path / "looped.urdf").write_text(words, encoding="utf-8")
+    (tmp_path / "loops.yml").write_text("closed_loop: [[base, p]]\ntype: [3d]\n", encoding="utf-8")
+    assert "Modes of rods: 1 DOF" in run("modes looped.urdf --loops loops.yml --stiffness 8").stdout
+    assert "for files of URDF (.urdf)" in run("modes stewart --loops loops.yml").stderr

@@ -200,9 +200,49 @@ def test_what_is_left_is_said(tmp_path):
 
 
 def test_gaps_that_are_small_are_said(tmp_path):
+    """All joints are named, so that none can close it."""
     path = write(tmp_path, SWING)
     with pytest.warns(mv.LeftOutWarning, match=r"gap in this pose of 'c' \(\d"):
-        mv.load_mjcf(path, pose={"a": 1e-5})
+        mv.load_mjcf(path, pose={"a": 1e-5, "b": 0.0, "d": 0.0})
+
+
+@pytest.mark.parametrize("a", [0.3, -0.8, 1.2])
+def test_open_loops_are_closed(tmp_path, a):
+    """A parallelogram: the other rocker is as steep as the one that the pose names."""
+    model = mv.load_mjcf(write(tmp_path, SWING), pose={"a": a})
+    expected = (0.4 - 0.5 * np.sin(a), 0.0, -0.5 * np.cos(a))
+    np.testing.assert_allclose(model.joints["c"].position, expected, atol=1e-12)
+    np.testing.assert_allclose(model.bodies["right"].orientation, model.bodies["left"].orientation, atol=1e-12)
+    with pytest.raises(mv.ModelError, match="equality 'c': gapes by"):
+        mv.load_mjcf(write(tmp_path, SWING), pose={"a": a, "d": -a})
+
+
+def test_loops_with_ball_joints_are_closed(tmp_path):
+    """A rod of 0.5 m between a ball joint and a carriage that the pose moves far."""
+    words = f"""<worldbody><body name="rod"><joint name="ball" type="ball"/>{ROD}<site name="e" pos=".3 0 -.4"/></body>
+      <body name="cart" pos=".3 0 -.4"><joint name="along" type="slide" axis="0 1 0"/>
+      <joint name="up" type="slide" axis="0 0 1"/>{ROD}<site name="f"/></body></worldbody>
+      <equality><connect name="c" site1="e" site2="f"/></equality>"""
+    model = mv.load_mjcf(write(tmp_path, words), pose={"along": 0.35})
+    at = np.array(model.joints["c"].position)
+    np.testing.assert_allclose((at[0], at[1], at @ at), (0.3, 0.35, 0.25), atol=1e-12)
+    turned = np.array(model.bodies["rod"].orientation) @ (0.3, 0, -0.4)
+    np.testing.assert_allclose(turned, at, atol=1e-12)
+
+
+def test_equalities_set_joints_that_no_pose_names(tmp_path):
+    words = PENDULUM + '<equality><joint name="c" joint1="hinge" polycoef=".3 0 0 0 0"/></equality>'
+    free = PENDULUM.replace("<worldbody>", '<worldbody><body name="other"><joint name="j"/>' + ROD + "</body>")
+    model = mv.load_mjcf(write(tmp_path, words.replace(PENDULUM, free)))
+    np.testing.assert_allclose(model.bodies["rod"].position, (-0.4 * np.sin(0.3), 0, -0.4 * np.cos(0.3)), atol=1e-12)
+    with pytest.raises(mv.ModelError, match=r"equality 'c': gapes by 0\.2"):
+        mv.load_mjcf(write(tmp_path, words), pose={"hinge": 0.1})
+
+
+def test_a_pose_beyond_the_range_is_refused(tmp_path):
+    path = write(tmp_path, PENDULUM.replace("axis", 'range="-1.5 1.5" axis'))
+    with pytest.raises(mv.ModelError, match=r"joint 'hinge': pose = 30, beyond its range .* \[rad, not degrees\]"):
+        mv.load_mjcf(path, pose={"hinge": 30})
 
 
 def test_armature_feels_no_turning_of_the_ground(tmp_path):

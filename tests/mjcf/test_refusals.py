@@ -37,8 +37,6 @@ def sites(words):
     (sites('<tendon><spatial name="t" armature="1"><site site="e"/><site site="o"/></spatial></tendon>'),
      "armature on a line"),
     (sites('<equality><connect name="c" site1="e" site2="o"/></equality>'), "equality 'c': gapes by 0.7"),
-    (PENDULUM + '<equality><joint name="c" joint1="hinge" polycoef=".3 0 0 0 0"/></equality>',
-     "equality 'c': gapes by 0.3"),
     (world(body('<joint name="a"/>' + ROD, "a"), body('<joint name="b"/>' + ROD),
            more='<equality><joint name="c" joint1="a" joint2="b" polycoef="0 0 2 0 0"/></equality>'),
      "equality 'c': its polynomial has the slope 0 in this pose, where it locks its first joint"),
