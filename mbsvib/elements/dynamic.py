@@ -58,6 +58,9 @@ class Dynamic(Displayed):
     error: float = 0.0
     least_error: float = 0.0
 
+    def __str__(self) -> str:
+        return repr(self)  # ``table`` makes one here, and prints none
+
     @property
     def is_rational(self) -> bool:
         """Whether it has states."""

@@ -11,6 +11,10 @@ from tests.assembly.scenes import RIGID, apart
 OMEGA = np.geomspace(1.0, 2000.0, 80)
 
 
+def test_a_factor_prints_itself():
+    assert "loss factor 0.1" in str(mv.Dynamic.hysteretic(0.1))
+
+
 def test_factors():
     s = 1j * OMEGA
     prony = Dynamic.prony([0.5, 2.0], [0.1, 1e-3])
