@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted, nearest
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from matplotlib.figure import Figure
 
@@ -91,7 +90,7 @@ class Energy(Displayed):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Run(Displayed):
+class Run(Columnar, Displayed):
     """A nonlinear time response.
 
     ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints by
@@ -191,27 +190,11 @@ class Run(Displayed):
             self[name]
         return self.trace.crossings(name, float(value))
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, outputs, coordinates and energies as a table with a header, whole or not at all.
+    _index = "time"
 
-        Parameters
-        ----------
-        path : str or path-like
-            Name of the file.
-
-        Returns
-        -------
-        Path
-            The path.
-
-        Raises
-        ------
-        ExportError
-            If the file cannot be written.
-        """
-        from mbsvib.common.csv_columns import write_columns
-
-        return write_columns(path, self.table())
+    def columns(self) -> dict[str, Array]:
+        """Return what ``table`` returns, as files and DataFrames have it."""
+        return self.table()
 
     def table(self) -> dict[str, Array]:
         """Return time, outputs, coordinates and energies as columns (n,) by name."""
@@ -220,30 +203,6 @@ class Run(Displayed):
         energy = {"kinetic": self.energy.kinetic, "potential": self.energy.potential,
                   "dissipated": self.energy.dissipated, "supplied": self.energy.supplied}  # fmt: skip
         return columns | {f"energy.{name}": values for name, values in energy.items()}
-
-    def to_dataframe(self) -> Any:
-        """Return ``table`` as a DataFrame of pandas over time.
-
-        Returns
-        -------
-        pandas.DataFrame
-            One row a time.
-
-        Raises
-        ------
-        ExportError
-            If pandas is not installed.
-        """
-        from importlib import import_module
-
-        from mbsvib.errors import ExportError
-
-        try:
-            pandas: Any = import_module("pandas")
-        except ImportError as error:
-            raise ExportError("to_dataframe: needs pandas, which is not installed; pip install pandas, or take "
-                              "run.table().") from error  # fmt: skip
-        return pandas.DataFrame(self.table()).set_index("time")
 
     def plot(self, names: Sequence[str] | str | None = None) -> Figure:
         """Return a figure of outputs or coordinates, and of the energies, over time.

@@ -8,14 +8,13 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.columnar import Columnar
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import MbsvibError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.cycles.sensitivities import CycleSensitivities
 
 
-class Cycle(CycleData):
+class Cycle(Columnar, CycleData):
     """A running machine: its motion, drive torques, shaking force and moment, and what joints carry."""
 
     @cached_property
@@ -69,28 +68,6 @@ class Cycle(CycleData):
         for name, wrenches in self.reactions.items():
             result |= {f"{name}.reaction.{axis}": wrenches[:, i] for i, axis in enumerate(DIRECTIONS)}
         return result
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write ``columns`` as a file of comma-separated values with a header, a line each sample.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Name of the file.
-
-        Returns
-        -------
-        Path
-            The path.
-
-        Raises
-        ------
-        ExportError
-            If the file cannot be written.
-        """
-        from mbsvib.common.csv_columns import write_columns
-
-        return write_columns(path, self.columns())
 
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
         """Return exact derivatives of torques, reactions, shaking force and moment to parameters.

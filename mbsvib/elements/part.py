@@ -108,8 +108,8 @@ class Part(Completed):
     """A named, immutable part of a model."""
 
     _engine = (
-        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields point_fields "
-        "replaced_fields signed_fields suspects symbol with_values"
+        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
+        "point_fields replaced_fields signed_fields suspects symbol with_values"
     )
 
     name: str

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import bushing
@@ -58,7 +59,7 @@ class PathPoint(Generic[M]):
 
 
 @dataclass(frozen=True, repr=False)
-class EquilibriumPath(Displayed, Generic[M]):
+class EquilibriumPath(Columnar, Displayed, Generic[M]):
     """Equilibria while a joint coordinate has given values.
 
     ``values`` (n,) [m, rad] are displacements of the ``coordinate`` from the reference pose, ``forces`` (n,) [N, N m]
@@ -108,6 +109,18 @@ class EquilibriumPath(Displayed, Generic[M]):
     def stable(self) -> NDArray[np.bool_]:
         """Whether each equilibrium is stable (n,) under the holding force, with the coordinate free to move."""
         return np.array([modes is None or not modes.growing.any() for modes in self._modes])
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return values of the coordinate, forces, stability and frequencies [Hz] as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (n,)
+            The coordinate's name, ``force``, ``stable``, ``stable_held``, ``frequency_hz(1)``, ...
+        """
+        result = {self.coordinate: self.values, "force": self.forces, "stable": self.stable,
+                  "stable_held": self.stable_held}  # fmt: skip
+        return result | {f"frequency_hz({i})": column for i, column in enumerate(self.frequencies.T, 1)}
 
     def table(self) -> dict[str, Any]:
         """Return title, columns and rows of the table that ``print`` shows."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
@@ -34,7 +35,7 @@ VANISHES = 1e-6
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Margins(Displayed):
+class Margins(Columnar, Displayed):
     """How far closed loops are from instability.
 
     Disk margin of all loops simultaneously: ``modulus`` is the smallest singular value of 1 - K G at the actuators over
@@ -71,6 +72,19 @@ class Margins(Displayed):
     def all_phases(self) -> float:
         """Phase [deg] by which all loops may change simultaneously."""
         return float(np.degrees(2.0 * np.arcsin(min(0.5 * self.modulus, 1.0))))
+
+    _index = "actuator"
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the margins of each loop as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (actuators,)
+            ``actuator``, ``lower_gain``, ``upper_gain``, ``phase_deg``, ``delay_s``, ``modulus``.
+        """
+        return {"actuator": np.array(self.actuators), "lower_gain": self.lower, "upper_gain": self.gain,
+                "phase_deg": self.phase, "delay_s": self.delay, "modulus": self.modulus_each}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``.

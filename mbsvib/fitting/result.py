@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
 from mbsvib.fitting.candidates import Candidate, ranked
@@ -27,7 +28,7 @@ LEAST, MOST = 1e-3, 1e7
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Fit(Displayed):
+class Fit(Columnar, Displayed):
     """The ``model`` that measured data tell, and what is known of its ``values``, {name: value}.
 
     ``intervals`` {name: (low, high)} hold each value with a probability of 95 %, ``quantile`` standard deviations to
@@ -177,6 +178,20 @@ class Fit(Displayed):
                                 f"with responses.")  # fmt: skip
         k, measurement = known[number - 1]
         return measurement, np.moveaxis(self._problem.fitted(self._x, k), 0, 2)
+
+    _index = "name"
+
+    def columns(self) -> dict[str, Any]:
+        """Return the values with their units and limits of the 95 % intervals as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (values,)
+            ``name``, ``unit``, ``value``, ``low``, ``high``.
+        """
+        low, high = np.array([self.intervals[name] for name in self.values]).reshape(-1, 2).T
+        return {"name": np.array(list(self.values)), "unit": np.array([self.units[name] for name in self.values]),
+                "value": np.array(list(self.values.values())), "low": low, "high": high}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the values with their intervals, as arguments of ``mbsvib.common.tables.text``.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.integrand import response
@@ -22,9 +22,7 @@ from mbsvib.responses import extrema
 from mbsvib.responses.feedthrough import direct, without_rounding
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Iterator
-    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
@@ -124,7 +122,7 @@ KILO = 1e4  # [Hz], from where frequencies are written in kHz
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Figures:
+class Figures(Columnar):
     """Transmissibility from a base to a body and the body's compliance, over ``frequencies`` (n,) [Hz].
 
     ``transmissibility`` (6, base directions, n) is acceleration over acceleration, ``compliance`` (6, 6, n)
@@ -284,18 +282,15 @@ class Figures:
         title = f"Isolation of {scene.body} from {scene.base}: {self.name}"
         return {"title": title, "columns": [("figure", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write index, singular values, transmissibility and compliance over frequency as comma-separated values.
+    _index = "frequency_hz"
 
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
+    def columns(self) -> dict[str, Array]:
+        """Return frequencies [Hz], index, singular values, transmissibility and compliance as columns by name.
 
         Returns
         -------
-        Path
-            The path.
+        dict of str to array, shape (n,)
+            ``frequency_hz``, ``index``, ``singular_value_1``, ..., ``T_x_x_re``, ``T_x_x_im``, ..., ``C_x_x_re``, ...
         """
         scene = self.scene
         columns = {"frequency_hz": self.frequencies, "index": self.index}
@@ -306,7 +301,7 @@ class Figures:
                 for j, source in enumerate(sources):
                     columns[f"{symbol}_{direction}_{source}_re"] = table[i, j].real
                     columns[f"{symbol}_{direction}_{source}_im"] = table[i, j].imag
-        return write_columns(path, columns)
+        return columns
 
 
 def _frobenius(g: Complex) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
@@ -17,9 +17,7 @@ from mbsvib.random.budget import random
 from mbsvib.random.sources import base_sources
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Mapping
-    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
@@ -34,7 +32,7 @@ ROUNDED = 1e-8
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Vibration(Displayed):
+class Vibration(Columnar, Displayed):
     """Root mean squares while the base is shaken by ``noise``, over ``band`` [Hz] or all frequencies (None).
 
     ``acceleration`` (6,) [m/s^2, rad/s^2] is that of the body, absolute, at the reference point; ``stroke`` [m] and
@@ -150,25 +148,22 @@ class Vibration(Displayed):
             notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")
         return {"title": f"Vibration of {self.study.name}", "columns": columns, "rows": rows, "notes": notes}
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write density and cumulative root mean square of the acceleration over frequency as comma-separated values.
+    _index = "frequency_hz"
 
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
+    def columns(self) -> dict[str, Array]:
+        """Return frequencies [Hz], densities and cumulative root mean squares as columns by name.
 
         Returns
         -------
-        Path
-            The path.
+        dict of str to array, shape (n,)
+            ``frequency_hz``, ``density_x_(m/s2)2/hz``, ..., ``cumulative_rms_x_m/s2``, ...
         """
         f = self.study.frequencies
         units = ["m/s2" if len(direction) == 1 else "rad/s2" for direction in DIRECTIONS]
         columns = {"frequency_hz": f}
         for form, values in (("density_{}_({})2/hz", self.density(f)), ("cumulative_rms_{}_{}", self.cumulative(f))):
             columns |= {form.format(d, u): row for d, u, row in zip(DIRECTIONS, units, values, strict=True)}
-        return write_columns(path, columns)
+        return columns
 
     def __repr__(self) -> str:
         return f"Vibration({self.study.name!r}: base shaken along {' '.join(self.noise.directions)})"

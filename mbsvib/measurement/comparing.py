@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ResponseError, counted
@@ -58,7 +59,7 @@ class Pair:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Comparison(Displayed):
+class Comparison(Columnar, Displayed):
     """How far two models or measurements agree, printed as a table.
 
     ``mac`` (modes of a, modes of b) is |a^H b|^2 / (a^H a b^H b) over ``shape_outputs``. ``pairs`` are modes assigned
@@ -81,6 +82,20 @@ class Comparison(Displayed):
     differences: tuple[Difference, ...]
     responses: tuple[Complex, Complex] = field(repr=False)
     remarks: tuple[str, ...] = ()
+
+    def columns(self) -> dict[str, Any]:
+        """Return the pairs of modes as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (pairs,)
+            ``mode_a``, ``mode_b``, ``mac``, ``frequency_a_hz``, ``frequency_b_hz``, ``damping_ratio_a``,
+            ``damping_ratio_b``, ``largest_motion``.
+        """
+        names = ("mode_a", "mode_b", "mac", "frequency_a_hz", "frequency_b_hz", "damping_ratio_a", "damping_ratio_b",
+                 "largest_motion")  # fmt: skip
+        rows = [(p.a, p.b, p.mac, *p.frequencies, *p.damping_ratios, p.motion) for p in self.pairs]
+        return {name: np.array([row[i] for row in rows]) for i, name in enumerate(names)}
 
     def table(self) -> dict[str, Any]:
         """Return title, columns, rows and notes of the table that ``print`` shows.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
@@ -25,7 +26,7 @@ WHO = "MeasuredModes"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class MeasuredModes(Displayed):
+class MeasuredModes(Columnar, Displayed):
     """Modes that were measured, in any order; a model's modes are paired with them by their shapes.
 
     Parameters
@@ -136,6 +137,21 @@ class MeasuredModes(Displayed):
         channels = [("outputs", self.outputs, ("",) * len(self.outputs), self.output_points,
                      ("displacement",) * len(self.outputs))]  # fmt: skip
         return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+
+    _index = "mode"
+
+    def columns(self) -> dict[str, Any]:
+        """Return number, frequencies [Hz], damping ratios and standard deviations [Hz] as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (m,)
+            ``mode``, ``frequency_hz``, ``damping_ratio``, ``sd_hz``; not a number where they were not given.
+        """
+        unknown = np.full(len(self.frequencies), np.nan)
+        return {"mode": np.arange(1, len(self.frequencies) + 1), "frequency_hz": self.frequencies,
+                "damping_ratio": unknown if self.damping_ratios is None else self.damping_ratios,
+                "sd_hz": unknown if self.sd is None else self.sd}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return title, columns and rows of the table that ``print`` shows.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import near_frequency, real
 from mbsvib.common.fast_init import fast_init
@@ -40,7 +41,7 @@ SHARED_RADIUS = 1e-3
 
 @fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class Modes(Displayed):
+class Modes(Columnar, Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
 
     ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
@@ -207,6 +208,21 @@ class Modes(Displayed):
 
     def __len__(self) -> int:
         return int(self.shapes.shape[1])
+
+    _index = "mode"
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return number, frequencies [Hz], damping ratio, error and largest motion of each mode as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (m,)
+            ``mode``, ``frequency_hz``, ``damped_frequency_hz``, ``damping_ratio``, ``error``, ``largest_motion``.
+        """
+        return {"mode": np.arange(1, len(self) + 1), "frequency_hz": self.frequencies,
+                "damped_frequency_hz": self.damped_frequencies, "damping_ratio": self.damping_ratios,
+                "error": self._paired(self.errors).max(axis=1, initial=0.0),
+                "largest_motion": np.array([" ".join(most) for most in self.strongest()])}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the table of modes as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.common.units import pretty
@@ -18,9 +18,7 @@ from mbsvib.random.weights import weights
 from mbsvib.responses.frequency_grid import frequency_grid
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
@@ -36,7 +34,7 @@ DECADES = 2.0  # of the frequencies that figures show beyond poles and break-poi
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Budget(Displayed):
+class Budget(Columnar, Displayed):
     """Root mean squares of outputs under noise, by source.
 
     ``rms`` {output: value}; ``contributions`` {output: {source: value}}: the largest first; their squares add up to
@@ -206,24 +204,21 @@ class Budget(Displayed):
                                           ("of the variance", "right")]  # fmt: skip
         return {"title": f"Error budget of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write densities and cumulative root mean squares over frequency as comma-separated values.
+    _index = "frequency_hz"
 
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
+    def columns(self) -> dict[str, Array]:
+        """Return frequencies [Hz], spectral densities and cumulative root mean squares as columns by name.
 
         Returns
         -------
-        Path
-            The path.
+        dict of str to array, shape (n,)
+            ``frequency_hz``, ``psd OUTPUT [(unit)^2/Hz]``, ..., ``cumulative rms OUTPUT [unit]``, ...
         """
         f = self.frequencies()
         columns = {"frequency_hz": f}
         for form, values in (("psd {} [({})^2/Hz]", self.psd(f)), ("cumulative rms {} [{}]", self.cumulative(f))):
             columns |= {form.format(*unit): row for unit, row in zip(self.units.items(), values, strict=True)}
-        return write_columns(path, columns)
+        return columns
 
     def plot(self, output: str | None = None, frequencies: ArrayLike | None = None) -> Figure:
         """Draw density and cumulative root mean square of an output with those of its largest sources.

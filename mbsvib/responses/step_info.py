@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import matrix_balance, schur
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.units import pretty, ratio
 from mbsvib.errors import ResponseError
@@ -36,7 +37,7 @@ WORST_CONDITION, APART = 1e9, 1e-7
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StepInfo(Displayed):
+class StepInfo(Columnar, Displayed):
     """How outputs follow a step of one unit of each input, from rest; arrays are (outputs, inputs).
 
     ``final`` is the value in the end and ``peak`` the largest magnitude, ``peak_time`` [s] when it occurs, infinite
@@ -61,6 +62,19 @@ class StepInfo(Displayed):
     undershoot: Array
     peak: Array
     peak_time: Array
+
+    def columns(self) -> dict[str, Any]:
+        """Return the values of each pair of an output and an input as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (outputs * inputs,)
+            ``output``, ``input``, ``final``, ``rise_time`` [s], ``settling_time`` [s], ``overshoot`` [%],
+            ``undershoot`` [%], ``peak``, ``peak_time`` [s].
+        """
+        names = ("final", "rise_time", "settling_time", "overshoot", "undershoot", "peak", "peak_time")
+        return {"output": np.repeat(self.outputs, len(self.inputs)), "input": np.tile(self.inputs, len(self.outputs)),
+                **{name: getattr(self, name).ravel() for name in names}}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the figures as arguments of ``mbsvib.common.tables.text`` and ``show``.

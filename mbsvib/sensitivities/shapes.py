@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.rank import SAME_EIGENVALUE
@@ -44,7 +45,7 @@ MOVES = 0.5
 
 
 @dataclass(frozen=True, repr=False)
-class ModeSensitivities(Displayed):
+class ModeSensitivities(Columnar, Displayed):
     """Derivatives of the modes of a system to ``variables`` (v,), in the order of ``modes``.
 
     ``eigenvalues`` (v, 2m) as ``eigenvalue_sensitivities`` gives them. Not a number where a parameter, changed alone,
@@ -110,6 +111,21 @@ class ModeSensitivities(Displayed):
             raise ResponseError(f"mode_sensitivities: derivatives of shapes of '{self.modes.name}' take all of its "
                                 f"modes; use linearize(method='dense').")  # fmt: skip
         return shape_sensitivities(self._basis, self._groups, self.modes)
+
+    _index = "variable"
+
+    def columns(self) -> dict[str, Any]:
+        """Return the derivatives of natural frequencies [Hz] and damping ratios as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (variables,)
+            ``variable``, ``frequency_hz(1)``, ..., ``damping_ratio(1)``, ..., per unit of the variable.
+        """
+        result: dict[str, Any] = {"variable": np.array(self.variables)}
+        for name, slopes in (("frequency_hz", self.frequencies), ("damping_ratio", self.damping_ratios)):
+            result |= {f"{name}({i})": column for i, column in enumerate(slopes.T, 1)}
+        return result
 
     def table(self) -> dict[str, Any]:
         """Return the table of the derivatives of natural frequencies, as arguments of ``mbsvib.common.tables.text``.

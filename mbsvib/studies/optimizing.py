@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
@@ -32,6 +33,7 @@ ROUNDS = 30
 FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 FLAT = 1e-9  # gradient, in parts of the objective, that counts as zero
 OPTIMAL = 1e-4  # permitted projected gradient, in parts of the gradient
+DOUBTED = 0.1  # the same where the solver states success, which it also does where rounding stops it
 PROGRESS = 1e-6  # decrease of the objective, in parts of that where the search began, for which a solver begins anew
 KINK = 1e-4  # largest step of an unknown to points of which the gradients count as well, at a kink
 ACTIVE = 1e-5  # distance from a constraint, in parts of it or of the range of a variable, at which it is active
@@ -53,7 +55,7 @@ class Descent:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Optimum(Displayed):
+class Optimum(Columnar, Displayed):
     """Where a search ended: the ``model`` there, the ``values`` of its variables and of the ``parameters`` that they
     move, the ``objective`` and where it began.
 
@@ -88,6 +90,20 @@ class Optimum(Displayed):
     units: Mapping[str, str] = field(repr=False)
     starts: tuple[Descent, ...] = field(repr=False)
     plant: Any = field(default=None, repr=False)
+
+    _index = "variable"
+
+    def columns(self) -> dict[str, Any]:
+        """Return the variables with their values at the start and at the optimum as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (variables,)
+            ``variable``, ``unit``, ``start``, ``optimum``.
+        """
+        return {"variable": np.array(list(self.values)), "unit": np.array([self.units.get(n, "") for n in self.values]),
+                "start": np.array([self.start[n] for n in self.values]),
+                "optimum": np.array(list(self.values.values()))}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -259,17 +275,20 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
     optimum begins anew where it stopped, as long as this improves the objective.
     """
     z, iterations = search.begin(x), 0
+    failures: tuple[tuple[Array, MbsvibError], ...] = ()
     began = search.true(z)[0]
     for _ in range(ROUNDS):
         before = search.at(z)
         solver_result = solve(search, z)
         iterations += solver_result.iterations
         z, exchanged = search.exchange(np.clip(solver_result.z, *search.bounds()))
-        improved = again and not solver_result.success and _better(search.at(z), before)
-        if not exchanged and not (improved and _left_over(search, z) > OPTIMAL):
+        improved = again and _better(search.at(z), before)
+        failures += solver_result.failures
+        if not exchanged and not (improved and not _ended(search, z, solver_result)):
             break
+    solver_result = replace(solver_result, iterations=iterations, failures=failures)
     _check_failures(search, z, solver_result)
-    return _optimum(search, z, replace(solver_result, iterations=iterations), search.scales.values(x), began)
+    return _optimum(search, z, solver_result, search.scales.values(x), began)
 
 
 def _better(new: Value, old: Value) -> bool:
@@ -284,14 +303,19 @@ def _violation(evaluation: Value) -> float:
 
 
 def _check_failures(search: Search, z: Array, solver_result: SolverResult) -> None:
-    """Raise the error that a solver met on its way if it did not get away from there to an optimum."""
+    """Raise the error that a solver met in its steps if it did not get away from there to an optimum."""
     if not solver_result.failures:
         return
     for at, error in solver_result.failures:
         if np.abs(at - z).max() <= ACTIVE:
             raise error
-    if _left_over(search, z) > OPTIMAL:
+    if not _ended(search, z, solver_result):
         raise solver_result.failures[0][1]
+
+
+def _ended(search: Search, z: Array, solver_result: SolverResult) -> bool:
+    """Whether so little of the gradient is left over that the solver may end there."""
+    return _left_over(search, z) <= (DOUBTED if solver_result.success else OPTIMAL)
 
 
 def _failed_above_start(end: Optimum) -> bool:
@@ -312,7 +336,7 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     evaluation = search.at(z)
     violation, optimality = _violation(evaluation), _left_over(search, z)
     parameters, values = search.design.values(point.values), dict(point.values)
-    success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
+    success = violation <= FEASIBLE and optimality <= (DOUBTED if solver_result.success else OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
     model = (search.systems.balanced(point.values)[0] if search.needs_equations
              else search.systems.described(point.values))  # fmt: skip

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted, nearest
@@ -19,8 +20,6 @@ from mbsvib.plots.over_variables import over_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from os import PathLike
-    from pathlib import Path
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -83,7 +82,7 @@ SHOWN_ROWS, SHOWN_COLUMNS, SHOWN_ERRORS = 20, 8, 3
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Sweep(Displayed):
+class Sweep(Columnar, Displayed):
     """Results at n points: ``parameters`` (n,) by variable, ``results`` by label, one entry along the first axis for
     each point, not a number (NaN) where ``errors`` has the point's number and what went wrong there.
 
@@ -147,7 +146,8 @@ class Sweep(Displayed):
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return everything as columns of n entries: ``label(1)``, ``label(2)``, ... of vectors, which count from 1 as
-        modes do, ``label(1,2)`` of matrices, ``.re`` and ``.im`` of complex numbers.
+        modes do, ``label(1,2)`` of matrices, ``.re`` and ``.im`` of complex numbers;
+        ``error`` of points that failed.
         """
         result: dict[str, NDArray[Any]] = dict(self.parameters)
         for label, values in self.results.items():
@@ -159,34 +159,9 @@ class Sweep(Displayed):
                     result[f"{name}.re"], result[f"{name}.im"] = flat[:, i].real, flat[:, i].imag
                 else:
                     result[name] = flat[:, i]
+        if self.errors:
+            result["error"] = np.array([self.errors.get(i, "") for i in range(len(self))])
         return result
-
-    def to_csv(self, path: str | PathLike[str]) -> Path:
-        """Write all points to a file of comma-separated values, one line each; numbers keep all their digits.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
-
-        Returns
-        -------
-        Path
-            The path.
-        """
-        import csv
-        from io import StringIO
-
-        from mbsvib.common.atomic_file import write_atomic
-
-        text = StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        columns = self.columns()
-        writer.writerow([*columns, *(["error"] if self.errors else [])])
-        for i in range(len(self)):
-            cells = [column[i].item() if hasattr(column[i], "item") else column[i] for column in columns.values()]
-            writer.writerow([*cells, *([self.errors.get(i, "")] if self.errors else [])])
-        return write_atomic(path, lambda stream: stream.write(text.getvalue().encode()))
 
     def table(self) -> dict[str, Any]:
         """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -197,6 +172,7 @@ class Sweep(Displayed):
             Title, columns, rows and notes.
         """
         columns = self.columns()
+        columns.pop("error", None)
         names = list(columns)[:SHOWN_COLUMNS]
         rows = [tuple(_cell(columns[name][i]) for name in names) for i in range(min(len(self), SHOWN_ROWS))]
         notes = []

@@ -11,11 +11,13 @@ import numpy as np
 
 from mbsvib.api.batch import Batch
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import resolved
+from mbsvib.plots.over_variables import MOST_LINES
 from mbsvib.studies import figures
 from mbsvib.studies.design import design, posed_names
 from mbsvib.studies.evaluation import DesignPoint
@@ -114,7 +116,7 @@ MEANING = {"normal": "Normal distribution: a tolerance is three standard deviati
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Tolerances(Displayed):
+class Tolerances(Columnar, Displayed):
     """What scatter of parameters does to some numbers, ``labels`` (k,), whose ``nominal`` values (k,) are those of the
     model as it is. Quantities of several numbers have labels with the mode's number, "frequency 2 [Hz]", or count them,
     both from 1.
@@ -212,6 +214,19 @@ class Tolerances(Displayed):
                              f"There is: {', '.join(self.labels)}.", element=str(label))  # fmt: skip
         return self.labels.index(label)
 
+    _index = "quantity"
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return nominal value, mean, standard deviations and worst-case deviation of each quantity as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (k,)
+            ``quantity``, ``nominal``, ``mean``, ``std``, ``std_first_order``, ``worst_first_order``.
+        """
+        return {"quantity": np.array(self.labels), "nominal": self.nominal, "mean": self.mean, "std": self.std,
+                "std_first_order": self.first, "worst_first_order": self.worst}  # fmt: skip
+
     def table(self) -> dict[str, Any]:
         """Return the table of all numbers as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
@@ -250,7 +265,7 @@ class Tolerances(Displayed):
         matplotlib.figure.Figure
             A histogram of samples for each number, first order as a line.
         """
-        which = slice(figures.MOST_LINES) if label is None else slice(self.index(label), self.index(label) + 1)
+        which = slice(MOST_LINES) if label is None else slice(self.index(label), self.index(label) + 1)
         return figures.tolerances(self.labels[which], self.sampled[:, which], self.linear[:, which],
                                   self.nominal[which], self.name)  # fmt: skip
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.progress import counting
 from mbsvib.errors import MbsvibError, ModelError, counted
@@ -20,9 +21,7 @@ from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Quantity, largest, quantity
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Sequence
-    from pathlib import Path
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
@@ -46,7 +45,7 @@ LISTED = 4
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class TradeOff(Displayed):
+class TradeOff(Columnar, Displayed):
     """Designs of which none is better in all quantities, in ascending order of the first.
 
     ``values`` (n,) are the quantities by name and ``variables`` (n,) the variables, ``optima`` the n designs with their
@@ -72,28 +71,6 @@ class TradeOff(Displayed):
     def columns(self) -> dict[str, Array]:
         """Return quantities and variables as columns (n,) by name."""
         return {**self.values, **self.variables}
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write ``columns`` as a file of comma-separated values with a header, a line each design.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Name of the file.
-
-        Returns
-        -------
-        Path
-            The path.
-
-        Raises
-        ------
-        ExportError
-            If the file cannot be written.
-        """
-        from mbsvib.common.csv_columns import write_columns
-
-        return write_columns(path, self.columns())
 
     def table(self) -> dict[str, Any]:
         """Return the table of designs as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -1,0 +1,77 @@
+"""Results as columns: files of comma-separated values and pandas."""
+
+from __future__ import annotations
+
+import csv
+from abc import abstractmethod
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.atomic_file import write_atomic
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+
+class Columnar:
+    """A result that is a number of columns of equal length."""
+
+    __slots__ = ()
+    _index: str | None = None  # the column that numbers the rows of a DataFrame
+
+    @abstractmethod
+    def columns(self) -> dict[str, Any]:
+        """Return the columns (n,) by name, as ``to_csv`` and ``to_dataframe`` have them."""
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the columns to a file of comma-separated values; numbers keep all their digits.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
+        """
+        columns = self.columns()
+        text = StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*[np.asarray(column).tolist() for column in columns.values()], strict=True))
+        return write_atomic(path, lambda stream: stream.write(text.getvalue().encode()))
+
+    def to_dataframe(self) -> Any:
+        """Return the columns as a pandas DataFrame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each entry.
+
+        Raises
+        ------
+        ExportError
+            If pandas is not installed.
+        """
+        from importlib import import_module
+
+        from mbsvib.errors import ExportError
+
+        try:
+            pandas: Any = import_module("pandas")
+        except ImportError as error:
+            raise ExportError("to_dataframe: needs pandas, which is not installed; pip install pandas, or take "
+                              "columns().") from error  # fmt: skip
+        frame = pandas.DataFrame(self.columns())
+        return frame if self._index is None else frame.set_index(self._index)

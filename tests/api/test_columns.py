@@ -1,0 +1,84 @@
+"""Results as files of comma-separated values and as pandas DataFrames: all digits, one line for each entry."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, studies
+from mbsvib.common.columnar import Columnar
+from mbsvib.common.display import Displayed
+
+pandas = pytest.importorskip("pandas")
+
+
+@pytest.fixture(scope="module")
+def results():
+    model = mv.library.stewart_isolator()
+    system = model.linearize()
+    omega = np.linspace(1.0, 100.0, 30)
+    data = mv.Measurement(omega, system.frequency_response(omega), system.outputs, system.inputs)
+    study = isolation.study(mv.library.cubic_hexapod(damping=2.0), "platform")
+    return {
+        "modes": system.modes(), "margins": system.feedback([[-1.0]], "x", "Fx").margins(), "isolation": study,
+        "vibration": study.under({"x y z": [(1.0, 1e-6), (10.0, 1e-4)]}),
+        "measured modes": mv.MeasuredModes([1.0, 2.0]),
+        "budget": system.budget({"Fx": isolation.white(1e-6)}), "step": system[["x", "z"], ["Fx", "Fz"]].step_info(),
+        "sweep": mv.sweep(model, {"leg1.k.stiffness": [1e4, 2e4]}, "modes.frequencies"),
+        "tolerances": mv.tolerances(model, {"leg1.k.stiffness": "10 %"}, studies.frequency(), samples=20),
+        "fit": model.fit(data, free=["leg1.k.stiffness"]), "comparison": mv.compare(model, model),
+        "path": mv.library.toggle().path("elbow.rz", [0.0, 0.1]),
+        "optimum": mv.optimize(model, {"leg1.k.stiffness": (1e4, 3e4)}, studies.peak("x", "Fx")),
+        "sensitivities": system.mode_sensitivities(["leg1.k.stiffness", "platform.mass"]),
+        "cycle": mv.library.toggle().cycle("elbow.rz", np.linspace(0.0, 0.1, 5), speed=1.0),
+    }  # fmt: skip
+
+
+def test_files_and_frames_have_all_columns_with_all_digits(results, tmp_path):
+    for name, result in results.items():
+        assert isinstance(result, Columnar), name
+        columns = result.columns()
+        with open(result.to_csv(tmp_path / f"{name}.csv"), newline="", encoding="utf-8") as stream:
+            head, *rows = csv.reader(stream)
+        assert head == list(columns), name
+        frame = result.to_dataframe()
+        assert len(frame) == len(rows) > 0, name
+        for i, (key, column) in enumerate(columns.items()):
+            read = np.array([row[i] for row in rows])
+            same = read.astype(float) if np.asarray(column).dtype.kind == "f" else read
+            np.testing.assert_array_equal(same, column if same is not read else list(map(str, column)), err_msg=key)
+            framed = frame.index if frame.index.name == key else frame[key]
+            np.testing.assert_array_equal(np.asarray(framed), np.asarray(column), err_msg=key)
+
+
+def test_columns_are_the_values_of_the_result(results):
+    modes, step, fit = results["modes"].columns(), results["step"], results["fit"]
+    np.testing.assert_array_equal(modes["frequency_hz"], results["modes"].frequencies)
+    assert modes["mode"].tolist() == list(range(1, 13))
+    assert modes["largest_motion"][0] == " ".join(results["modes"].strongest()[0])
+    rows = list(zip(*step.columns().values(), strict=True))
+    at = next(row for row in rows if row[:2] == ("z", "Fx"))
+    assert at[3] == step.rise_time[step.outputs.index("z"), step.inputs.index("Fx")] or np.isnan(at[3])
+    assert (fit.columns()["low"][0], fit.columns()["high"][0]) == fit.intervals["leg1.k.stiffness"]
+    slopes = results["sensitivities"]
+    np.testing.assert_array_equal(slopes.columns()["frequency_hz(3)"], slopes.frequencies[:, 2])
+    np.testing.assert_array_equal(slopes.columns()["damping_ratio(2)"], slopes.damping_ratios[:, 1])
+
+
+def test_results_show_a_table_in_notebooks(results):
+    for name, result in results.items():
+        assert isinstance(result, Displayed), name
+        assert "<" in result._repr_html_(), name
+        assert len(repr(result)) < 140, name
+
+
+def test_failed_points_have_their_error_as_a_column(tmp_path):
+    model = mv.library.quarter_car()
+    name = next(key for key in model.parameters if key.endswith("stiffness"))
+    sweep = mv.sweep(model, {name: [1e4, 2e4]}, lambda system: 1.0 if system.parameters[name] < 1.5e4 else 1 / 0)
+    assert sweep.errors
+    words = sweep.columns()["error"]
+    assert words[0] == ""
+    assert "division" in words[1]
+    assert "error" not in str(sweep).splitlines()[2]
