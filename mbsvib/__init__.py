@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.api.run import Run
     from mbsvib.api.state_space import StateSpace
     from mbsvib.api.system import System
+    from mbsvib.certificate import certify
     from mbsvib.elements.dynamic import Dynamic
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
@@ -64,6 +65,7 @@ __all__ = [
     "UndeterminedForceWarning",
     "__version__",
     "assemble",
+    "certify",
     "compare",
     "from_dh",
     "goals",
@@ -97,6 +99,7 @@ _HOMES = {
     "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.sparse_system",
     "assemble": "mbsvib.api.assembling",
+    "certify": "mbsvib.certificate.certifying",
     "compare": "mbsvib.measurement.comparing",
     "from_dh": "mbsvib.library",
     "goals": "mbsvib.tuning",

@@ -19,6 +19,7 @@ def candidates(run, *words):
 def test_commands_and_options(run):
     assert candidates(run, "mo") == ["models", "modes"]
     assert candidates(run, "check") == ["check", "check-export"]
+    assert candidates(run, "cert") == ["certify"]
     assert "--install-completion" in candidates(run, "--")
     assert candidates(run, "modes", "stewart", "--") == ["--csv", "--json", "--align", "--help"]
     assert candidates(run, "--debug", "mod") == ["models", "modes"]

@@ -22,6 +22,7 @@ LINES = {
     "loop": "loop slider.yaml law.json", "budget": "budget slider.yaml --noise F=1",
     "robust": "robust slider.yaml -l k.stiffness=0.1",
     "tune": "tune slider.yaml --gain F x --hinf x F --starts 1",
+    "certify": "certify slider.yaml",
     "export": "export slider.yaml -o slider.npz",
     "check-export": "check-export slider.npz slider.yaml", "report": "report slider.yaml",
     "cosim": None,  # tests/cli/test_cosim.py

@@ -111,3 +111,15 @@ def test_a_tolerance_that_is_none_is_misuse(run):
     result = run("modes four_bar --align 1")
     assert result.exit_code == 2
     assert "align = 1; expected an angle [rad] above 0, at most 0.05" in result.stderr
+
+
+def test_certify_is_for_ci(run, tmp_path):
+    file = tmp_path / "certificate.json"
+    result = run(f"certify quarter_car -o {file}")
+    assert result.exit_code == 0
+    assert "Certificate of quarter_car: passed" in result.stdout
+    assert json.loads(file.read_text())["verdict"] == "passed"
+    mv.save(mv.library.four_bar().with_values({"coupler.mass": 3.0}), tmp_path / "off.yaml")
+    failed = run(f"certify {tmp_path / 'off.yaml'} --json")
+    assert failed.exit_code == 1
+    assert json.loads(failed.stdout)["failed"] == ["equilibrium.residual"]

@@ -1,0 +1,222 @@
+"""Certify: linearize a model; check its balance, ranks, digits, units and linear range, and ask another engine."""
+
+from __future__ import annotations
+
+import platform
+import warnings
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.certificate.engines import OTHERS, by_exudyn
+from mbsvib.certificate.radius import accuracy_radius
+from mbsvib.certificate.restated import difference, restated
+from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
+from mbsvib.common.expected import a_model
+from mbsvib.equations.equations import Equations
+from mbsvib.errors import EquilibriumError, MbsvibError, NearSingularWarning, SingularPoseError
+from mbsvib.linalg.rank import BALANCE, RANK_FACTOR, RANK_GAP
+from mbsvib.version import __version__
+
+if TYPE_CHECKING:
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
+
+# Eigenvalues in other units agree to what results are promised to, 1e-12, and the condition of badly scaled models.
+SAME_UNITS = 1e-9
+# Eigenvalues of another engine that differentiates by differences are good to the root of eps, relative to the largest.
+SAME_ENGINE = 1e-6
+# Second derivatives of all modes take some 50 ms each.
+MOST_MODES = 30
+# Share of the second-order part at which the linear range is stated.
+SHARE = 0.1
+
+
+def certify(model: Model, align: float | None = None) -> Certificate:
+    """Return a certificate of the linear equations of a model: what was checked, with which result, what was skipped.
+
+    The checks: the balance of the pose (``equilibrium.residual``, the largest unbalanced share of the forces); the rank
+    decisions of loops (``rank.margin``, the smallest pivot kept over the largest dropped, or over rounding); how far
+    half a unit in the last printed digit of all numbers at once moves eigenvalues, to first order, by exact
+    derivatives (``accuracy.radius``, relative, a value without a limit: it is a property of the data); the same model
+    in mm, ms and g (``units.invariance``, relative); the linear range (``linear.range``, the smallest travel of a
+    coordinate [rad, mechanism sizes] where the second-order part of an output is a tenth, without a limit); eigenvalues
+    of another engine (``engine.difference``, relative; exudyn, where it can).
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    align : float, optional
+        As of ``Model.linearize``.
+
+    Returns
+    -------
+    Certificate
+        ``verdict``, ``checks``, ``skipped``, ``table()`` and ``to_json(path)``.
+
+    Raises
+    ------
+    ModelError
+        If ``model`` is not a Model, or ``align`` is out of range.
+    """
+    model = a_model(model, "certify")
+    if align is not None:
+        model = model.aligned(align)
+    run = _Run(model)
+    system = run.linearized()
+    if system is not None:
+        run.rank(system)
+        run.modal_checks(system)
+    return run.certificate()
+
+
+class _Run:
+    """The checks of one model, one after the other."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.checks: list[Check] = []
+        self.skipped: dict[str, str] = {}
+        self.details: dict[str, dict[str, Any]] = {}
+        self.engine: str | None = None
+        self.near: list[str] = []
+        self.versions = {"mbsvib": __version__, "python": platform.python_version(), "numpy": version("numpy"),
+                         "scipy": version("scipy")}  # fmt: skip
+
+    def certificate(self) -> Certificate:
+        """The certificate of the checks so far; those without a value were skipped."""
+        done = {check.name for check in self.checks}
+        missing = [Check(name, None, "", None, "skipped") for name in NAMES[1:] if name not in done]
+        for check in missing:
+            self.skipped.setdefault(check.name, "the model could not be linearized")
+        checks = sorted(self.checks + missing, key=lambda check: NAMES.index(check.name))
+        verdict = FAILED if any(check.passed is False for check in checks) else PASSED
+        return Certificate(self.model.name, verdict, tuple(checks), self.engine, self.skipped, self.details,
+                           self.versions)  # fmt: skip
+
+    def add(self, name: str, value: float | None, limit: float | None, passed: bool | None, words: str,
+            **details: Any) -> None:  # fmt: skip
+        """Add a check."""
+        sign = ">" if name == "rank.margin" else "<"
+        self.checks.append(Check(name, value, "" if limit is None else f"{sign} {limit:g}", passed, words))
+        group, _, key = name.partition(".")
+        self.details[group] = {key: value, "limit": limit, "passed": passed, **details}
+
+    def linearized(self) -> Equations | None:
+        """The system; None where the model is refused, which fails the check that the refusal is about."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                system: Any = self.model.linearize()
+            except EquilibriumError as error:
+                self.add("equilibrium.residual", None, BALANCE, False, str(error))
+                return None
+            except MbsvibError as error:
+                name = "rank.margin" if isinstance(error, SingularPoseError) else "model"
+                self.add(name, None, None, False, str(error))
+                return None
+        self.near = [str(one.message) for one in caught if issubclass(one.category, NearSingularWarning)]
+        self.details["warnings"] = {"messages": [str(one.message) for one in caught]}
+        statics = system.provenance.statics if isinstance(system, Equations) else None
+        if isinstance(system, Equations):
+            residual = 0.0 if statics is None else statics.imbalance
+            words = "no gravity, load or preload" if statics is None else "largest unbalanced share of the forces"
+            self.add("equilibrium.residual", residual, BALANCE, residual <= BALANCE or None, words)
+            return system
+        self.add("equilibrium.residual", None, BALANCE, True, "in balance, checked by the sparse equations")
+        self.rank_of(system.constraints.groups)
+        for name in NAMES[3:]:
+            self.skipped[name] = "sparse equations: more than some hundred coordinates"
+        return None
+
+    def rank(self, system: Equations) -> None:
+        """Check the rank decisions of all loops."""
+        self.rank_of(system.provenance.reduction.groups)
+
+    def rank_of(self, groups: Any) -> None:
+        """Check the rank decisions of groups of loops."""
+        if not groups:
+            self.skipped["rank.margin"] = "no loops: no rank was decided"
+            return
+        margins = [group.retained / max(group.dropped, RANK_FACTOR * group.noise) for group in groups]
+        k = int(np.argmin(margins))
+        words = self.near[0] if self.near else f"smallest pivot kept {groups[k].retained:.1e} over largest dropped"
+        self.add("rank.margin", float(margins[k]), RANK_GAP, margins[k] > RANK_GAP and not self.near, words,
+                 pivot=float(groups[k].retained), dropped=float(groups[k].dropped),
+                 joints=list(groups[k].joints))  # fmt: skip
+
+    def modal_checks(self, system: Any) -> None:
+        """Check the eigenvalues; each check that is refused is skipped with the reason."""
+        if not system.dof:
+            for name in NAMES[3:]:
+                self.skipped[name] = "no motion: no eigenvalues"
+            return
+        for name, check in (("accuracy.radius", self.accuracy), ("units.invariance", self.units),
+                            ("linear.range", self.linear_range), ("engine.difference", self.cross_check)):  # fmt: skip
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # of the system itself they are recorded above
+                    check(system)
+            except MbsvibError as error:
+                self.skipped[name] = str(error)
+
+    def accuracy(self, system: System) -> None:
+        """How far the last printed digit moves eigenvalues."""
+        radius, rounding, name, mode, exact = accuracy_radius(system)
+        if exact:
+            self.skipped["derivatives"] = (f"taken as exact, as they would lock loops or free what is at rest: "
+                                           f"{', '.join(exact[:6])}{', ...' if len(exact) > 6 else ''}")  # fmt: skip
+        words = f"relative, by half the last digit of all data; most by {name}" if name else "no eigenvalue but 0"
+        self.add("accuracy.radius", radius, None, None, words, rounding=rounding, parameter=name, eigenvalue=mode)
+
+    def units(self, system: System) -> None:
+        """Eigenvalues in other units."""
+        for part in (*self.model.superelements, *self.model.couplers):
+            raise MbsvibError(f"'{part}' has matrices or ratios whose units are not stated")
+        try:
+            other = restated(self.model).linearize(method="dense")
+        except KeyError as error:
+            raise MbsvibError(f"a number has the unit {error}") from error
+        off = difference(1e3 * np.asarray(other.modes().eigenvalues), np.asarray(system.modes().eigenvalues))
+        passed = bool(off <= SAME_UNITS)
+        self.add("units.invariance", off if np.isfinite(off) else None, SAME_UNITS, passed,
+                 "relative difference of eigenvalues in mm, ms, g")  # fmt: skip
+
+    def linear_range(self, system: System) -> None:
+        """The smallest range in which the linear equations hold."""
+        if not system.outputs:
+            raise MbsvibError("no outputs")
+        if system.dof > MOST_MODES:
+            raise MbsvibError(f"more than {MOST_MODES} modes")
+        known = system.linear_range(SHARE)
+        counts = np.isfinite(known.values) & (known.values > 0.0) & (known.frequencies > 0.0)[:, None]
+        if not counts.any():
+            raise MbsvibError("no output has a second-order part")
+        travel = np.where(counts, known.travel, np.inf)
+        k, j = np.unravel_index(int(travel.argmin()), travel.shape)
+        self.add("linear.range", float(travel[k, j]), None, None,
+                 f"travel [rad, mechanism sizes] where '{known.outputs[j]}' is 10 % off in mode {k + 1}",
+                 amplitude=float(known.values[k, j]), unit=known.units[j], output=known.outputs[j])  # fmt: skip
+
+    def cross_check(self, system: System) -> None:
+        """Eigenvalues of another engine."""
+        for name, why in OTHERS.items():
+            self.skipped[name] = why if find_spec(name) is not None else "not installed"
+        try:
+            found, its_version = by_exudyn(self.model)
+        except MbsvibError as error:
+            raise MbsvibError(f"exudyn: {error}") from error
+        ours = np.asarray(system.modes().eigenvalues)
+        if not ours.any():
+            raise MbsvibError("no eigenvalue but 0")
+        off = difference(found, ours)
+        self.engine, self.versions["exudyn"] = "exudyn", its_version
+        self.add("engine.difference", off if np.isfinite(off) else None, SAME_ENGINE, bool(off <= SAME_ENGINE),
+                 "relative difference of eigenvalues from those of exudyn")  # fmt: skip
+
+
+NAMES = ("model", "equilibrium.residual", "rank.margin", "accuracy.radius", "units.invariance", "linear.range",
+         "engine.difference")  # fmt: skip
