@@ -84,6 +84,8 @@ def test_couplers_become_mimics(tmp_path):
     systems = [part.linearize(independent=["jr.rz"]) for part in (model, again)]
     np.testing.assert_allclose(systems[0].M, [[4.0 + 2.0 * 9 + 36.0]], rtol=1e-14)
     np.testing.assert_allclose(systems[1].M, systems[0].M, rtol=1e-14)
+    turns = [[system.displacements([1.0])[name][5] for name in "pqr"] for system in systems]
+    np.testing.assert_allclose(turns, [(-6.0, -3.0, 1.0)] * 2, rtol=1e-14)
 
 
 def test_what_has_no_place_is_refused_by_name(tmp_path):
