@@ -1,9 +1,10 @@
-"""The calls that add loads and rotors."""
+"""The calls that add loads, rotors and hubs."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.elements import hub as _hub
 from mbsvib.elements import load as _load
 from mbsvib.elements import rotor as _rotor
 from mbsvib.mechanism.mechanism import Mechanism
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import Body, Load
+    from mbsvib.elements.hub import Hub
     from mbsvib.elements.rotor import Rotor
 
 
@@ -53,6 +55,45 @@ class LoadedMechanism(Mechanism):
         self._check_name(name, "load")
         part = _load.make(name, self._body_name(body, "load", name, "body"), force, torque, position, follower)
         return self._keep(self._loads, part)
+
+    def add_hub(
+        self, name: str, speed: float, axis: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Hub:  # fmt: skip
+        """Add a hub: a body that turns steadily with all that is on it, which is linearized in its rotating frame.
+
+        M q'' + (C + G) q' + (K + K_c + K_g) q = B u: G are Coriolis and gyroscopic terms, K_c is the centrifugal
+        stiffness, and K_g follows from the forces at rest under the centrifugal ones, such as the tension of a blade.
+
+        All bodies and beams turn with it that joints, springs, bushings and beams connect with it, not over the
+        ground; they are described as they stand at rest in its frame, whose axes are those of the world at one moment.
+        Forces, displacements, velocities and accelerations at ports are those in this frame. The hub has no mass of
+        its own and does not give way: what drives it keeps its speed.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs; other calls take it as that of a body.
+        speed : float
+            Speed [rad/s], right-handed about the axis.
+        axis : array-like, shape (3,)
+            Axis, world axes; its length does not matter.
+        position : array-like, shape (3,)
+            A point of the axis [m], world axes.
+
+        Returns
+        -------
+        Hub
+            The part, which other calls accept in place of its name.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken, the speed is not a number, or the axis is zero. ``linearize`` refuses by name what
+            would make the equations vary with time: gravity and loads that do not act along the axis, joints and
+            springs between the ground and what turns, rotation of the ground.
+        """
+        self._check_name(name, "hub")
+        return self._keep(self._bodies, _hub.make(name, speed, axis, position))
 
     def add_rotor(
         self, name: str, body: str | Body, speed: float, axis: ArrayLike, inertia: float | None = None

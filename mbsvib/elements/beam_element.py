@@ -133,15 +133,15 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
         row[indices] = values
         rows.append(sqrt(inertia) * row)
 
-    for x, weight in _gauss(2):
+    for x, weight in gauss(2):
         add(weight * mass, [0, 6], (1.0 - x, x))
         add(weight * polar_inertia, [3, 9], (1.0 - x, x))
     for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
                                             (section.Iz, section.Iy), strict=True):  # fmt: skip
         slopes = np.array([1.0, sign, 1.0, sign])
-        for x, weight in _gauss(4):
+        for x, weight in gauss(4):
             add(weight * mass, indices, slopes * deflection(x, length, phi))
-        for x, weight in _gauss(3) if shear else ():
+        for x, weight in gauss(3) if shear else ():
             add(weight * material.rho * moment * length, indices, slopes * rotation(x, length, phi))
     return np.array(rows)
 
@@ -161,7 +161,7 @@ def rotation(x: float, length: float, phi: float) -> Array:
     return np.array([-slope, y * (1.0 - 3.0 * x + phi), slope, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
 
 
-def _gauss(points: int) -> list[tuple[float, float]]:
-    """Gauss points and weights on 0..1."""
+def gauss(points: int) -> list[tuple[float, float]]:
+    """Return Gauss points and weights on 0..1."""
     x, weight = np.polynomial.legendre.leggauss(points)
     return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))

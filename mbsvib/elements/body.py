@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.pose import Pose
 
 INERTIA = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
+NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # CAD programs print inertia tensors with six or seven digits; a thin plate then violates Ixx + Iyy = Izz by this much.
 TRIANGLE_SLACK = 1e-6
 # A tensor is certainly valid if the leading minors of E, relative to those of a sphere of equal trace, are above this.
@@ -42,6 +43,7 @@ class Body(Part):
     """
 
     symbol = "body"
+    turns_steadily: ClassVar[bool] = False
     batched_fields = frozenset({"mass", "inertia", "position", "orientation"})
     signed_fields = frozenset({"mass", "position", "orientation"})
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Vector
-from mbsvib.elements.body import Body
+from mbsvib.elements.body import NO_INERTIA, Body
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
-NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from mbsvib.elements import (
     bushing,
     bushing_rows,
     flexure,
+    hub,
     inerter,
     joint,
     load,
@@ -68,6 +69,7 @@ def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superel
 # In the order of model files; parts of the first family of a section are written without a type.
 FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
+    Family(hub.Hub, "hub", "bodies", hub.make),
     Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand),
     Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=beam_expansion.expand),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,

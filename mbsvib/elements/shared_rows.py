@@ -33,7 +33,7 @@ class Node:
 class SharedRows:
     """Rows of part ``owner``: a ``matrix`` (rows, 6 nodes) on the six displacements of each node.
 
-    Elastic and damping rows have a coefficient for each row.
+    Elastic and damping rows have a coefficient for each row, gyroscopic ones an antisymmetric matrix (rows, rows).
     """
 
     owner: str
@@ -41,6 +41,7 @@ class SharedRows:
     matrix: Array
     stiffness: Array | None = None
     damping: Array | None = None
+    gyroscopic: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,7 @@ class Expansion:
     owners: tuple[Part, ...] = ()
     generated_names: frozenset[str] = frozenset()
     order: tuple[str, ...] = ()
+    gyroscopic: tuple[SharedRows, ...] = ()
 
     def declared(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
         """Return the parts of the user in their ``order``, with the owners in place of generated parts."""

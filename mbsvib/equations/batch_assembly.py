@@ -195,7 +195,7 @@ class BatchPlan:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
         posed = self.posed is not None and (self.poses is None or self.posed_scene is None)
-        return not (posed or self.one_by_one or spins)
+        return not (posed or self.one_by_one or spins or self.model.hubs)
 
     def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
         """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.

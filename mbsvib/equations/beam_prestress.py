@@ -30,7 +30,6 @@ from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
     from mbsvib.elements.beam import Beam
@@ -141,11 +140,11 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     return result
 
 
-def bent_lines(beam: Beam, elements: dict[str, Bushing], gravity: Vector | None) -> list[SharedRows]:
+def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
-    ``elements`` have their forces as preloads. The rows have signed stiffness, for each element under tension,
-    compression or weight along its axis.
+    ``elements`` have their forces as preloads; ``fall`` (elements, 3) is the acceleration of gravity and of
+    hubs. The rows have signed stiffness, for each element under tension, compression or weight along its axis.
     """
     result = []
     masses, forms = element_masses(beam), zip(bent_forms(beam), weight_forms(beam), strict=True)
@@ -154,7 +153,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], gravity: Vector | None)
     ):
         preload = elements[name].preload
         tension = 0.0 if preload is None else -float(preload[0])
-        weight = 0.0 if gravity is None else float(masses[i] * np.dot(gravity, np.array(axes)[:, 0]))
+        weight = float(masses[i] * np.dot(fall[i], np.array(axes)[:, 0]))
         form = tension * bent + weight * weighed
         if not form.any():
             continue

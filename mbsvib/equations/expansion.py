@@ -30,7 +30,7 @@ def expanded(model: M) -> M:
     """
     parts = [part for group in (model.composed, model.springs, model.inputs, model.outputs)
              for part in group.values() if type(part) in EXPANSIONS]  # fmt: skip
-    if not parts:
+    if not parts and (not model.hubs or model.expansion is not None):
         return model
     from mbsvib.equations.wrenches import is_loaded
 
@@ -61,6 +61,13 @@ def expanded(model: M) -> M:
     expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
                           tuple([part.name for part in model.declared_parts]))  # fmt: skip
     result = model.with_parts(**groups, composed={}, expansion=expansion)
+    if model.hubs:
+        from mbsvib.equations.hubs import turning
+
+        for part in model.superelements.values():
+            raise ModelError(f"superelement '{part.name}': M, C and K do not tell its centrifugal forces in a model "
+                             f"with hub '{next(iter(model.hubs))}'; use beams.", element=part.name)  # fmt: skip
+        result = turning(result, model.beams)
     displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result
 
@@ -71,6 +78,7 @@ def _prestressed(result: M, model: M) -> M:
     from mbsvib.elements.elastic_families import elastic_parts
     from mbsvib.elements.elastic_part import stiffness_of_forces
     from mbsvib.equations.beam_prestress import bent_lines, element_forces
+    from mbsvib.equations.hubs import falls
 
     beams, gravity = tuple(model.beams.values()), model.gravity
     reduced = elastic_parts(model.superelements.values(), gravity)
@@ -80,7 +88,8 @@ def _prestressed(result: M, model: M) -> M:
     unloaded = with_elastic_forces(result, reduced, [np.zeros(len(part.values)) for part in reduced])
     elements, forces = element_forces(unloaded, beams, reduced)
     assert result.expansion is not None
-    stiffness = [rows for beam in beams for rows in bent_lines(beam, elements, gravity)]
+    stiffness = [rows for beam, fall in zip(beams, falls(result, beams), strict=True)
+                 for rows in bent_lines(beam, elements, fall)]  # fmt: skip
     for part, row_forces in zip(reduced, forces, strict=True):
         stiffness += stiffness_of_forces(part, row_forces)
     expansion = replace(result.expansion, elastic=(*result.expansion.elastic, *stiffness))

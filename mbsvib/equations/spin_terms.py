@@ -21,6 +21,7 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.kinematics.shared_rows import stack
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
     from mbsvib.elements.connection import Connection
+    from mbsvib.elements.shared_rows import Expansion
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.terms import Terms
@@ -42,7 +44,8 @@ def with_spin(draft: Draft) -> Draft:
     model, scene = draft.model, draft.scene
     check_spin(model, scene.bodies, scene.elements)
     parts = momenta(model, scene.bodies), cross_couplings(model, scene.bodies, scene.elements)
-    return replace(draft, terms=with_antisymmetric_terms(scene, draft.reduction, draft.terms, *parts))
+    return replace(draft, terms=with_antisymmetric_terms(scene, draft.reduction, draft.terms, *parts,
+                                                         model.expansion))  # fmt: skip
 
 
 def check_spin(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:
@@ -54,15 +57,23 @@ def check_spin(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Conn
 
 def with_antisymmetric_terms(
     scene: Scene, reduction: Reduction, terms: Terms, momenta: Sequence[tuple[int, Array]],
-    couplings: Sequence[CrossCoupling],
+    couplings: Sequence[CrossCoupling], expansion: Expansion | None = None,
 ) -> Terms:  # fmt: skip
     """Return terms with G and N of angular momenta (..., 3) of bodies, and of cross-coupled elements.
 
-    G = sum of -R^T [h]x R over rotations R of bodies, and C_a of elements; N = K_a of elements (antisymmetric parts)
+    G = sum of -R^T [h]x R over rotations R of bodies, C_a of elements and of an ``expansion``;
+    N = K_a of elements (antisymmetric parts)
     """
     gyroscopic, circulatory = _AntisymmetricSum(), _AntisymmetricSum()
     for body, momentum in momenta:
         gyroscopic.add(-skew(momentum), terms.body_motion[..., body, 3:, :])
+    if expansion is not None and expansion.gyroscopic:
+        shared = stack(expansion.gyroscopic, scene.topology.body_numbers)
+        base = relative_motion(scene.coordinates, shared.rows)
+        twelve = shared.of(reduction.apply_exactly(base.dense(0, len(shared.rows.first))))
+        for part, ends in zip(expansion.gyroscopic, np.split(twelve, len(expansion.gyroscopic), axis=-2), strict=True):
+            assert part.gyroscopic is not None
+            gyroscopic.add(part.gyroscopic, ends)
     force_of: dict[str, Array] = {}
     for part in couplings:
         relative = part.relative(scene.coordinates, reduction)

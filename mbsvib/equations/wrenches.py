@@ -65,8 +65,9 @@ def is_loaded(model: Mechanism) -> bool:
 
 
 def has_antisymmetric_forces(model: Mechanism) -> bool:
-    """Return whether a model has rotors or elements with cross-coupling."""
-    return bool(model.rotors) or any(part.cross_coupling is not None for part in model.springs.values())
+    """Return whether a model has rotors, parts on hubs or elements with cross-coupling."""
+    turning = model.expansion is not None and bool(model.expansion.gyroscopic)
+    return turning or bool(model.rotors) or any(part.cross_coupling is not None for part in model.springs.values())
 
 
 def applied_wrenches(

@@ -138,7 +138,7 @@ def _scene_in(at: PosedModel) -> tuple[Scene, Mapping[str, Array], Sequence[Cros
 
 def _posed(model: Mechanism, cut: tuple[str, ...]) -> tuple[Scene, PosedScene] | None:
     """The arrays of a mechanism as described, and how they follow from poses; None where that is not stated."""
-    if model.composed or any(part.cross_coupling is not None for part in model.springs.values()):
+    if model.composed or model.hubs or any(part.cross_coupling is not None for part in model.springs.values()):
         return None
     plain = expanded(model)
     numbers = scene(plain, cut)

@@ -13,6 +13,7 @@ load; Dauphin et al., Advances in Neural Information Processing Systems 27 (2014
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -65,14 +66,17 @@ class SearchResult:
 
 
 def with_share(model: M, share: float) -> M:
-    """Return a model with a share of its gravity and of its loads; preloads of springs stay."""
+    """Return a model with a share of gravity, loads and centrifugal forces; preloads of springs stay."""
     if share == 1.0:
         return model
     loads = {} if not share else {
         name: replace(load, force=_shared(load.force, share), torque=_shared(load.torque, share))
         for name, load in model.loads.items()
     }  # fmt: skip
-    return model.with_parts(gravity=None if model.gravity is None else _shared(model.gravity, share), loads=loads)
+    bodies = model.bodies if not model.hubs else dict(model.bodies) | {
+        name: replace(hub, speed=sqrt(share) * hub.speed) for name, hub in model.hubs.items()}  # fmt: skip
+    gravity = None if model.gravity is None else _shared(model.gravity, share)
+    return model.with_parts(bodies=bodies, gravity=gravity, loads=loads)
 
 
 def _shared(vector: Vector, share: float) -> Vector:

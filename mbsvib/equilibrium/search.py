@@ -38,6 +38,9 @@ S = TypeVar("S", bound=SparseEquations)
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
     """Return the model in equilibrium; see ``Model.equilibrium``."""
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
+    for name in model.hubs if model.composed else ():
+        raise ModelError(f"hub '{name}': no equilibrium is looked for with beams on it; describe them as they stand, "
+                         f"linearize() takes their forces from statics.", element=name, field="hub")  # fmt: skip
     first = posed_model(static_model(articulated(model)), cut=cut)
     before = balance(first)
     if before.share <= BALANCED:

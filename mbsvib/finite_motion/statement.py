@@ -64,6 +64,9 @@ def finite_motion(
     ModelError
         If a part has no statement in finite motion, by its name, or a parameter cannot be a symbol.
     """
+    for name in model.hubs:
+        raise ModelError(f"hub '{name}': it has no statement in finite motion; let a revolute joint turn instead, "
+                         f"with a rate at the start or driven.", element=name, field="hub")  # fmt: skip
     if model.composed:
         return _flexible(model, parameters, cut, bases, without, tree)
     return _stated(model, (), (), parameters, cut, bases, without, tree=tree)

@@ -91,6 +91,11 @@ class Mechanism:
         return MappingProxyType(self._bodies)
 
     @property
+    def hubs(self) -> Mapping[str, Body]:
+        """The bodies that turn steadily with all that is on them, by name."""
+        return MappingProxyType({name: body for name, body in self._bodies.items() if body.turns_steadily})
+
+    @property
     def composed(self) -> Mapping[str, Composed]:
         """Beams and superelements by name, in the order in which they were added."""
         return MappingProxyType(self._composed)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.hub import Hub
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rotor import Rotor
@@ -48,6 +49,8 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     if (_has(parts, Rotor) or coupled) and (is_loaded(system) or provenance.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
+    if _has(parts, Hub):  # masses and places act on forces at rest as well
+        result.append(set())
     separation = provenance.separation
     if separation is not None and separation.transform is not None and system.circulatory is not None:
         # motions without mass follow others by K, from the left in other ways than from the right

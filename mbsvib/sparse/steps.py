@@ -15,6 +15,7 @@ from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 from mbsvib.equations.ports import feedthrough_of_motions
 from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
+from mbsvib.kinematics.shared_rows import stack
 from mbsvib.linalg.rotations import skew
 from mbsvib.sparse.rows import relative_rows
 
@@ -69,6 +70,12 @@ def with_spin(draft: SparseDraft) -> SparseDraft:
     elements = tuple(draft.model.springs.values())
     check_spin(draft.model, draft.bodies, elements)
     draft = draft.with_antisymmetric(of_rotors(draft.layout, momenta(draft.model, draft.bodies)), None)
+    expansion = draft.model.expansion
+    if expansion is not None and expansion.gyroscopic:
+        shared = stack(expansion.gyroscopic, draft.number)
+        rows = shared.of_sparse(relative_rows(draft.structure, draft.layout, shared.rows))
+        form = _form(rows, [np.array(part.gyroscopic) for part in expansion.gyroscopic])
+        draft = draft.with_antisymmetric(form, None)
     parts = cross_couplings(draft.model, draft.bodies, elements)
     if not parts:
         return draft

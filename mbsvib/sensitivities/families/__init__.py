@@ -12,6 +12,7 @@ from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.hub import Hub
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
@@ -36,13 +37,13 @@ from mbsvib.sensitivities.families.rules import PartRules
 if TYPE_CHECKING:
     from mbsvib.elements.part import Part
 
+_UNKNOWN = PartRules("", is_exception=lambda *_: True)
 _RULES = {
     Body: body.RULES, Joint: joint.RULES, Spring: line.SPRING, Inerter: line.INERTER, Bushing: bushing.RULES,
     Maxwell: maxwell.RULES, TorsionSpring: torsion_spring.RULES, Coupling: coupler.RULES, Rotor: rotor.RULES,
     Load: load.LOAD, Gravity: load.GRAVITY, Beam: beam.RULES, Superelement: superelement.RULES,
-    Connection: element.RULES,
+    Connection: element.RULES, Hub: _UNKNOWN,
 }  # fmt: skip
-_UNKNOWN = PartRules("", is_exception=lambda *_: True)
 
 
 def rules_of(part: Part) -> PartRules:

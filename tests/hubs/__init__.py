@@ -1,0 +1,1 @@
+"""Hubs: what turns steadily."""
