@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mbsvib.common import arguments as check
-from mbsvib.common.arguments import Vector
+from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.body import NO_INERTIA, Body
 from mbsvib.elements.part import ParameterField, vector_field
 
@@ -30,8 +30,10 @@ class Hub(Body):
     signed_fields = batched_fields
     turns_steadily: ClassVar[bool] = True
 
-    mass: float = 0.0
-    inertia: tuple[float, float, float, float, float, float] = NO_INERTIA
+    mass: float = field(default=0.0, init=False, metadata={"derived": True})
+    inertia: tuple[float, float, float, float, float, float] = field(
+        default=NO_INERTIA, init=False, metadata={"derived": True})  # fmt: skip
+    orientation: Matrix3 = field(default=check.IDENTITY, init=False, metadata={"derived": True})
     speed: float = 0.0
     axis: Vector = (0.0, 0.0, 1.0)
 

@@ -64,9 +64,10 @@ def expanded(model: M) -> M:
     if model.hubs:
         from mbsvib.equations.hubs import turning
 
-        for part in model.superelements.values():
-            raise ModelError(f"superelement '{part.name}': M, C and K do not tell its centrifugal forces in a model "
-                             f"with hub '{next(iter(model.hubs))}'; use beams.", element=part.name)  # fmt: skip
+        for part in model.composed.values():
+            if part.family != "beam":
+                raise ModelError(f"{part.family} '{part.name}': its centrifugal forces are not known in a model with "
+                                 f"hub '{next(iter(model.hubs))}'; use beams.", element=part.name)  # fmt: skip
         result = turning(result, model.beams)
     displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result

@@ -219,7 +219,7 @@ def _beam_terms(beam: Beam, hub: Any, i: int) -> tuple[SharedRows, SharedRows]:
             moves[across, indices] = slopes * element.deflection(x, length, phi)
             if beam.shear:
                 turns[about, indices] = sign * slopes * element.rotation(x, length, phi)
-        moves, turns = axes @ rotated(moves, axes), axes @ rotated(turns, axes)
+        moves, turns = axes @ rotated(moves, frame), axes @ rotated(turns, frame)
         share = weight * unloaded
         for stiffness, motion in ((-line_mass * centrifugal(hub), moves), (of_rotation, turns)):
             sizes, vectors = np.linalg.eigh(stiffness)
