@@ -26,7 +26,7 @@ from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.loop_group import measures
 from mbsvib.kinematics.loops import loop_groups
 from mbsvib.kinematics.relative_motion import twists
-from mbsvib.linalg.rank import RANK_FACTOR
+from mbsvib.linalg.rank import RANK_FACTOR, RANK_GAP
 from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
@@ -161,6 +161,11 @@ def aligned_loops(loops: Loops, allowed: set[str], tolerance: float, limit: floa
         if loops.with_joints(_after(before, others).values()).freedom(limit) == best:
             chosen = others
     after = _after(before, chosen)
+    for name in [name for name, joint in after.items() if joint is not before[name]
+                 and _change(before[name], joint).size(size or 1.0) > RANK_GAP * limit]:  # fmt: skip
+        fewer = after | {name: before[name]}
+        if loops.with_joints(fewer.values()).freedom(limit) == best:
+            after = fewer
     changes = [(joint, _change(before[name], joint)) for name, joint in after.items() if joint is not before[name]]
     return [(joint, change) for joint, change in changes if change.angle or change.shift]
 

@@ -256,3 +256,17 @@ def test_units_of_length_decide_nothing(scale):
     assert model.linearize(align=1e-3).dof == 1
     assert [change.shift / scale for change in model.aligned(1e-3).alignments] == pytest.approx([2.5e-4, 2.5e-4])
     assert model.aligned(1e-4) is model
+
+
+def test_a_cluster_in_the_same_loops_that_locks_nothing_is_left_as_it_is():
+    """A spatial loop on the crank of a locked four-bar has two hinges that are nearly parallel; it moves anyway."""
+    model = four_bar(1e-4, 1)
+    for name, at in (("rod", (0.2, 0.4, 0.5)), ("arm", (0.3, 0.8, 0.6)), ("swing", (0.1, 1.0, 0.2))):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), at)
+    model.add_joint("S", "spherical", "crank", "rod", (0.2, 0.3, 0.3))
+    model.add_joint("T", "spherical", "rod", "arm", (0.3, 0.6, 0.7))
+    model.add_joint("E", "revolute", "arm", "swing", (0.2, 0.9, 0.5), axis=(1, 0, 0))
+    model.add_joint("F", "revolute", "swing", "ground", (0.1, 1.2, 0), axis=(1, 1e-4, 2e-5))
+    after = model.aligned(1e-3)
+    assert {change.joint for change in after.alignments} == set("ABCD")
+    assert after.joints["F"] is model.joints["F"]
