@@ -71,9 +71,9 @@ def with_antisymmetric_terms(
         shared = stack(expansion.gyroscopic, scene.topology.body_numbers)
         base = relative_motion(scene.coordinates, shared.rows)
         twelve = shared.of(reduction.apply_exactly(base.dense(0, len(shared.rows.first))))
-        for part, ends in zip(expansion.gyroscopic, np.split(twelve, len(expansion.gyroscopic), axis=-2), strict=True):
-            assert part.gyroscopic is not None
-            gyroscopic.add(part.gyroscopic, ends)
+        for item, ends in zip(expansion.gyroscopic, np.split(twelve, len(expansion.gyroscopic), axis=-2), strict=True):
+            assert item.gyroscopic is not None
+            gyroscopic.add(item.gyroscopic, ends)
     force_of: dict[str, Array] = {}
     for part in couplings:
         relative = part.relative(scene.coordinates, reduction)

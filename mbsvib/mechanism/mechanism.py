@@ -91,7 +91,7 @@ class Mechanism:
         return MappingProxyType(self._bodies)
 
     @property
-    def hubs(self) -> Mapping[str, Body]:
+    def hubs(self) -> Mapping[str, Any]:
         """The bodies that turn steadily with all that is on them, by name."""
         return MappingProxyType({name: body for name, body in self._bodies.items() if body.turns_steadily})
 
