@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 # The shift for the lowest modes, as a share of the square of a typical frequency of single coordinates: below the
 # flexible modes of most structures, and far enough from 0 that rigid-body modes do not drown the others in rounding.
 BELOW = 1e-9
-# Residual of Ritz values: the error of eigenvalues is its square.
-TOLERANCE = 1e-9
+# Residual of Ritz values: the error of eigenvalues is its square, that of shapes this over the relative gap.
+TOLERANCE = 1e-12
 # Vectors of a block: repeated modes of up to this multiplicity are found by one search.
 BLOCK = 6
 # Additional modes, among which the count finds a gap, and the least relative gap.
