@@ -7,13 +7,15 @@ stroke. The derivatives of the first mode tell which dimension of a flexure has 
 The bending stiffness of a circular notch is that of Paros and Weisbord (How to design flexure hinges, 1965).
 """
 
+from typing import Any
+
 import numpy as np
 
 import mbsvib as mv
 
 ALUMINIUM = {"E": 7.1e10, "nu": 0.33, "rho": 2770}
-NOTCH = {"type": "notch", "radius": 0.002, "thickness": 0.0006, "width": 0.012}
-LEAF = {"type": "leaf", "length": 0.03, "width": 0.012, "thickness": 0.0005}
+NOTCH: dict[str, Any] = {"type": "notch", "radius": 0.002, "thickness": 0.0006, "width": 0.012}
+LEAF: dict[str, Any] = {"type": "leaf", "length": 0.03, "width": 0.012, "thickness": 0.0005}
 NEAR, FAR, PIEZO = 0.012, 0.060, 2e7  # m, m, N/m
 
 model = mv.Model("nano stage")

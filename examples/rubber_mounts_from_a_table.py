@@ -74,6 +74,6 @@ def draw():
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
-    print(f"{len(rubber.weights)} relaxations, error {rubber.error:.1%}, least {rubber.least_error:.1%}")
+    print(f"{rubber}, error {rubber.error:.1%}, least {rubber.least_error:.1%}")
     draw()
     plt.show()

@@ -1,5 +1,7 @@
 """Bodies by shape and density: against integrals, meshes of the same solids, and refusals by name."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -11,7 +13,7 @@ trimesh = pytest.importorskip("trimesh")
 
 TURN = (0.3, -0.5, 0.8)
 DENSITY = 2700.0
-WORDS = {
+WORDS: dict[str, dict[str, Any]] = {
     "box": {"type": "box", "size": (0.1, 0.25, 0.4)},
     "cylinder": {"type": "cylinder", "radius": 0.12, "length": 0.5},
     "tube": {"type": "tube", "radius": 0.12, "wall": 0.03, "length": 0.5},
