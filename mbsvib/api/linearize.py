@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
-from mbsvib.api.driven import DrivenBatch, DrivenSystem
+from mbsvib.api.driven import DrivenSystem
+from mbsvib.api.driven_batch import DrivenBatch
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
 from mbsvib.equations.assembly import is_small

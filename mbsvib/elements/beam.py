@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
+from mbsvib.elements.beam_arguments import check_flags, checked_damping, checked_displacements
 from mbsvib.elements.beam_element import Element, Prismatic
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
@@ -324,31 +325,6 @@ def _y_axis(who: str, value: Any, elements: int) -> Any:
     if len(items) != elements:
         raise check.refuse(who, "y_axis", value, f"a direction, or one for each of the {elements} elements")
     return tuple([check.axis(item, who, "y_axis") for item in items])
-
-
-def check_flags(who: str, shear: Any, second_order: Any) -> None:
-    """Refuse what is neither True nor False."""
-    if type(shear) is not bool:
-        raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
-    if type(second_order) is not bool:
-        raise check.refuse(who, "second_order", second_order, "True (slopes add to the strain) or False (linear)")
-
-
-def checked_displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
-    """Return displacements (nodes, 6) of the nodes of a beam, checked."""
-    expected = f"x y z [m] and rx ry rz [rad] of each of the {nodes} nodes"
-    items = check.listed(value, who, "displacements", expected)
-    if len(items) != nodes:
-        raise check.refuse(who, "displacements", value, expected)
-    return tuple([check.numbers(item, (6,), who, "displacements", expected) for item in items])
-
-
-def checked_damping(who: str, word: str, value: Any) -> float:
-    """Return a coefficient of damping, which is not negative."""
-    result = check.number(value, who, word)
-    if result < 0.0:
-        raise check.refuse(who, word, value, "a number that is not negative")
-    return result
 
 
 def _end_along(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:

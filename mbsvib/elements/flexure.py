@@ -17,6 +17,7 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import beam
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.beam_arguments import check_flags, checked_damping, checked_displacements
 from mbsvib.elements.beam_element import Prismatic
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
@@ -285,11 +286,11 @@ def make(
     who = f"flexure '{name}'"
     check_ends(who, a, b)
     form, stuff = _shape(shape, who), _material.make(material, who)
-    beam.check_flags(who, shear, second_order)
-    damping = [beam.checked_damping(who, word, value) for word, value in (
+    check_flags(who, shear, second_order)
+    damping = [checked_damping(who, word, value) for word, value in (
         ("alpha", alpha), ("beta", beta), ("damping_ratio", damping_ratio))]  # fmt: skip
     if displacements is not None:
-        displacements = beam.checked_displacements(who, displacements, 2)
+        displacements = checked_displacements(who, displacements, 2)
     part = Flexure(name, a, b, form, stuff, shear=shear, alpha=damping[0], beta=damping[1], damping_ratio=damping[2],
                    displacements=displacements, second_order=second_order, shape=form,
                    position=check.vector(position, who, "position"),

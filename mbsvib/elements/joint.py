@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +11,11 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends, no_line
+from mbsvib.elements.joint_arguments import checked_kind, rod_direction, rotations_of, universal_axes
 from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
 from mbsvib.elements.joint_motion import STRAIGHT, Motion
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
-from mbsvib.errors import ModelError, NoWordsError, nearest
+from mbsvib.errors import ModelError, NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
-# What is said of kinds that no linear equations have.
-OPENS = ("Joints do not open or stick; mbsvib_export.to_exudyn(model) takes the scene to exudyn, which has contact and "
-         "friction.")  # fmt: skip
-# Smallest sine of the angle between the axes of a universal joint
-PARALLEL = 1e-6
 # Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
 SKEWED = 1e-12
 _INDEX = {direction: i for i, direction in enumerate(DIRECTIONS)}
@@ -227,7 +222,7 @@ def make(
     """Check the values of a joint and build it."""
     who = f"joint '{name}'"
     check_ends(who, first, second)
-    kind, free = _kind(kind, free, who)
+    kind, free = checked_kind(kind, free, who)
     if position is not None:
         position = check.vector(position, who, "position")
     elif kind not in NEEDS_NO_POINT:
@@ -247,14 +242,14 @@ def make(
     freedom = None
     if kind == "universal":
         axis2 = None if axis2 is None else check.vector(axis2, who, "axis2")
-        axes, freedom = _universal(axis, axis2, orientation, who)
+        axes, freedom = universal_axes(axis, axis2, orientation, who)
     else:
         if axis2 is not None:
             raise ModelError(f"{who}: axis2 is for universal joints; a {kind} joint has none.",
                              element=who, field="axis2")  # fmt: skip
         if kind == "distance":
             end = check.vector(end, who, "end", "the rod's point (x, y, z) on the second body [m] in world axes")
-            axes = check.frame_along(_rod_direction(position, end, who))
+            axes = check.frame_along(rod_direction(position, end, who))
         else:
             axes = check.orientation(orientation, who) if axis is None else \
                 check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
@@ -273,7 +268,7 @@ def _built(arguments: tuple[Any, ...], axes: Matrix3, freedom: Named | None) -> 
     if free is None:
         (of_kind, locked), successive = SUBSPACES[kind], KINDS[kind].successive
     else:
-        (of_kind, locked), successive = subspaces(free), len(_rotations(free)) == 2
+        (of_kind, locked), successive = subspaces(free), len(rotations_of(free)) == 2
     if kind == "screw":
         of_kind = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
         locked = tuple((d, (0.0, 0.0, 1.0, 0.0, 0.0, -pitch) if d == "z" else row) for d, row in locked)
@@ -311,11 +306,11 @@ def moved_joint(
     if axes is not None:
         axes = orientation = check.orthonormal(axes)
     elif axis2 is not None:
-        axes, freedom = _universal(axis, axis2, None, who)
+        axes, freedom = universal_axes(axis, axis2, None, who)
     elif axis is not None:
         axes = check.frame_along(check.axis(axis, who, "axis"))
     elif position is not None and end is not None:
-        axes = check.frame_along(_rod_direction(position, end, who))
+        axes = check.frame_along(rod_direction(position, end, who))
     return _built((joint.name, joint.kind, joint.first, joint.second, position, orientation, axis, axis2, joint.pitch,
                    joint.free, end), axes or joint.axes, freedom)  # fmt: skip
 
@@ -361,70 +356,3 @@ def _in_world(axes: Matrix3, *directions: Named) -> list[Named]:
 def _rotated(axes: Matrix3, six: Six) -> Six:
     x, y, z, rx, ry, rz = six
     return tuple(r[0] * p + r[1] * q + r[2] * s for p, q, s in ((x, y, z), (rx, ry, rz)) for r in axes)
-
-
-def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
-    if free is None:
-        if isinstance(kind, str) and kind in KINDS:
-            return kind, None
-        expected = f"one of {', '.join(KINDS)}, or free=(directions)"
-        hint = OPENS if str(kind).lower() in ("contact", "friction") else nearest(str(kind), KINDS).strip()
-        raise check.refuse(who, "kind", kind, expected, hint)
-    if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
-        raise ModelError(
-            f"{who}: kind = {kind!r} already determines the free directions; leave out free=, or give kind=None with "
-            f"it.",
-            element=who, field="free",
-        )  # fmt: skip
-    directions = (free,) if isinstance(free, str) else _as_tuple(free, who)
-    for direction in directions:
-        if not isinstance(direction, str) or direction not in DIRECTIONS:
-            raise check.refuse(who, "free", free, "directions out of x y z rx ry rz",
-                               nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
-    if len(set(directions)) != len(directions):
-        raise check.refuse(who, "free", free, "each direction once")
-    rotations = _rotations(directions)
-    if len(rotations) != 2 or isinstance(free, (set, frozenset)):
-        rotations = tuple(sorted(rotations))
-    return "custom", (*(d for d in DIRECTIONS[:3] if d in directions), *rotations)
-
-
-def _rotations(free: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(d for d in free if d in DIRECTIONS[3:])
-
-
-def _as_tuple(free: Any, who: str) -> tuple[Any, ...]:
-    try:
-        return tuple(free)
-    except TypeError as error:
-        raise check.refuse(who, "free", free, "directions out of x y z rx ry rz") from error
-
-
-def _rod_direction(position: Vector, end: Vector, who: str) -> Vector:
-    x, y, z = end[0] - position[0], end[1] - position[1], end[2] - position[2]
-    length = hypot(x, y, z)
-    if not 0.0 < length < inf:
-        raise check.refuse(who, "end", end, f"a point other than position = {position}",
-                           "A rod of no length is a spherical joint.")  # fmt: skip
-    return (x / length, y / length, z / length)
-
-
-def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who: str) -> tuple[Matrix3, Named]:
-    """Axes of a universal joint: x along ``axis``, ``axis2`` in the x-y plane, the locked rotation about z."""
-    if axis is None:
-        if axis2 is not None:
-            raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
-        return check.orientation(orientation, who), SUBSPACES["universal"][0]
-    a = check.axis(axis, who, "axis")
-    if axis2 is None:
-        raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")
-    b = check.axis(axis2, who, "axis2")
-    n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    sine = hypot(*n)
-    if sine < PARALLEL:
-        raise check.refuse(who, "axis2", axis2, f"an axis that is not parallel to axis = {axis}")
-    z = (n[0] / sine, n[1] / sine, n[2] / sine)
-    y = (z[1] * a[2] - z[2] * a[1], z[2] * a[0] - z[0] * a[2], z[0] * a[1] - z[1] * a[0])
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    freedom = (("rx", UNIT6[3]), ("ry", (0.0, 0.0, 0.0, cosine, sine, 0.0)))
-    return ((a[0], y[0], z[0]), (a[1], y[1], z[1]), (a[2], y[2], z[2])), freedom
