@@ -239,7 +239,7 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
 
     for part in model.composed.values():
         refuse(part.name, "flexible parts are not exported; take exudyn's own beams or FFRF objects there.")
-    for kind, group in (("coupler", plain.couplers), ("rotor", plain.rotors)):
+    for kind, group in (("coupler", plain.couplers), ("rotor", plain.rotors), ("rolling wheel", plain.rolling)):
         for name in group:
             refuse(name, f"exudyn has no {kind} like this one; leave it out, or simulate by model.simulate.")
     for name, body in plain.bodies.items():

@@ -70,7 +70,7 @@ class NestedMechanism(Mechanism):
         Warns
         -----
         LeftOutWarning
-            If the gravity of ``other`` is not that of this model.
+            If the gravity of ``other``, or the travel of its rolling wheels, is not that of this model.
         """
         if not isinstance(other, Mechanism):
             raise check.refuse(f"model '{name}'", "other", other, "a Model")
@@ -82,6 +82,9 @@ class NestedMechanism(Mechanism):
         if other.gravity not in (None, self.gravity):
             warnings.warn(f"model '{name}': it was described under gravity = {other.gravity}, which is left out; that "
                           f"of model '{self.name}', {self.gravity}, acts on it.", LeftOutWarning, stacklevel=2)
+        if other.rolling and other.travel not in (None, self.travel):
+            warnings.warn(f"model '{name}': it was described at travel = {other.travel}, which is left out; that of "
+                          f"model '{self.name}' is {self.travel}.", LeftOutWarning, stacklevel=2)
         for key, parts in groups.items():
             for part in parts:
                 self._take(key, part)

@@ -25,6 +25,8 @@ def in_equilibrium(
     ``model``: a model that was in equilibrium before its values changed. ``independent``, ``cut``: requested minimal
     coordinates and cut joints.
     """
+    if model.rolling:  # forces at the contacts hold it, or linearize refuses it
+        return model, model.linearize(independent)
     return at_equilibrium(model, independent, cut, dense=System, sparse=SparseSystem)
 
 

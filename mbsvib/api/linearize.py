@@ -72,7 +72,8 @@ def linearize(
     -------
     System, Batch or SparseSystem
         Matrices, names and the way back to the bodies; of all variants where ``values`` is given; sparse, under the
-        same names, where there are many bodies. A ``DrivenSystem`` or ``DrivenBatch`` where inputs are motions.
+        same names, where there are many bodies. A ``DrivenSystem`` or ``DrivenBatch`` where inputs are motions. Of a
+        model on rolling wheels, a ``RollingSystem`` of first-order equations.
 
     Raises
     ------
@@ -98,6 +99,11 @@ def linearize(
         from mbsvib.equations.alignment import aligned
 
         model = aligned(model, align)
+    if model.rolling:
+        from mbsvib.api.rolling_system import rolling_system
+
+        result: Any = rolling_system(model, independent, cut, values, method)
+        return result  # type: ignore[no-any-return]
     if model.composed:
         from mbsvib.equilibrium.search import check_displacements
 
@@ -120,9 +126,9 @@ def linearize(
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.sparse.choice import linearized
 
-    result = linearized(model, independent, cut, method, System, SparseSystem)
-    warn(model.name, result.undetermined if isinstance(result, SparseSystem) else result.provenance.undetermined)
-    return cast("SparseSystem", _with_motions(model, result))
+    large = linearized(model, independent, cut, method, System, SparseSystem)
+    warn(model.name, large.undetermined if isinstance(large, SparseSystem) else large.provenance.undetermined)
+    return cast("SparseSystem", _with_motions(model, large))
 
 
 def _with_motions(model: Mechanism, equations: Any, form: Any = DrivenSystem) -> Any:

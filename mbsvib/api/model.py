@@ -10,6 +10,7 @@ from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_models import NestedMechanism
 from mbsvib.api.add_ports import PortedMechanism
+from mbsvib.api.add_rolling import RollingMechanism
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.pose import Posed
 from mbsvib.api.running import Running
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 
 class Model(
-    DrivenMechanism, FlexibleMechanism, LoadedMechanism, PortedMechanism, NestedMechanism, Posed, Running, Simulated
+    DrivenMechanism, FlexibleMechanism, LoadedMechanism, RollingMechanism, PortedMechanism, NestedMechanism, Posed,
+    Running, Simulated,
 ):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 
@@ -46,15 +48,20 @@ class Model(
         Name of the model, used in titles and files.
     gravity : array-like, shape (3,), optional
         Acceleration of free fall [m/s^2], world axes, such as (0, 0, -9.81); default: none.
+    travel : array-like, shape (3,), optional
+        Velocity of the steady forward motion of rolling wheels and all that they carry [m/s], world axes; default: they
+        stand. See ``add_rolling``.
 
     Raises
     ------
     ModelError
-        If the name is no text or gravity no vector.
+        If the name is no text, or gravity or travel no vector.
     """
 
-    def __init__(self, name: str = "model", gravity: ArrayLike | None = None) -> None:
-        super().__init__(name, gravity)
+    def __init__(
+        self, name: str = "model", gravity: ArrayLike | None = None, travel: ArrayLike | None = None
+    ) -> None:
+        super().__init__(name, gravity, travel)
 
     @overload
     def linearize(
@@ -101,7 +108,8 @@ class Model(
         -------
         System, Batch or SparseSystem
             Matrices, names and the way back to the bodies; of all variants where ``values`` is given; a sparse system,
-            which answers to the same names (``modes(10)``, ``frequency_response``), where there are many bodies.
+            which answers to the same names (``modes(10)``, ``frequency_response``), where there are many bodies. Of a
+            model on rolling wheels a ``RollingSystem``, first-order equations about its steady forward motion.
 
         Raises
         ------
@@ -286,7 +294,7 @@ class Model(
         if element not in known:
             raise ModelError(f"replace: there is no element '{element}' in model '{self.name}'."
                              f"{nearest(element, known)}", element=element)  # fmt: skip
-        result = type(self)(self.name, self.gravity)
+        result = type(self)(self.name, self.gravity, self.travel)
         for part in parts:
             add = getattr(result, ADDERS[type(part)])
             kwargs = part.constructor_kwargs()

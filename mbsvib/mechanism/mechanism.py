@@ -11,6 +11,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.rolling import Travel
 from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, an, nearest
 
@@ -21,15 +22,17 @@ if TYPE_CHECKING:
     from mbsvib.elements import BaseMotion, Body, ForceOutput, Input, Joint, Load, Output
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
+    from mbsvib.elements.rolling import Rolling
     from mbsvib.elements.rotor import Rotor
     from mbsvib.elements.shared_rows import Expansion
     from mbsvib.mechanism.parameters import Parameters
 
 GROUND = "ground"
 # The groups of parts in the order of model files; those before the ports have parameters.
-GROUPS = ("bodies", "composed", "joints", "springs", "couplers", "rotors", "loads", "inputs", "outputs")
+GROUPS = ("bodies", "composed", "joints", "springs", "couplers", "rotors", "rolling", "loads", "inputs", "outputs")
 _with_parameters = attrgetter(*[f"_{key}" for key in GROUPS[:-2]])
 _GRAVITY = "None, or the acceleration of free fall (x, y, z) [m/s^2], such as (0, 0, -9.81)"
+_TRAVEL = "None, or the velocity of steady forward motion (x, y, z) [m/s], such as (5, 0, 0)"
 _SAME: Any = object()
 
 T = TypeVar("T")
@@ -45,26 +48,30 @@ class Mechanism:
         Name of the mechanism, used in titles and files.
     gravity : array-like, shape (3,), optional
         Acceleration of free fall [m/s^2], world axes; default: none.
+    travel : array-like, shape (3,), optional
+        Velocity of steady forward motion [m/s], world axes; default: none.
 
     Raises
     ------
     ModelError
-        If the name is not a text, or gravity is not a vector.
+        If the name is not a text, or gravity or travel is not a vector.
     """
 
     _engine = "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
 
     kind: ClassVar[str] = "model"
 
-    def __init__(self, name: str, gravity: ArrayLike | None = None) -> None:
+    def __init__(self, name: str, gravity: ArrayLike | None = None, travel: ArrayLike | None = None) -> None:
         self.name = check.name(name, "model")
         self.gravity = gravity
+        self.travel = travel
         self._bodies: dict[str, Body] = {}
         self._composed: dict[str, Composed] = {}  # beams and superelements
         self._joints: dict[str, Joint] = {}
         self._springs: dict[str, Any] = {}
         self._couplers: dict[str, Coupling] = {}
         self._rotors: dict[str, Rotor] = {}
+        self._rolling: dict[str, Rolling] = {}
         self._loads: dict[str, Load] = {}
         self._inputs: dict[str, Input | BaseMotion] = {}
         self._outputs: dict[str, Any] = {}
@@ -83,6 +90,16 @@ class Mechanism:
     @gravity.setter
     def gravity(self, value: ArrayLike | None) -> None:
         self._gravity = None if value is None else check.vector(value, "model", "gravity", _GRAVITY)
+        self._derived = {}
+
+    @property
+    def travel(self) -> Vector | None:
+        """Velocity of steady forward motion [m/s], world axes; None where there is none."""
+        return self._travel
+
+    @travel.setter
+    def travel(self, value: ArrayLike | None) -> None:
+        self._travel = None if value is None else check.vector(value, "model", "travel", _TRAVEL)
         self._derived = {}
 
     @property
@@ -131,6 +148,11 @@ class Mechanism:
         return MappingProxyType(self._rotors)
 
     @property
+    def rolling(self) -> Mapping[str, Rolling]:
+        """Rolling wheels by name, in the order in which they were added."""
+        return MappingProxyType(self._rolling)
+
+    @property
     def loads(self) -> Mapping[str, Load]:
         """Forces and torques on bodies by name, in the order in which they were added."""
         return MappingProxyType(self._loads)
@@ -168,6 +190,13 @@ class Mechanism:
         return (Gravity("gravity", self._gravity),)
 
     @property
+    def travel_parts(self) -> tuple[Travel, ...]:
+        """Forward motion as a part with parameters, if the model has it and no other part has its name."""
+        if self._travel is None or any("travel" in group for group in _with_parameters(self)):
+            return ()
+        return (Travel("travel", self._travel),)
+
+    @property
     def parameters(self) -> Parameters:
         """Every number of parts and of gravity by its name (``"leg1.k.stiffness"``, ``"gravity.z"``); read-only."""
         from mbsvib.mechanism.parameters import Parameters
@@ -176,8 +205,9 @@ class Mechanism:
 
     @property
     def declared_parts(self) -> tuple[Part, ...]:
-        """Gravity and all parts but inputs and outputs, as the user knows them, in the order of their parameters."""
-        parts = (*self.gravity_parts, *[part for group in _with_parameters(self) for part in group.values()])
+        """Gravity, travel and all parts but inputs and outputs, as the user knows them, in the order of parameters."""
+        parts = (*self.gravity_parts, *self.travel_parts,
+                 *[part for group in _with_parameters(self) for part in group.values()])  # fmt: skip
         return parts if self._expansion is None else self._expansion.declared(parts)
 
     def groups(self) -> dict[str, Mapping[str, Any]]:
@@ -263,10 +293,13 @@ class Mechanism:
         Mechanism
             The changed mechanism, of the same class; this one does not change.
         """
-        gravity = changed.get("gravity")
+        gravity, travel = changed.get("gravity"), changed.get("travel")
         groups: Any = {key: {name: changed.get(name, part) for name, part in self._group(key).items()}
                   for key in GROUPS[:-2]}  # fmt: skip
-        return self.with_parts(gravity=gravity.acceleration if isinstance(gravity, Gravity) else _SAME, **groups)
+        result = self.with_parts(gravity=gravity.acceleration if isinstance(gravity, Gravity) else _SAME, **groups)
+        if isinstance(travel, Travel):
+            result.travel = travel.velocity
+        return result
 
     def derived(self, compute: Callable[..., T], *arguments: Hashable) -> T:
         """Return the result of a function of the mechanism, cached until a part is added.
@@ -330,7 +363,7 @@ class Mechanism:
 
     def _check_name(self, name: str, family: str) -> None:
         check_name(name, family, self._bodies, self._joints, self._springs, self._composed, self._generated,
-                   self._couplers, self._rotors, self._loads)  # fmt: skip
+                   self._couplers, self._rotors, self._rolling, self._loads)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 

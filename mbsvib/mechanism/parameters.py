@@ -22,6 +22,8 @@ name                                    unit                        what it is
 ``ROTOR.speed``, ``ROTOR.inertia``      rad/s, kg m^2               inertia where given
 ``LOAD.force.x``, ``LOAD.torque.x``     N, N m                      world axes; ``LOAD.position.x``, m, where given
 ``gravity.x`` (y z)                     m/s^2                       of the model, where given; world axes
+``travel.x`` (y z)                      m/s                         of the model, where given; world axes
+``ROLLING.radius``                      m                           of a rolling wheel
 ``BEAM.E``, ``.rho``, ``.nu`` or ``.G``  N/m^2, kg/m^3, -           of its material
 ``BEAM.radius`` (wall, width, height)   m                           of its section, or ``.A``, ``.Iy``, ``.Iz``, ``.J``
 ``BEAM.alpha``, ``.beta``               1/s, s                      Rayleigh damping; likewise ``.damping_ratio``

@@ -90,8 +90,15 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
 
     ``cut``: names of joints that must not be in the tree.
 
+    Raises ModelError if wheels roll: equations without their contacts would be wrong.
+
     Source: Chaudhary & Saha (2009), appendix B.
     """
+    if model.rolling:
+        wheel = next(iter(model.rolling))
+        raise ModelError(f"model '{model.name}' has rolling wheels ('{wheel}'), which only model.linearize() takes, "
+                         f"dense and one variant at a time; its result has modes, responses, loops and exports. "
+                         f"Vary parameters by model.with_values({{...}}).linearize().", element=wheel)  # fmt: skip
     excluded = () if cut is None else _excluded(cut, model)
     return model.derived(_spanned, excluded)
 

@@ -96,7 +96,7 @@ class DrawnScene:
 
 def of_model(model: Mechanism) -> DrawnScene:
     """Return the scene of a model, also for open loops and singular poses."""
-    plain = expanded(model)
+    plain = expanded(model.with_parts(rolling={}))
     cut = set(span(plain).cut_joints) if plain.bodies else set()
     groups = (model.bodies, model.joints, model.springs, model.composed, model.inputs)
     return _scene(model.name, [part for group in groups for part in group.values()], cut)

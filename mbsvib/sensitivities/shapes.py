@@ -24,6 +24,8 @@ from mbsvib.sensitivities.states import state_basis
 from mbsvib.sparse.modes import SomeModes
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.basis import SensitivityBasis
@@ -127,6 +129,10 @@ class ModeSensitivities(Columnar, Displayed):
             result |= {f"{name}({i})": column for i, column in enumerate(slopes.T, 1)}
         return result
 
+    @property
+    def _units(self) -> Mapping[str, str]:
+        return self._basis.equations.parameters.units
+
     def table(self) -> dict[str, Any]:
         """Return the table of the derivatives of natural frequencies, as arguments of ``mbsvib.common.tables.text``.
 
@@ -135,7 +141,7 @@ class ModeSensitivities(Columnar, Displayed):
         dict
             Title, columns, rows and notes: the first variables and the lowest modes.
         """
-        count, units = min(len(self.modes), SHOWN_MODES), self._basis.equations.parameters.units
+        count, units = min(len(self.modes), SHOWN_MODES), self._units
         rows = []
         for name, slopes in zip(self.variables[:SHOWN_VARIABLES], self.frequencies, strict=False):
             fitting = units.get(name) or next((unit for key, unit in units.items() if fnmatchcase(key, name)), "")
