@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mbsvib.random.sources import BaseNoise
 
 # Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
-# what rounding leaves of their squares.
-ROUNDED = 1e-8
+# what rounding leaves of their squares, a few units in the last place.
+ROUNDED = 1e-7
 
 
 @dataclass(frozen=True, repr=False, eq=False)

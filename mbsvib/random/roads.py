@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError, nearest
@@ -22,7 +23,7 @@ _ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class RoadProfile:
+class RoadProfile(Displayed):
     """The height of a road [m] over the distance x [m]: h(x) = sum of a cos(2 pi n x + phi) from ``start`` on.
 
     ``waves`` (w,) are spatial frequencies n [cycles/m], ``amplitudes`` (w,) [m] and ``phases`` (w,) [rad]. It is 0
