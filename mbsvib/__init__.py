@@ -17,6 +17,7 @@ from mbsvib.errors import (
     SimulationError,
     SingularPoseError,
     UndeterminedForceWarning,
+    UnstableWarning,
 )
 from mbsvib.version import __version__
 
@@ -63,6 +64,7 @@ __all__ = [
     "StateSpace",
     "System",
     "UndeterminedForceWarning",
+    "UnstableWarning",
     "__version__",
     "assemble",
     "certify",

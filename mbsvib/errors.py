@@ -21,11 +21,16 @@ __all__ = [
     "SimulationError",
     "SingularPoseError",
     "UndeterminedForceWarning",
+    "UnstableWarning",
 ]
 
 
 # Characters of a message, and how many of them are its beginning, which says where; the end says what to do.
 LONGEST_MESSAGE, BEGINNING = 4000, 3000
+
+
+# What other programs call the ground.
+GROUND_ELSEWHERE = {"world", "base", "earth", "inertial", "fixed", "origin", "global"}
 
 
 def _without_middle(text: str) -> str:
@@ -115,6 +120,10 @@ class UndeterminedForceWarning(UserWarning):
     """Outputs that are joint forces which the model does not determine, because constraints are redundant."""
 
 
+class UnstableWarning(UserWarning):
+    """A frequency response of a loop that is not stable, which no steady vibration shows; Nyquist plots need it."""
+
+
 class LargeDisplacementWarning(UserWarning):
     """Beams or superelements that bend further than the linear theory of small displacements holds."""
 
@@ -145,6 +154,8 @@ def an(noun: str) -> str:
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for the known word nearest to ``word``, or an empty string."""
     by_lower = {name.lower(): name for name in reversed(list(known))}
+    if word.lower() in GROUND_ELSEWHERE and "ground" in by_lower:
+        return " Did you mean 'ground'?"
     match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f" Did you mean '{by_lower[match[0]]}'?" if match else ""
 

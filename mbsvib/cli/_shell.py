@@ -18,6 +18,7 @@ from mbsvib.errors import (
     NearSingularWarning,
     ResponseError,
     UndeterminedForceWarning,
+    UnstableWarning,
 )
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def as_messages(debug: bool) -> Iterator[Status]:
     status = Status()
     with warnings.catch_warnings():
         for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,
-                         UndeterminedForceWarning):  # fmt: skip
+                         UndeterminedForceWarning, UnstableWarning):  # fmt: skip
             warnings.simplefilter("always", category)
         warnings.showwarning = _show_warning
         try:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
 from mbsvib.common.expected import angular
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, UnstableWarning
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import blended, evaluated
@@ -128,9 +129,15 @@ class FeedbackLoop(LinearVerbs, Loop):
         Raises
         ------
         ResponseError
-            If the loop is not stable, a frequency is a pole of the loop, or a name is unknown.
+            If a frequency is a pole of the loop, or a name is unknown.
+
+        Warns
+        -----
+        UnstableWarning
+            If the loop is not stable: no steady vibration has this response.
         """
-        self.check_stable()
+        if self.growing:
+            warn(f"{self.unstable} No steady vibration has its frequency response.", UnstableWarning, stacklevel=2)
         return self.with_ports(outputs, inputs).response(omega)
 
     def response(self, w: ArrayLike) -> Complex:

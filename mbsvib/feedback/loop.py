@@ -74,7 +74,7 @@ class Loop(Displayed, ABC):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them."""
 
     _engine = ("check_stable equations kind law ports resolution response selected_ports selection sources title "
-               "vibrating")
+               "unstable vibrating")
 
     kind: ClassVar[str] = "closed loop"
 
@@ -259,8 +259,13 @@ class Loop(Displayed, ABC):
             If a pole is unstable.
         """
         if self.growing:
-            raise ResponseError(f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}. Lower the "
-                                f"gain, or look at collocation() for the pairs that do not damp.")  # fmt: skip
+            raise ResponseError(f"{self.unstable} Lower the gain, or look at collocation() for the pairs that do not "
+                                f"damp.")  # fmt: skip
+
+    @property
+    def unstable(self) -> str:
+        """Sentence on the poles that grow."""
+        return f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}."
 
     @property
     def vibrating(self) -> Complex:

@@ -41,6 +41,7 @@ class StudyFigures(FeedbackLoop):
         ResponseError
             If the loop is not stable.
         """
+        self.check_stable()
         return figures(self.plant.scene, self, frequencies)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ModelError
+from mbsvib.feedback.loop import Loop
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
 from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
@@ -183,10 +184,17 @@ class DesignPoint:
         w = np.asarray(omega, dtype=float)
         o = [self.system.outputs.index(name) for name in outputs]
         i = [self.system.inputs.index(name) for name in inputs]
-        value = self.system.frequency_response(w)[np.ix_(o, i)]
+        value = steady_response(self.system, w)[np.ix_(o, i)]
         if not self.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
         return value, self.derivatives.response(w, outputs, inputs)
+
+
+def steady_response(system: Any, omega: Array) -> Complex:
+    """Return the frequency response of a system, or of a loop that is stable; others have no steady vibration."""
+    if isinstance(system, Loop):
+        system.check_stable()
+    return np.asarray(system.frequency_response(omega))
 
 
 def station(asked: Any, at: float = 0.0, modes: Modes | None = None) -> Station:

@@ -14,7 +14,7 @@ from mbsvib.random.sources import sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
-from mbsvib.studies.evaluation import Dual
+from mbsvib.studies.evaluation import Dual, steady_response
 from mbsvib.studies.quantities import Largest, Leaf
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class PortResponses:
         """Return the responses at angular frequencies, (outputs, inputs, n)."""
         outputs, inputs = self.of(system)
         o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
-        return np.asarray(system.frequency_response(w)[np.ix_(o, i)])
+        return np.asarray(steady_response(system, w)[np.ix_(o, i)])
 
     def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
         """Return the responses and their derivatives, (variables, outputs, inputs, n)."""
