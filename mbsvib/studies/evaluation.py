@@ -84,7 +84,7 @@ class DesignPoint:
         if isinstance(variables, Mapping):
             return cls(equations_of, variables, {}, np.ones(len(variables)), {}, changed=model)
         names = [variables] if isinstance(variables, str) else list(variables)
-        known = (system.plant.source if kind_of(system) == "closed loop" else system).parameters
+        known: Any = (system.plant.source if kind_of(system) == "closed loop" else system).parameters if names else {}
         values = {name: known[known.matching(name)[0]] for name in names}
         return cls(equations_of, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {}, changed=model)
 

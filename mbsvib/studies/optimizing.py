@@ -219,7 +219,7 @@ def optimize(
         if not isinstance(constraint, Constraint):
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
-    around = plant_of(plant, variables)
+    around = plant_of(plant, variables, model)
     variables_design = design(model, variables, ties, around.gains, relaxed)
     search = Search(Systems(model, variables_design, around), scales(variables_design, variables, start), objective,
                     constraint_list, _watched(observed))  # fmt: skip

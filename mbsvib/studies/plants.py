@@ -12,11 +12,13 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
+from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.in_equilibrium import batch_in_equilibrium, in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import kind_of
 from mbsvib.equations.assembly import is_small
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.responses.driven import Drive, differ, drives
 from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
 
 if TYPE_CHECKING:
@@ -45,6 +47,12 @@ class Plant:
     function: PlantFunction | None
     gains: Mapping[str, float]
 
+    @property
+    def name(self) -> str | None:
+        """Name of the function; None without one."""
+        function = self.function.function if isinstance(self.function, WithMotions) else self.function
+        return None if function is None else str(getattr(function, "__qualname__", type(function).__name__))
+
     def __call__(self, system: Any, values: Mapping[str, Any]) -> Any:
         if self.function is None:
             return system
@@ -54,8 +62,27 @@ class Plant:
 NO_PLANT = Plant(None, {})
 
 
-def plant_of(function: PlantFunction | None, variables: Any = ()) -> Plant:
+@dataclass(frozen=True)
+class WithMotions:
+    """What a ``function`` makes of a system with the motion inputs of its model; the system itself without one."""
+
+    function: PlantFunction | None
+    motions: tuple[Drive, ...]
+
+    def __call__(self, system: Any, **gains: float) -> Any:
+        driven = DrivenSystem(system, self.motions)
+        return driven if self.function is None else self.function(driven, **gains)
+
+
+def plant_of(function: PlantFunction | None, variables: Any, model: Model) -> Plant:
     """Return the plant of a study, checked; its gains without default are among the variables."""
+    motions = drives(model)
+    if differ(motions):
+        return Plant(WithMotions(function, motions), _checked(function, variables).gains)
+    return _checked(function, variables)
+
+
+def _checked(function: PlantFunction | None, variables: Any) -> Plant:
     if function is None:
         return NO_PLANT
     if not callable(function):
@@ -112,7 +139,8 @@ class Systems:
         if self.compiled is not None:
             with suppress(MbsvibError):  # other coordinates may do, and refusals are those of models
                 return self.compiled.system([changed[name] for name in self.compiled.names])
-        return self.balanced(values)[1]
+        system = self.balanced(values)[1]
+        return system.ends if isinstance(system, DrivenSystem) else system
 
     def batch(self, columns: Mapping[str, Any]) -> Batch:
         """Return the systems at values (n,) of the variables; parameters or a pose are among them."""

@@ -122,8 +122,8 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
         digest.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
     results = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
                for label, item in question.items.items()}  # fmt: skip
-    if (plant := question.plant.function) is not None:
-        results = {"plant": getattr(plant, "__qualname__", type(plant).__name__), "of": results}
+    if question.plant.name is not None:
+        results = {"plant": question.plant.name, "of": results}
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
             "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip

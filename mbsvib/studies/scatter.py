@@ -330,7 +330,7 @@ def tolerances(
         not exist.
     """
     quantities = _quantities(of)
-    around = plant_of(plant, tolerances)
+    around = plant_of(plant, tolerances, model)
     variables, width = parameter_tolerances(model, tolerances, ties, around.gains, relaxed)
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
     centre = {name: variables.start[name] for name in width}

@@ -84,7 +84,7 @@ def sweep(
     """
     sweep_points = points(values, how)
     columns = sweep_points.columns
-    around = plant_of(plant, columns)
+    around = plant_of(plant, columns, model)
     variables = design(model, columns, ties, around.gains, relaxed)
     quantities = question(of, batched, around)
     work = task(Systems(model, variables, around), quantities)

@@ -160,7 +160,7 @@ def track(
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
                          "as a mass that vanishes, or poles of a loop that meet on the real axis.",
                          field="values")  # fmt: skip
-    around = plant_of(plant, swept.parameters)
+    around = plant_of(plant, swept.parameters, model)
     variables = design(model, swept.parameters, ties, around.gains, relaxed)
     interval = _Interval(Systems(model, variables, around), swept.parameters)
     first = int(good[0])

@@ -187,7 +187,7 @@ def trade_off(
                 failed += 1
             tell(1)
     rows = np.array([_numbers(optimum) for _, optimum in ends])
-    around = plant_of(plant, variables)
+    around = plant_of(plant, variables, model)
     began = _began(Systems(model, design(model, variables, ties, around.gains, relaxed), around), quantities)
     return _front(model, quantities, ends, rows, span, ideal, began, failed)
 

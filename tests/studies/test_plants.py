@@ -67,7 +67,7 @@ QUANTITIES = {
 def test_derivatives_are_differences_of_the_exact_plant(plant, form, quantities):
     """Differences of fourth order, along one direction of the logarithms of all variables."""
     names = CAR_VARIABLES if plant is not selected else CAR_VARIABLES[1:]
-    bounds, around = dict.fromkeys(names, (1.0, 1e6)), plant_of(plant, names)
+    bounds, around = dict.fromkeys(names, (1.0, 1e6)), plant_of(plant, names, CAR)
     variables = design(CAR, names, None, around.gains)
     observed = {name: QUANTITIES[name] for name in quantities}
     search = Search(Systems(CAR, variables, around), scales(variables, bounds, None),
@@ -197,7 +197,7 @@ def test_gradients_of_a_loop_alone():
 def test_quantities_of_ones_own_have_derivatives_to_gains():
     """They had the derivative 0: what the function returns is that to parameters of the mechanism."""
     names = ("g", "body.mass")
-    around = plant_of(filtered, names)
+    around = plant_of(filtered, names, CAR)
     point = DesignPoint.at(Systems(CAR, design(CAR, names, None, around.gains), around),
                            {"g": 3e3, "body.mass": 300.0}, np.ones(2), np.array([3e3, 300.0]))  # fmt: skip
     own = st.given(lambda loop, rates: (loop.modes().frequencies, np.zeros((len(loop.modes()), len(rates)))), "own")
