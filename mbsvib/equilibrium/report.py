@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
+from mbsvib.common import tables
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, counted
 from mbsvib.linalg.rotations import logarithm
@@ -25,6 +27,8 @@ M = TypeVar("M", bound=Mechanism)
 
 # Number of the lowest modes that are checked where the equations are sparse.
 LOWEST = 10
+# Displacements below this share of the largest one are rounding in the table.
+STILL = 1e-12
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,13 +86,18 @@ class Equilibrium(Displayed, Generic[M]):
             f"  {self._stability()}",
             "  relative residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),
         ]
-        width = max(map(len, self.displacements), default=0)
-        if self.displacements:
-            lines.append("  displacements of the bodies, translation and rotation:")
-        for name, six in self.displacements.items():
-            went, turned = np.linalg.norm(six[:3]), np.linalg.norm(six[3:])
-            lines.append(f"    {name:<{width}}  {went:.6g} m  {turned:.6g} rad")
-        return "\n".join(lines)
+        return "\n".join(lines + ([self._table()] if self.displacements else []))
+
+    def _table(self) -> str:
+        """Table of the displacements of the bodies: translations of centres of mass, and rotation vectors."""
+        rows = np.array(list(self.displacements.values()))
+        columns: list[tuple[str, Any]] = [("body", "left")]
+        for part, unit in ((slice(3), "m"), (slice(3, 6), "rad")):
+            rows[:, part][np.abs(rows[:, part]) <= STILL * np.abs(rows[:, part]).max()] = 0.0
+            columns += [(f"{direction} [{unit}]", "right") for direction in DIRECTIONS[part]]
+        words = [(name, *(f"{value:.6g}" for value in row)) for name, row in
+                 zip(self.displacements, rows.tolist(), strict=True)]  # fmt: skip
+        return tables.text("Displacements from the described pose", columns, words)
 
 
 def modes_of(model: Mechanism) -> Modes | None:

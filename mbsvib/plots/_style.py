@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
@@ -118,17 +119,23 @@ def name_aside(axes: Axes, name: str) -> None:
 
 def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency [Hz]") -> None:
     """Make the horizontal axis logarithmic, from ``low`` to ``high``, with plain numbers where they are short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
     axes.set_xlabel(label)
+    logarithmic(axes.xaxis, low, high)
     if high > low:
         axes.set_xlim(low, high)
-    if high < 50.0 * low:
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    if low >= 1e-3 and high <= 1e5:
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def logarithmic(axis: Axis, low: float, high: float) -> None:
+    """Make an axis of values from ``low`` to ``high`` logarithmic, with plain numbers where they are short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{"xscale" if axis is axis.axes.xaxis else "yscale": "log"})
+    narrow = high < 50.0 * low
+    if narrow:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_minor_formatter(NullFormatter())
+    if low >= 1e-3 and high < (1e6 if narrow else 1.001e5):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def head(figure: Figure, words: str) -> None:

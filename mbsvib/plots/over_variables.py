@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 MOST_LINES = 12
+RATIO = 1e-6  # relative difference of ratios that are equal
 BINS = 10, 60  # fewest and most in a histogram
 
 
@@ -42,12 +43,17 @@ def over_variables(
             _lines(axes, columns[varied[0]], flat, entries)
             axes.set_xlabel(_with_unit(varied[0], units))
             axes.set_ylabel(words)
+            if in_ratios(columns[varied[0]]):
+                style.logarithmic(axes.xaxis, *_ends(columns[varied[0]]))
         elif len(varied) == 2 and grid:
             shape = [len(axis) for axis in axes_values.values()]
             _map(figure, axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
                  words if flat.shape[1] == 1 else f"mode {entries[0]}: {words}" if entries else f"entry 1 of {words}")
             axes.set_xlabel(_with_unit(varied[1], units))
             axes.set_ylabel(_with_unit(varied[0], units))
+            for axis, variable in zip((axes.xaxis, axes.yaxis), reversed(varied), strict=True):
+                if in_ratios(axes_values[variable]):
+                    style.logarithmic(axis, *_ends(axes_values[variable]))
         else:
             histograms(axes, flat)
             axes.set_xlabel(words)
@@ -55,6 +61,13 @@ def over_variables(
         over = ", ".join(varied[:3]) + (", ..." if len(varied) > 3 else "")
         title(axes, f"{label} over {over or 'nothing'}", name)
     return figure
+
+
+def in_ratios(values: Array) -> bool:
+    """Return whether values ascend or descend in equal ratios, as ``--log`` and ``geomspace`` make them."""
+    steps = np.log(values) if len(values) > 2 and (values > 0.0).all() else np.zeros(1)
+    ratios = np.diff(steps)
+    return bool(len(ratios) and ratios.any() and np.ptp(ratios) <= RATIO * np.abs(ratios).max())
 
 
 def histograms(axes: Axes, values: NDArray[Any]) -> None:
@@ -103,6 +116,10 @@ def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words
 def _counted(singular: str, plural: str, count: int) -> str:
     """Return what lines are; how many of them are shown, if not all."""
     return singular if count <= MOST_LINES else f"{MOST_LINES} of {count} {plural}"
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
 
 
 def _with_unit(name: str, units: Mapping[str, str]) -> str:

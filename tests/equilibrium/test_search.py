@@ -248,11 +248,17 @@ def test_a_pose_out_of_reach_keeps_its_last_residual():
 
 
 def test_the_report_prints():
-    text = str(equilibrium(pendulum(0.5)))
+    result = equilibrium(pendulum(0.5))
+    text = str(result)
     assert text.startswith("Equilibrium of pendulum after ")
     assert "residuals: " in text
-    assert "rod" in text
-    assert "0.5 rad" in text
+    head, row = (next(line for line in text.splitlines() if line.split()[:1] == [word]) for word in ("body", "rod"))
+    assert head.split() == ["body", "x", "[m]", "y", "[m]", "z", "[m]", "rx", "[rad]", "ry", "[rad]", "rz", "[rad]"]
+    told = np.array(row.split()[1:], dtype=float)
+    np.testing.assert_allclose(told, result.displacements["rod"], rtol=1e-5, atol=1e-11)
+    assert abs(told[4]) == pytest.approx(0.5, rel=1e-5)
+    assert (told < 0.0).any()  # with their signs
+    assert sorted(set(row.split()[1:]) & {"0", "-0"}) == ["0"]
 
 
 def hanging_chain(count=6):

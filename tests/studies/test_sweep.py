@@ -263,6 +263,16 @@ def test_figures_have_units(values, of, kind):
         result.plot("modes.frequences" if kind != "histogram" else "lowes")
 
 
+@pytest.mark.parametrize(("values", "scale"), [
+    (np.geomspace(1e4, 2e5, 5), "log"), (np.geomspace(2e5, 1e4, 5), "log"), (np.linspace(1e4, 2e5, 5), "linear"),
+    ([-1e4, 1e4, 2e4], "linear"), ([1e4, 2e4], "linear")])  # fmt: skip
+def test_values_in_equal_ratios_are_drawn_over_their_logarithm(values, scale):
+    lines = sweep(quarter_car(), {"tyre.stiffness": values}, lowest).plot().axes[0]
+    assert lines.get_xscale() == scale
+    grid = sweep(quarter_car(), {"body.mass": [300.0, 350.0, 400.0], "tyre.stiffness": values}, lowest).plot().axes[0]
+    assert (grid.get_xscale(), grid.get_yscale()) == (scale, "linear")
+
+
 BAD = [
     ({"tyre.stifness": [1.0]}, "poles", {}, "Did you mean 'tyre.stiffness'"),
     ({"leg*.k.stiffness": [1.0]}, "poles", {}, "no parameter 'leg\\*.k.stiffness'"),
