@@ -12,8 +12,7 @@ from mbsvib.cli._lookup import as_misuse, model_of, range_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mbsvib.api.model import Model
-    from mbsvib.isolation import ClosedLoop, Isolation
+    from mbsvib.isolation import Active, ClosedLoop, Isolation
 
 LAWS = ("force", "velocity", "skyhook")
 
@@ -66,19 +65,25 @@ def path(
 
 def isolation(
     model: ModelFile, body: str, base: str = "ground", feedback: str | None = None, gain: float | None = None,
-    leak: float = 0.0, file: Path | None = None, as_json: bool = False,
+    leak: float = 0.0, legs: list[str] | None = None, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Print how well a body is isolated from the motion of its base, also with feedback in its legs."""
     check_format(file)
     if (feedback is None) != (gain is None):
         raise shell.UsageProblem("--feedback and --gain belong together, as in --feedback force --gain 60.")
+    if legs and feedback is None:
+        raise shell.UsageProblem(f"--legs {legs[0]}: legs get actuators for --feedback; give it, or leave --legs out.")
     from mbsvib import isolation as isolating
     from mbsvib.common import tables
 
     source = model_of(model)
     with as_misuse(body, base):
         results = [isolating.study(source, body, base)]
-    loop = None if feedback is None or gain is None else _closed(source, body, base, feedback, gain, leak)
+    loop = None
+    if feedback is not None and gain is not None:
+        with as_misuse(*(legs or ())):
+            plant = isolating.actuated(source, body, legs, base=base)
+        loop = _closed(plant, feedback, gain, leak)
     if loop is not None:
         results.append(loop.isolation())
     if as_json:
@@ -99,10 +104,9 @@ def isolation(
         deliver(plots.isolation(results, labels), file, as_json)
 
 
-def _closed(source: Model, body: str, base: str, feedback: str, gain: float, leak: float) -> ClosedLoop:
+def _closed(plant: Active, feedback: str, gain: float, leak: float) -> ClosedLoop:
     from mbsvib import isolation as isolating
 
-    plant = isolating.actuated(source, body, base=base)
     if feedback == "force":
         return plant.with_gains(isolating.force_feedback(plant, gain, leak))
     if feedback == "skyhook":
@@ -140,10 +144,13 @@ COMMANDS = {
         option("--base", to="base", metavar="BODY", default="ground", completes="body",
                words="What is shaken. Default: ground."),
         option("--feedback", to="feedback", metavar="KIND", choices=LAWS,
-               words="Actuators and sensors in all legs: force (integral force feedback), velocity or skyhook."),
+               words="Actuators and sensors in the legs: force (integral force feedback), velocity or skyhook."),
         option("--gain", to="gain", metavar="G", type=number, words="Of force feedback [1/s], of the others [N s/m]."),
         option("--leak", to="leak", metavar="W", type=number, default=0.0,
                words="Corner of the integrators [rad/s]. Default: 0."),
+        option("--legs", to="legs", metavar="NAME", action="append", completes="spring",
+               words="Springs, joints or patterns that get actuators, mount1.z of a bushing; may be given several "
+                     "times. Default: all line springs, without any all prismatic joints."),
         file_argument("Transmissibility and compliance, as .png, .pdf or .svg."),
         JSON,
     )),
