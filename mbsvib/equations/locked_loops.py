@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.joint_kinds import KINDS
-from mbsvib.equations.alignment import LARGEST, advice, aligned_loops
+from mbsvib.equations.alignment import advice, aligned_loops
 from mbsvib.equations.loop_geometry import LISTED, Loops, different, directions, in_line, loops_of
 from mbsvib.errors import NearSingularWarning, counted
 from mbsvib.linalg.rank import NEAR_SINGULAR, NEARLY_LOCKED, NEARLY_REDUNDANT, RANK_FACTOR, RANK_GAP
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # Groups of loops with more coordinates are not tried again, nor more groups: each takes some milliseconds.
 MOST_COORDINATES, MOST_GROUPS = 200, 16
+# Shifts of axes, in parts of the loops' size, up to which they are suspected without being asked for.
+SUSPECTED = 0.02
 # Kinds that free what an angle locks, those that free least first.
 FREER = ("cylindrical", "spherical", "point_on_line")
 
@@ -97,7 +99,7 @@ def _by_points(model: Mechanism, group: LoopGroup, names: Sequence[str]) -> str 
     if len(names) > MOST_COORDINATES:
         return None
     limit = RANK_FACTOR * group.noise
-    known = aligned_loops(loops, set(loops.model.joints), LARGEST, limit)
+    known = aligned_loops(loops, set(loops.model.joints), SUSPECTED, limit)
     if not known:
         return None
     freed = loops.with_joints([joint for joint, _ in known]).freedom(limit) - loops.freedom(limit)
