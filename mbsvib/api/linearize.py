@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
-from mbsvib.api.driven import DrivenSystem
-from mbsvib.api.driven_batch import DrivenBatch
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
 from mbsvib.equations.assembly import is_small
@@ -118,7 +116,7 @@ def linearize(
             wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
-        return cast("Batch", _with_motions(model, batch, DrivenBatch))
+        return cast("Batch", _with_motions(model, batch, several=True))
     if method is None and is_small(model):
         system = dense_equations(model, independent, cut, System)
         warn(model.name, system.provenance.undetermined)
@@ -131,7 +129,12 @@ def linearize(
     return cast("SparseSystem", _with_motions(model, large))
 
 
-def _with_motions(model: Mechanism, equations: Any, form: Any = DrivenSystem) -> Any:
+def _with_motions(model: Mechanism, equations: Any, several: bool = False) -> Any:
     """The equations, or those with motions as inputs where the model has such inputs."""
     known = drives(model)
-    return form(equations, known) if differ(known) else equations
+    if not differ(known):
+        return equations
+    from mbsvib.api.driven import DrivenSystem
+    from mbsvib.api.driven_batch import DrivenBatch
+
+    return (DrivenBatch if several else DrivenSystem)(equations, known)

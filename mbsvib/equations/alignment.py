@@ -13,8 +13,6 @@ from math import ceil, log10
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.common.arguments import number
 from mbsvib.elements.joint import moved_joint
@@ -26,6 +24,7 @@ from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.loop_group import measures
 from mbsvib.kinematics.loops import loop_groups
 from mbsvib.kinematics.relative_motion import twists
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import RANK_FACTOR, RANK_GAP
 from mbsvib.mechanism.topology import span
 
@@ -226,8 +225,8 @@ def _clusters(vectors: Array, tolerance: float) -> list[tuple[list[int], Array]]
 
 
 def _connected(near: Array) -> list[list[int]]:
-    count, label = connected_components(coo_array(near), directed=False)
-    return [np.flatnonzero(label == k).tolist() for k in range(count)]
+    label = part_numbers(near)
+    return [np.flatnonzero(label == k).tolist() for k in range(label.max(initial=-1) + 1)]
 
 
 def _line(joint: Joint) -> Array | None:

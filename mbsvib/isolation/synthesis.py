@@ -212,6 +212,8 @@ def _size(a: Array, b: Array, c: Array, d: Array) -> float:
 
 
 UNDAMPED = 1e-12  # share of the largest pole below which a real part is rounding
+# Newton's steps for a solution of Riccati's equation, at most, and the relative change at which they end.
+NEWTON_STEPS, CONVERGED = 4, 1e-9
 
 
 def lqg(
@@ -326,9 +328,10 @@ def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tu
     ordered whatever eigenvalues coincide, as those of a symmetric platform do; the real one of
     ``scipy.linalg.solve_continuous_are`` is not.
 
-    Source: A. J. Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. Automatic Control 24 (1979).
+    Source: A. J. Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. Automatic Control 24 (1979);
+    D. L. Kleinman, On an iterative technique for Riccati equation computations, the same 13 (1968), for the last step.
     """
-    from scipy.linalg import schur
+    from scipy.linalg import schur, solve_continuous_lyapunov
 
     none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
                          "sensors, or effort and noise are too small against the rest.")  # fmt: skip
@@ -342,12 +345,18 @@ def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tu
         cost = size * np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T).real
     except np.linalg.LinAlgError as error:
         raise none from error
-    cost = 0.5 * (cost + cost.T)
     gain = drive @ cost + direct
     poles = np.linalg.eigvals(a - b @ gain)
     # rounding moves uncontrollable poles to either side of the imaginary axis
     if count != n or not (poles.real < -UNDAMPED * np.abs(poles).max()).all():
         raise none
+    for _ in range(NEWTON_STEPS):  # the cost of each gain: without the rounding of Hamiltonian matrices with fast modes
+        before, spread = cost, cross @ gain
+        cost = solve_continuous_lyapunov((a - b @ gain).T, spread + spread.T - state - gain.T @ effort @ gain)
+        cost = 0.5 * (cost + cost.T)
+        gain = drive @ cost + direct
+        if np.abs(cost - before).max(initial=0.0) <= CONVERGED * np.abs(cost).max(initial=0.0):
+            break
     return cost, np.asarray(gain)
 
 

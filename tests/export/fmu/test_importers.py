@@ -144,10 +144,12 @@ def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, 
     The relative tolerance holds for each step of the integrator; errors add up over 20 periods of thousands of steps.
     """
     system = library.build(name).linearize()
+    units = np.array(system.output_units)
     file = mx.to_fmu(system, tmp_path / "model.fmu", version, realization=realization)
     stop = float(read_model_description(str(file)).defaultExperiment.stopTime)
-    # of 240 states some make 2000 oscillations until then
-    time, count = np.linspace(0.0, stop, 1001)[: 101 if name == "cantilever" else None], len(system.inputs)
+    # some of their states make thousands of oscillations until then
+    elastic = name in ("cantilever", "parallel_guide", "cross_hinge")
+    time, count = np.linspace(0.0, stop, 1001)[: 101 if elastic else None], len(system.inputs)
     item = np.array([np.abs(system.time_response(time, np.eye(count)[:, [j]] * np.ones(len(time)))).max(axis=1)
                      for j in range(count)]).T  # fmt: skip
     largest = item.max(axis=1, keepdims=True)
@@ -160,7 +162,10 @@ def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, 
                               relative_tolerance=rtol, output=list(system.outputs),
                               start_values=dict(zip(system.inputs, size.tolist(), strict=True)))  # fmt: skip
         response = np.array([result[output] for output in system.outputs])
-        error, allowed = np.abs(response - truth).max(axis=1), factor * rtol * np.abs(truth).max(axis=1)
+        error, limit = np.abs(response - truth).max(axis=1), factor * rtol * np.abs(truth).max(axis=1)
+        # what stands still by symmetry is measured by all of its unit
+        still = limit <= 1e-12 * max(limit)
+        allowed = np.where(still, [max(limit[units == unit]) for unit in units], limit)
         assert (error <= allowed).all(), (rtol, [system.outputs[i] for i in np.flatnonzero(error > allowed)])
 
 
