@@ -76,7 +76,7 @@ class WithMotions:
 
 def plant_of(function: PlantFunction | None, variables: Any, model: Model) -> Plant:
     """Return the plant of a study, checked; its gains without default are among the variables."""
-    motions = drives(model)
+    motions = drives(model) if kind_of(model) == "model" else ()  # the study refuses what is no model
     if differ(motions):
         return Plant(WithMotions(function, motions), _checked(function, variables).gains)
     return _checked(function, variables)
