@@ -82,12 +82,12 @@ class _Tree:
     """Frames (origin, axes) of links by body; joints of the tree by the body that they carry."""
 
     frames: dict[str, tuple[Array, Array]]
-    carried: dict[str, Joint] = field(default_factory=dict)
+    parent_joint: dict[str, Joint] = field(default_factory=dict)
 
 
 def _robot(model: Model, leave: Sequence[str]) -> ElementTree.Element:
     tree = _tree(model)
-    in_tree = {joint.name for joint in tree.carried.values()}
+    in_tree = {joint.name for joint in tree.parent_joint.values()}
     damping, mimics = _refused_or_said(model, leave, in_tree)
     root = "world"
     while root in model.bodies:
@@ -102,9 +102,9 @@ def _robot(model: Model, leave: Sequence[str]) -> ElementTree.Element:
         ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
         entries = dict(zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), body.inertia, strict=True))
         ElementTree.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries.items()})
-    carried = {joint.name: (name, joint) for name, joint in tree.carried.items()}
-    moving: list[tuple[str, Joint | None]] = [carried[name] for name in model.joints if name in carried]
-    moving += [(name, None) for name in model.bodies if name not in tree.carried]
+    by_joint = {joint.name: (name, joint) for name, joint in tree.parent_joint.items()}
+    moving: list[tuple[str, Joint | None]] = [by_joint[name] for name in model.joints if name in by_joint]
+    moving += [(name, None) for name in model.bodies if name not in tree.parent_joint]
     for name, joint in moving:
         parent = GROUND if joint is None else joint.first if joint.second == name else joint.second
         label = f"{name}.floating" if joint is None else joint.name
@@ -150,7 +150,7 @@ def _tree(model: Model) -> _Tree:
                         part = model.bodies[other]
                         at = part.position if joint.position is None else joint.position
                         tree.frames[other] = np.array(at), np.array(part.orientation)
-                        tree.carried[other] = joint
+                        tree.parent_joint[other] = joint
                         start.append(other)
     return tree
 

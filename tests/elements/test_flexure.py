@@ -327,7 +327,7 @@ def test_files(tmp_path):
 
 
 def test_equilibrium_and_run_of_a_guide():
-    """A guide lowers its stage by 3 x^2 / 5 L, 1.2 is the integral of squared slopes; it is back when it is let go."""
+    """A guide lowers its stage by 3 x^2 / 5 L, 1.2 is the integral of squared slopes; released, it returns."""
     model = guide()
     soft = E * B * T**3 / 12
     force = 24 * soft / L**3 * 1e-3
