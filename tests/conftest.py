@@ -9,6 +9,7 @@ Binaries compiled for the tests go to a cache of their own, once a run.
 import gc
 import os
 import random
+import sys
 
 import numpy as np
 import pytest
@@ -84,6 +85,14 @@ def _own_printing():
     before = np.get_printoptions()
     yield
     np.set_printoptions(**before)
+
+
+@pytest.fixture(autouse=True)
+def _own_figures():
+    """Figures that a test leaves open end with the test: the next one on this process would count them."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -28,8 +28,7 @@ def figures(monkeypatch):
 
     shown = []
     monkeypatch.setattr(plt, "show", lambda: shown.extend(map(plt.figure, plt.get_fignums())))
-    yield shown
-    plt.close("all")
+    return shown
 
 
 @pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)

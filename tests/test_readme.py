@@ -25,15 +25,12 @@ def folder(tmp_path_factory):
 def names(folder):
     """The names that are there after all blocks of Python, in order."""
     mpl.use("agg")
-    from matplotlib import pyplot as plt
-
     space = {"__name__": "readme"}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for text in blocks("python"):
             exec(compile(text, "README.md", "exec"), space)
-    yield space
-    plt.close("all")
+    return space
 
 
 def test_the_python_runs(names, folder):
