@@ -5,7 +5,7 @@ open loop amplifies the floor's vibration 791-fold at its resonances. The synthe
 from the floor's acceleration and the sensors' noise to the payload's acceleration and the forces that this takes.
 
 The controller of the least norm has fast poles, and little phase lag makes its loops unstable. One that is allowed a
-norm 1.2 times as large bears twice the lag in all loops at once. Structured singular values tell by how much the gains
+norm 1.2 times as large bears twice the lag in all loops at once. Structured singular values state by how much the gains
 of all six actuators may be wrong, each in its own way: 27 and 78 %.
 
 Needs ctrlsys:  pip install "mbsvib[ctrlsys]"

@@ -19,7 +19,7 @@ from mbsvib import report
 
 LEGS, ALONG = [f"leg{i}" for i in range(1, 7)], ("x", "y", "z", "rx", "ry", "rz")
 FEET, HEADS = np.radians([-12, 12, 108, 132, 228, 252]), np.radians([-48, 48, 72, 168, 192, 288])
-RATE = 5e3  # samples a second [Hz]
+RATE = 5e3  # sampling rate [Hz]
 
 model = mv.Model("hexapod")
 model.add_body("table", 8.0, (0.10, 0.10, 0.18), (0, 0, 0.25))

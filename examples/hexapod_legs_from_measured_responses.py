@@ -3,8 +3,8 @@
 The legs of a platform on six struts differ by some 20 % in stiffness and by a factor of two in damping from the
 drawing. A shaker pushes the platform beside its centre and three triaxial accelerometers measure, with 2 % noise. A
 fit of the model to the responses gives all twelve values with intervals of 95 %; the intervals hold the true values.
-With one accelerometer alone the data are ten times fewer: the fit says how wide its intervals are then, and which
-channel would tell most.
+With one accelerometer alone the data are ten times fewer: the fit shows how wide its intervals are then, and which
+channel would add the most information.
 """
 
 import numpy as np

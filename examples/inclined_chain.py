@@ -25,7 +25,7 @@ expected = np.sin(np.outer(number, number) * np.pi / 9)
 shapes *= np.sum(shapes * expected, axis=0) / np.sum(shapes * shapes, axis=0)
 assert np.allclose(shapes, expected, atol=1e-12)
 
-# Pushed at one end, at rest, the first mass gives way to one spring in parallel with eight in series.
+# Pushed at one end, at rest, the first mass sees one spring in parallel with eight in series.
 assert np.isclose(system.frequency_response([0.0])[0, 0, 0].real, 1 / (1e5 + 1e5 / 8), rtol=1e-12, atol=0)
 
 

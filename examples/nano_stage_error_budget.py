@@ -2,7 +2,7 @@
 
 A floor that just meets criterion VC-C shakes the stage by micrometres at the resonances of its legs. Integral force
 feedback damps these, and brings the noise of force sensors and amplifiers to the stage. Which gain is best, and what
-dominates the error there? The budget of each gain tells: its contributions are exact, and their squares add up.
+dominates the error there? The budget of each gain answers that: its contributions are exact, and their squares add up.
 
 The derivative of the root mean square to the gain is exact as well: at the best gain it is zero.
 """

@@ -1,8 +1,8 @@
 """A nano-stage on flexures: a piezo, a lever on notch hinges that enlarges its stroke, and a guide of two leaf springs.
 
-Ideal hinges would enlarge the stroke by the ratio of the arms, 5. Real ones bend, which costs force, and give way along
+Ideal hinges would enlarge the stroke by the ratio of the arms, 5. Real ones bend, which costs force, and are compliant along
 their axis, which costs stroke. Thick necks raise the first mode, which limits the bandwidth, thin ones leave more
-stroke. The derivatives of the first mode tell which dimension of a flexure has to be made with care.
+stroke. The derivatives of the first mode show which dimension of a flexure has to be made with care.
 
 The bending stiffness of a circular notch is that of Paros and Weisbord (How to design flexure hinges, 1965).
 """
@@ -40,7 +40,7 @@ flexibility = 3 / (2 * E * NOTCH["width"] * NOTCH["radius"] ** 2 * s) * (
 leaves = 2 * E * LEAF["width"] * (LEAF["thickness"] / LEAF["length"]) ** 3
 bending = NEAR * FAR / (2 / flexibility + PIEZO * NEAR**2 + leaves * FAR**2)
 static = system.frequency_response([0.0])[0, 0, 0].real
-stiff = model.with_values({f"{name}.E": 1e6 * E for name in model.beams})  # that neither bend nor give way
+stiff = model.with_values({f"{name}.E": 1e6 * E for name in model.beams})  # that are rigid
 assert bending * 0.7 < static < bending < NEAR * FAR / (PIEZO * NEAR**2)
 assert abs(stiff.linearize().frequency_response([0.0])[0, 0, 0]) < 1e-3 * static
 

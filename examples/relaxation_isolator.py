@@ -2,7 +2,7 @@
 
 A damper parallel to the spring of an isolator transmits vibration: far above the resonance it is the stiffer path, and
 transmissibility falls by 20 dB a decade only. A spring in series with the damper (a Maxwell element, as in the
-isolators of space telescopes) gives way there, and 40 dB a decade come back. The node between both has no mass, and no
+isolators of space telescopes) yields there, and 40 dB a decade come back. The node between both has no mass, and no
 fake one is needed: it is one first-order state of three in all.
 
 With the series spring N times the static one, all transmissibilities pass through 1 + 2/N at r^2 = 2 (N + 1) / (N + 2),

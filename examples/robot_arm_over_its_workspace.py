@@ -1,6 +1,6 @@
 """How stiff is a robot's arm where it works? Its lowest structural mode over the plane in which it reaches.
 
-The arm is a URDF file; its gears give way, which the file does not say, so that stiffness comes as an argument. Each
+The arm is a URDF file; its gears are compliant, which the file does not describe, so that stiffness comes as an argument. Each
 pose is a model of its own: links turn, joints stay as stiff as they are, and the lowest frequency falls as the hand
 reaches out.
 """

@@ -32,7 +32,7 @@ for k in (1, 30, 60):
 forward = [point for point in data.critical if point.whirl > 0.5]
 for point in forward:
     assert np.abs(2 * np.pi * whirls(point.speed) - point.speed).min() < 1e-9 * point.speed
-    print(f"forward whirl at {point.speed:.4f} rad/s, {60 / (2 * np.pi) * point.speed:.2f} turns a minute")
+    print(f"forward whirl at {point.speed:.4f} rad/s, {60 / (2 * np.pi) * point.speed:.2f} revolutions per minute")
 assert forward
 
 # The bearing feels it: the force per unit force of unbalance along x, at the rotor's own speed.

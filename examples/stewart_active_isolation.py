@@ -4,7 +4,7 @@ Each leg of the isolator has an actuator beside its spring, a force sensor in se
 authority control integrates each leg's own force: whatever the gain, that takes energy, as actuator and sensor are
 collocated, poles and zeros interlaced. High authority control then feeds back the platform's absolute velocity in
 modal coordinates, so that its six suspension modes behave as dampers to the sky would make them: HAC-LAC. Margins of
-all twelve loops together tell what model errors may do, and the delay of the computer what it does.
+all twelve loops together show what model errors may do, and the delay of the computer what it does.
 
 On one strut all is known: with a pole Omega and a zero z the most that force feedback damps is (Omega - z) / (2 z).
 """
@@ -45,11 +45,11 @@ assert margins.all_phases > 25.0
 on_computer = both.sampled(20e3, delay=20e-6)
 assert on_computer.stable
 
-try:  # the other sign drives what it ought to damp, and the mode is told
+try:  # the other sign drives what it ought to damp, and the mode is named
     plant.with_gains(isolation.velocity_feedback(plant, -500.0)).isolation()
 except mv.ResponseError as error:
-    told = str(error)
-assert "mode 12 (1270 Hz, platform rz)" in told
+    refusal = str(error)
+assert "mode 12 (1270 Hz, platform rz)" in refusal
 
 
 def draw():
@@ -70,6 +70,6 @@ def draw():
 
 
 if __name__ == "__main__":
-    for thing in (pairs, both, margins, told):
+    for thing in (pairs, both, margins, refusal):
         print(thing)
     draw()

@@ -5,7 +5,7 @@ height of the payload's centre of mass. The best of them let least of the floor'
 not sag more than 20 um, the peak of transmissibility is below 1.25, and no leg strokes more than half a micrometre.
 Gradients are exact. A front then shows what isolation costs in compliance to forces on the payload.
 
-A cubic hexapod has it easier: its legs are orthogonal, and J^T k J tells all six stiffnesses without a computer.
+A cubic hexapod has it easier: its legs are orthogonal, and J^T k J gives all six stiffnesses without a computer.
 """
 
 import time

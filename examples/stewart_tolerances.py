@@ -1,11 +1,11 @@
 """Ten thousand Stewart platforms, none as drawn: what tolerances do to its frequencies.
 
 Legs come with 5 % of tolerance of their stiffness, parts with 2 % of their mass, joints sit within a tenth of a
-millimetre. All samples are linearized in batches, in seconds. First order tells the same from derivatives alone, and
+millimetre. All samples are linearized in batches, in seconds. First order gives the same from derivatives alone, and
 which tolerance is worth its money.
 
 By symmetry the platform has two pairs of equal frequencies. These part as soon as anything is off: their derivatives
-are matrices, and the scatter is that of the eigenvalues of a random matrix. No straight line would tell.
+are matrices, and the scatter is that of the eigenvalues of a random matrix. No straight line would show that.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ assert len(found.tolerance) == 55
 assert not found.sweep.failed.any()
 # First order is right about the scatter, of pairs that part as well.
 assert np.allclose(found.std, found.first, rtol=0.03)
-assert found.parted.tolist() == [True, True, False, True, True, False]
+assert found.close_modes.tolist() == [True, True, False, True, True, False]
 apart = found.sampled[:, 1] - found.sampled[:, 0]
 assert np.isclose(apart.mean(), np.diff(found.linear[:, :2], axis=1).mean(), rtol=0.02)
 # Stiffness is what counts, not the joints: their positions have less than a tenth of the variance.

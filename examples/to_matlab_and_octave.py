@@ -1,4 +1,4 @@
-"""A Stewart platform handed to MATLAB or Octave, and what comes back held against what went out.
+"""A Stewart platform handed to MATLAB or Octave, and what comes back compared with what went out.
 
 ``to_mat`` writes A B C D and M C K with all names and units, and a script that makes ``ss`` and ``mechss`` objects of
 them. It compares their frequency response with points in the file before it hands them out. Here Octave does velocity

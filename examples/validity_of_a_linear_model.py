@@ -1,8 +1,8 @@
 """How far a linear model holds: a toggle near its stretched pose, by second derivatives and by nonlinear runs.
 
 Two arms push a slider against a spring. The nearer they are to their stretched pose, the less the slider moves to first
-order, and the sooner its second-order part is as large. `linear_range` tells from one linearization at which amplitude
-that part reaches a tenth; nonlinear runs released there, and at other amplitudes, tell what really happens.
+order, and the sooner its second-order part is as large. `linear_range` finds from one linearization at which amplitude
+that part reaches a tenth; nonlinear runs released there, and at other amplitudes, show what really happens.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Frequencies of a wafer stage put where they ought to be, and followed on their way there.
 
-The base frame is to get out of the way of the stage's servo control: its modes along x and y are to be told apart, that
+The base frame is to get out of the way of the stage's servo control: its modes along x and y are to be separated, that
 along z is to go beyond all of the control. On the way it meets others. A search that took "mode 15" for the fifteenth
 lowest would run after another mode from there on; here modes are followed by their shapes, each keeps its name.
 

@@ -40,7 +40,7 @@ class LinearRange(Displayed):
 
     ``values`` (modes, outputs) are in the ``units`` of the outputs: inf where there is no second-order part, 0 where
     there is nothing else, NaN for outputs without second derivatives (forces in joints, strains). ``travel``
-    (modes, outputs) is how far the coordinate that moves most has moved there [rad, mechanism sizes]. ``frequencies``
+    (modes, outputs) is how far the coordinate of largest motion has moved there [rad, mechanism sizes]. ``frequencies``
     (modes,) [Hz] are those of the modes.
     """
 

@@ -26,7 +26,7 @@ def models(as_json: bool = False) -> None:
 
 
 def modes(model: ModelFile, as_csv: bool = False, as_json: bool = False) -> None:
-    """Print natural frequencies, damping ratios and what moves most in each mode."""
+    """Print natural frequencies, damping ratios and the largest motion of each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
     from mbsvib.common import tables
@@ -55,7 +55,7 @@ def csv_text(modes: Modes) -> str:
 
 
 def _columns(modes: Modes) -> dict[str, list[Any]]:
-    """Numbers, frequencies [Hz], damping ratios, both eigenvalues [1/s], errors, and what moves most, by mode.
+    """Numbers, frequencies [Hz], damping ratios, both eigenvalues [1/s], errors, and the largest motion, by mode.
 
     A mode of first order has one eigenvalue, and no second one.
     """

@@ -75,7 +75,7 @@ class Equilibrium(Displayed, Generic[M]):
             return "stable" + (f" except for {counted(modes.rigid, 'rigid-body mode')} at 0 Hz" if modes.rigid
                                else "")  # fmt: skip
         most = modes.strongest()
-        listed = ", ".join(f"{number} ({' '.join(most[number - 1])} moves most)" for number in numbers)
+        listed = ", ".join(f"{number} (largest motion: {' '.join(most[number - 1])})" for number in numbers)
         return f"UNSTABLE: {counted(len(numbers), 'unstable mode')} of model.linearize().modes(): {listed}"
 
     def __str__(self) -> str:

@@ -64,7 +64,7 @@ STRESS_IN_COUPLERS = 1e-10
 DETERMINED = 1e-9
 # The inverse condition of N^T K N, brought to a unit diagonal, below which springs of both signs cancel.
 CANCELLING_SPRINGS = 1e-13
-# Bodies that a motion moves by less than this share of what it moves most are none of those it is said to move.
+# Bodies that a motion moves by less than this share of its largest motion are not among those it is said to move.
 MOVES_NOTHING = 1e-9
 # What inputs do at once is zero below this share of the terms it is the sum of.
 ZERO_FEEDTHROUGH = 1e-12

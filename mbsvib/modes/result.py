@@ -62,7 +62,7 @@ class Modes(Columnar, Displayed):
 
     _engine = "MOST body_motion check_accuracy damped inertia_factor mixed natural rung starts strongest"
 
-    MOST: ClassVar[str] = "moves most"
+    MOST: ClassVar[str] = "largest motion"
 
     name: str
     coordinates: tuple[str, ...]
@@ -262,7 +262,7 @@ class Modes(Columnar, Displayed):
         return dict(zip(self.bodies, energy / np.where(total > 0.0, total, 1.0), strict=True))
 
     def strongest(self) -> tuple[tuple[str, ...], ...]:
-        """Return for each mode the body with most kinetic energy, and the direction in which it moves most.
+        """Return for each mode the body with most kinetic energy, and the direction of its largest motion.
 
         Where nothing that moves has mass, it is the body that moves furthest. Without bodies it is the coordinate with
         the largest momentum.

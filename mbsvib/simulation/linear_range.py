@@ -34,7 +34,7 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     """Return the amplitude of each output in each mode at which the second-order part reaches a share of the first.
 
     Returns (modes, outputs): amplitudes [unit of the output]; inf where there is no second-order part; (modes,
-    outputs): amplitudes of the coordinate that moves most there [rad, mechanism sizes].
+    outputs): amplitudes of the coordinate of largest motion there [rad, mechanism sizes].
     """
     model = _mechanism(system)
     statement = finite_motion(model, cut=system.cut_joints)
@@ -82,7 +82,7 @@ def _mechanism(system: Equations) -> Mechanism:
 
 def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Array, share: float) -> \
         tuple[Array, Array]:  # fmt: skip
-    """Amplitudes (outputs,) of outputs and of the coordinate that moves most, in one mode."""
+    """Amplitudes (outputs,) of outputs and of the coordinate of largest motion, in one mode."""
     n = len(scale)
     if parts.residual(shape, s) > SAME_EQUATIONS and s != 0.0:
         raise ModelError("linear_range: the modes do not solve the equations of finite motion in this pose; linearize "

@@ -27,7 +27,7 @@ class FirstOrder:
     """First-order values of k numbers, those of each quantity in turn (``counts``).
 
     ``nominal``, ``deviation`` and ``worst`` change (k,); ``shares`` of the variables in the variance (k, v); ``linear``
-    (n, k): values of the samples; ``parted`` (k,): mask of numbers of close modes.
+    (n, k): values of the samples; ``close_modes`` (k,): mask of numbers of close modes.
     """
 
     nominal: Array
@@ -36,7 +36,7 @@ class FirstOrder:
     worst: Array
     shares: Array
     linear: Array
-    parted: NDArray[np.bool_]
+    close_modes: NDArray[np.bool_]
 
 
 def first_order(
@@ -66,14 +66,14 @@ def first_order(
     linear = nominal + off @ slope.T
     root = np.sqrt(((size * sizes) ** 2).sum(axis=1)) * deviation
     counts = tuple([len(dual.value) for dual in duals])
-    worst, parted = size @ sizes, np.zeros(len(nominal), dtype=bool)
-    for at, values, bound, length in _parting(point, quantities, counts, off, sizes * deviation):
+    worst, close_modes = size @ sizes, np.zeros(len(nominal), dtype=bool)
+    for at, values, bound, length in _close_modes(point, quantities, counts, off, sizes * deviation):
         linear[:, at] = nominal[at] + values
-        root[at], worst[at], size[at], parted[at] = values.std(ddof=1), bound @ sizes, length, True
+        root[at], worst[at], size[at], close_modes[at] = values.std(ddof=1), bound @ sizes, length, True
     variance = (size * sizes) ** 2
     total = variance.sum(axis=1, keepdims=True)
     shares = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0.0)
-    return FirstOrder(nominal, counts, root, worst, shares, linear, parted)
+    return FirstOrder(nominal, counts, root, worst, shares, linear, close_modes)
 
 
 def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
@@ -89,7 +89,7 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     return FirstOrder(nominal, counts, missing, missing, shares, linear, np.zeros(len(nominal), dtype=bool))
 
 
-def _parting(
+def _close_modes(
     point: DesignPoint, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array, deviation: Array
 ) -> list[tuple[int, Array, Array, Array]]:
     """Index of each number whose mode is near to others, its changes in the samples, and the largest and the root mean

@@ -125,11 +125,11 @@ class Tolerances(Columnar, Displayed):
     ``tolerance`` at once can change them, up or down, ``shares`` (k, variables) the part of each variable in the
     variance. By random samples: ``sweep`` holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their
     first-order values.
-    Modes within a few standard deviations of each other, ``parted``, repel each other, which is not linear: their
+    Modes within a few standard deviations of each other, ``close_modes``, repel each other, which is not linear: their
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
 
-    _engine = "index labels linear parted"
+    _engine = "index labels linear"
 
     name: str
     labels: tuple[str, ...]
@@ -142,7 +142,7 @@ class Tolerances(Columnar, Displayed):
     sweep: Sweep
     sampled: Array = field(repr=False)
     linear: Array = field(repr=False)
-    parted: NDArray[np.bool_] = field(repr=False)
+    close_modes: NDArray[np.bool_] = field(repr=False)
 
     @cached_property
     def _good(self) -> NDArray[np.bool_]:
@@ -248,7 +248,7 @@ class Tolerances(Columnar, Displayed):
         columns = [("", "left"), *((head, "left" if head == "most by" else "right") for head in heads)]
         notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
                  f"{counted(int((~self._good).sum()), 'failure')}. {MEANING[self.distribution]}"]  # fmt: skip
-        if self.parted.any():
+        if self.close_modes.any():
             notes.append("Neighbouring modes repel each other as soon as anything is off: their means are not nominal.")
         return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
@@ -349,7 +349,7 @@ def tolerances(
     sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
     return Tolerances(model.name, _labels(quantities, linear.counts, ask), linear.nominal, linear.deviation,
                       linear.worst, linear.shares, width, distribution, swept, sampled, linear.linear,
-                      linear.parted)  # fmt: skip
+                      linear.close_modes)  # fmt: skip
 
 
 class _Ask:

@@ -125,7 +125,7 @@ def track(
         Values of each variable, as for ``sweep``; neighbours should be neighbours in the arrays too.
     names : mapping of str to int, optional
         Names of modes, by their numbers at the first point, which count from 1. Default, and for all others: the body
-        that moves most there, and the direction.
+        of largest motion there, and the direction.
     how : str
         "grid": all combinations; "paired": point by point.
     ties : mapping of str to mapping of str to float or Tie, optional

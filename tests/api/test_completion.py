@@ -13,7 +13,7 @@ from mbsvib.common.completion import completed_names
 # Words of the engine that no completion may list.
 ENGINE = {
     "MOST", "basis", "declared_parts", "derived", "expansion", "far", "gathered", "inertia_factor", "judged", "law",
-    "null_inertia", "parted", "provenance", "realized", "returned", "row_owner", "rung", "scene", "selection",
+    "null_inertia", "provenance", "realized", "returned", "row_owner", "rung", "scene", "selection",
     "suspects", "tableau", "wrenches",
 }  # fmt: skip
 

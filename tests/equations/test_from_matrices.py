@@ -98,7 +98,7 @@ def test_names_and_default_outputs():
     seen = mv.System.from_matrices(np.eye(2), None, np.eye(2), Cv=[[1.0, 1.0]], outputs=["speed"], name="two")
     assert (seen.name, seen.outputs, seen.inputs) == ("two", ("speed",), ())
     assert [" ".join(most) for most in system.modes().strongest()] == ["q1", "q2"]
-    assert "moves most" in str(system.modes())
+    assert "largest motion" in str(system.modes())
 
 
 @pytest.mark.slow

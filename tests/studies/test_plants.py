@@ -150,7 +150,7 @@ def test_close_modes_of_a_loop_split_as_those_of_springs():
 
     loop = mv.tolerances(pair(False), share, st.frequency([1, 2]), samples=20, plant=linked)
     springs = mv.tolerances(pair(True), share, st.frequency([1, 2]), samples=20)
-    assert loop.parted.all()
+    assert loop.close_modes.all()
     np.testing.assert_allclose(loop.linear, springs.linear, rtol=1e-6)
     np.testing.assert_allclose(loop.first, springs.first, rtol=1e-4)
 

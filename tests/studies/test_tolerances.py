@@ -53,7 +53,7 @@ def test_first_order_is_first_order_sample_by_sample():
 def test_modes_that_coincide_part_as_samples_say():
     names = {"leg*.k.stiffness": "0.5 %", "leg?.*.mass": "0.5 %", "leg*.head.position.z": 1e-5}
     result = st.tolerances(stewart(), names, st.frequency(), samples=500)
-    assert result.parted.tolist() == [True, True, False, True, True, False]
+    assert result.close_modes.tolist() == [True, True, False, True, True, False]
     parts = result.sampled - result.nominal
     assert (parts[:, 0] < parts[:, 1]).all()
     left = np.abs(result.sampled - result.linear).max(axis=0)
@@ -69,7 +69,7 @@ def test_modes_that_nearly_coincide_repel_each_other():
     names = {"slow.spring.stiffness": "3 %", "fast.spring.stiffness": "3 %", "link.stiffness": 0.2, "slow.mass": 0.02,
              "slow.spring.damping": "20 %"}  # fmt: skip
     result = st.tolerances(model, names, samples=2000)
-    assert result.parted.all()
+    assert result.close_modes.all()
     # where two frequencies are one to the last digits, rounding says which damping ratio comes first
     left = np.quantile(np.abs(result.sampled - result.linear), 0.99, axis=0)
     assert (left < 0.05 * np.abs(result.sampled - result.nominal).max(axis=0)).all()
