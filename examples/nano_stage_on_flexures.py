@@ -1,8 +1,8 @@
 """A nano-stage on flexures: a piezo, a lever on notch hinges that enlarges its stroke, and a guide of two leaf springs.
 
-Ideal hinges would enlarge the stroke by the ratio of the arms, 5. Real ones bend, which costs force, and are compliant along
-their axis, which costs stroke. Thick necks raise the first mode, which limits the bandwidth, thin ones leave more
-stroke. The derivatives of the first mode show which dimension of a flexure has to be made with care.
+Ideal hinges would enlarge the stroke by the ratio of the arms, 5. Real ones bend, which costs force, and stretch, which
+costs stroke. Thick necks raise the first mode, which limits the bandwidth, thin ones leave more stroke. The
+derivatives of the first mode show which dimension of a flexure has to be made with care.
 
 The bending stiffness of a circular notch is that of Paros and Weisbord (How to design flexure hinges, 1965).
 """

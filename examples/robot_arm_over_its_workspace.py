@@ -1,8 +1,8 @@
 """How stiff is a robot's arm where it works? Its lowest structural mode over the plane in which it reaches.
 
-The arm is a URDF file; its gears are compliant, which the file does not describe, so that stiffness comes as an argument. Each
-pose is a model of its own: links turn, joints stay as stiff as they are, and the lowest frequency falls as the hand
-reaches out.
+The arm is a URDF file. Its gears are compliant, which a URDF cannot describe, so that their stiffness is an argument.
+Each pose is a model of its own: links turn, joints stay as stiff as they are, and the lowest frequency falls as the
+hand reaches out.
 """
 
 from pathlib import Path
