@@ -1,6 +1,5 @@
 """Modes: eigenvalues, damping, shapes, exact zeros, and error estimates that hold."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +9,12 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.modes.damped import pair_numbers
+from tests.support.chains import stiff_chain
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
 from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, rotation, spatial
-from tests.support.sizes import examples, few
-from tests.support.unsymmetric import chain_model, eigenvalues, worst
+from tests.support.sizes import examples
 
 SMALL = st.one_of(
     open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -275,77 +274,6 @@ def test_a_defective_pair():
     model.add_input("f", "b1", "x")
     model.add_output("x", "b2", "x")
     assert_allclose(model.linearize().frequency_response(omega), Exact(model).frequency_response(omega), rtol=1e-12)
-
-
-def stiff_chain(n, stiffness_decades, mass_decades, seed=0, damped=False):
-    """Sliding masses whose stiffness and mass span many decades, in random order."""
-    rng = np.random.default_rng(seed)
-    model = mv.Model("stress")
-    below = "ground"
-    k = 10.0 ** rng.permutation(np.linspace(0, stiffness_decades, n))
-    m = 10.0 ** rng.permutation(np.linspace(-mass_decades / 2, mass_decades / 2, n))
-    for i in range(n):
-        model.add_body(f"b{i}", m[i], (m[i],) * 3, position=(0, 0, i))
-        model.add_joint(f"j{i}", "prismatic", below, f"b{i}", position=(0, 0, i))
-        damping = {"damping": 1e-3 * np.sqrt(k[i] * m[i]) * rng.uniform(0.1, 1)} if damped else {}
-        model.add_spring(f"s{i}", below, f"b{i}", (0, 0, i - 1), (0, 0, i), stiffness=k[i], **damping)
-        below = f"b{i}"
-    return model
-
-
-@pytest.mark.parametrize("seed", few(range(6), 3))
-def test_frequencies_over_many_decades(seed):
-    """Stiffness over 12 and mass over 8 decades: ten digits of every frequency, where eigh(K, M) has none."""
-    model = stiff_chain(12, 12, 8, seed)
-    reference = Exact(model)
-    omega = np.sqrt(reference.squares)
-    assert omega[-1] / omega[0] > 1e6
-    modes = model.linearize().modes()
-    error = np.abs(modes.frequencies * 2 * np.pi / omega - 1)
-    assert error.max() < 1e-10
-    assert (error <= 10 * modes.errors[0::2] + 4e-16).all()
-    assert modes.errors.max() <= 1e-10
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_damped_eigenvalues_over_many_decades(seed):
-    model = stiff_chain(6, 8, 4, seed, damped=True)
-    assert_same_eigenvalues(model.linearize().modes().eigenvalues, Exact(model).eigenvalues, rtol=1e-9)
-
-
-@pytest.mark.parametrize("chain", [
-    {"n": 2, "span": 5.0, "damp": 4120.7, "seed": 525102}, {"n": 3, "span": 8.0, "damp": 793.57, "seed": 710107},
-    {"n": 5, "span": 8.0, "damp": 0.10767, "seed": 349513},
-    {"n": 8, "span": 7.0, "damp": 0.40563, "seed": 182451, "ground": False},
-    {"n": 6, "span": 5.0, "damp": 0.0862, "seed": 869025}, {"n": 3, "span": 4.0, "damp": 0.1689, "seed": 643828},
-], ids=lambda chain: f"{chain['n']} bodies, {chain['span']:g} decades, {chain['damp']:g} N s/m")  # fmt: skip
-def test_error_estimates_hold_over_many_decades(chain):
-    """Eigenvalues for which one Newton step is too few, and lightly damped ones, which are as good as their basis."""
-    model = chain_model(**chain)
-    batch = model.linearize(values={"b0.mass": model.bodies["b0"].mass * np.array([1.0, 1.3])})
-    modes = batch.modes()
-    for i, system in enumerate(batch):
-        exact = eigenvalues(system)
-        for result in (system.modes(), SimpleNamespace(eigenvalues=modes.eigenvalues[i], errors=modes.errors[i])):
-            error, ratio = worst(result, exact)
-            assert error <= 1e-12
-            assert ratio <= 1.0
-            assert result.errors.max() <= 1e-10  # rtol
-            assert (result.errors[result.eigenvalues != 0.0] > 0.0).all()
-
-
-@pytest.mark.parametrize("rtol", [1e-4, 1e-10, 1e-13])
-def test_accuracy_that_is_asked_for(rtol):
-    model = stiff_chain(10, 10, 6, seed=9)
-    omega = np.sqrt(Exact(model).squares)
-    modes = model.linearize().modes(rtol=rtol)
-    assert modes.errors.max() <= rtol
-    assert_allclose(modes.frequencies * 2 * np.pi, omega, rtol=rtol)
-
-
-def test_accuracy_that_no_double_has_is_warned_of():
-    with pytest.warns(mv.AccuracyWarning, match=r"modes of 'stress'.*exceeds rtol = 1e-18 in modes 1, 2"):
-        stiff_chain(4, 2, 2).linearize().modes(rtol=1e-18)
 
 
 def test_the_table():

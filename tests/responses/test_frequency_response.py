@@ -10,7 +10,8 @@ import mbsvib as mv
 from mbsvib import library
 from mbsvib.responses import frequency_response
 from mbsvib.responses.basis import Basis
-from tests.modes.test_modes import oscillator, stiff_chain
+from tests.modes.test_modes import oscillator
+from tests.support.chains import stiff_chain
 from tests.support.compare import assert_same_response, frequencies, linearized
 from tests.support.digits import mp
 from tests.support.exact import Exact

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from tests.modes.test_modes import oscillator, stiff_chain
+from tests.modes.test_modes import oscillator
 from tests.support import fast_digits
+from tests.support.chains import stiff_chain
 from tests.support.compare import linearized
 from tests.support.digits import mp, product, solve
 from tests.support.exact import Exact
