@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.joint import Joint
+from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.elements.ports import Input, Output
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ExportError, LeftOutWarning
@@ -255,6 +256,9 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
         if isinstance(part, Bushing) and part.loaded:
             refuse(name, "a bushing with a preload follows another law in exudyn; give the force as a load.")
+    for source in plain.inputs.values():
+        if isinstance(source, DrivenCoordinate):
+            refuse(source.source, f"coordinate '{source.element}' is driven, which exudyn would leave free.")
     for name in signals:
         if name not in plain.inputs:
             raise ExportError(f"to_exudyn: inputs: '{name}' is no input of '{model.name}'; it has "

@@ -173,26 +173,28 @@ class PortedMechanism(Mechanism):
         return self._keep(self._inputs, part)
 
     def add_motion_input(
-        self, name: str, element: str | Bushing | Spring | Maxwell, quantity: str = "displacement",
+        self, name: str, element: str | Bushing | Spring | Maxwell | Joint, quantity: str = "displacement",
         direction: str | ArrayLike = "z",
     ) -> MotionInput:
-        """Add the motion of the ground's end of a spring, bushing or Maxwell element as an input.
+        """Add the motion of the ground's end of a spring, bushing or Maxwell element, or of a joint, as an input.
 
-        M q'' + C q' + K q = B0 u + B1 u' for a displacement u, with the stiffness of the element in B0 and its damping
-        in B1. M, C, K and modes are those of the mechanism with this end at rest.
+        M q'' + C q' + K q = B0 u + B1 u' + B2 u'' for a displacement u. Of an end, its stiffness is in B0, its damping
+        in B1, and B2 = 0; of the coordinate of a joint, these are columns of -K, -C and -M of the mechanism with this
+        joint free. M, C, K and modes are those with the end or joint at rest; the drive holds its joint in the given
+        pose under loads, too, and its force is that along this direction in the joint (``add_force_output``).
 
         Parameters
         ----------
         name : str
             Name, unique among inputs.
-        element : str, Spring, Bushing or Maxwell
-            The element, one end of which is on ground.
+        element : str, Spring, Bushing, Maxwell or Joint
+            The element, one end of which is on ground; or a joint, or its coordinate, ``"hinge.rz"``.
         quantity : str
             "displacement" [m, rad], "velocity" or "acceleration"; the latter have the states ``NAME.displacement`` and
             ``NAME.velocity``.
         direction : str or array-like, shape (3,) or (6,)
             Of a bushing: x y z rx ry rz or a vector in its own axes. Positive along the line towards the other end; of
-            a bushing, along its axis.
+            a bushing, along its axis. Of a joint with several coordinates, which one.
 
         Returns
         -------
@@ -202,14 +204,21 @@ class PortedMechanism(Mechanism):
         Raises
         ------
         ModelError
-            If the name is taken, or the element has no end on ground, or none that can be moved.
+            If the name is taken, the element has no end on ground, or none that can be moved, or the joint is driven.
         """
         key = element if isinstance(element, str) else getattr(element, "name", repr(element))
         part = _motion.make(name, key, quantity, direction)
-        for each in (name, *(f"{name}.{word}" for word in _ports.QUANTITIES[:2])):
+        for each in (name, *(f"{name}.{word}" for word in _ports.QUANTITIES)):
             check_name(each, "input", self._inputs)
-        _motion.check_element(part, self._springs.get(key))
-        return self._keep(self._inputs, part)
+        driven = None if key in self._springs else _motion.of_coordinate(part, self._joints)
+        if driven is None:
+            _motion.check_element(part, self._springs.get(key))
+            return self._keep(self._inputs, part)
+        for other in self._inputs.values():
+            if other.element == driven.element:
+                raise check.refuse(f"motion input '{name}'", "element", key,
+                                   f"a coordinate that input '{other.name}' does not drive")  # fmt: skip
+        return self._keep(self._inputs, driven)
 
     def add_force_output(
         self, name: str, element: str | Joint | Bushing | Spring | Maxwell | Body, direction: str | ArrayLike = "z"

@@ -83,11 +83,11 @@ class Driven(Displayed):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
-    """M q'' + C q' + K q = B0 u + B1 u',  y = Cq q + Cv q' + Ca q'' + D u: a system with motions as inputs.
+    """M q'' + C q' + K q = B0 u + B1 u' + B2 u'',  y = Cq q + Cv q' + Ca q'' + D u: a system with motions as inputs.
 
     Its matrices, modes and coordinates are those of ``ends``, the equations whose inputs are the displacements
-    ``NAME.displacement`` and velocities ``NAME.velocity`` of the moved ends. ``drives`` tell how the inputs act on
-    these. Time responses, norms and loops are those of ``state_space()``.
+    ``NAME.displacement`` and velocities ``NAME.velocity`` of the moved ends, and ``NAME.acceleration`` of driven
+    joints. ``drives`` tell how the inputs act on these. Time responses, norms and loops are those of ``state_space()``.
     """
 
     kind: ClassVar[str] = "state space"
@@ -107,6 +107,11 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
     def B1(self) -> Array:
         """Generalized forces by a unit of the velocity of each end (m, inputs)."""
         return self._columns(1)
+
+    @property
+    def B2(self) -> Array:
+        """Generalized forces by a unit of the acceleration of each driven joint (m, inputs)."""
+        return self._columns(2)
 
     @property
     def D(self) -> Array:
@@ -248,8 +253,8 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs, also where no proper state space exists.
 
-        Where an output needs the derivative of a displacement they are those by its velocity, G / s, whose finite
-        zeros are the same.
+        Where an output needs the derivative of a displacement they are those by its velocity or acceleration, G / s^n,
+        whose finite zeros are the same.
 
         Parameters
         ----------
@@ -269,12 +274,16 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
         from mbsvib.responses.finite_zeros import first_order_zeros
 
         part = self.with_ports(outputs, inputs)
-        try:
-            space = part.state_space()
-        except ResponseError:
-            raised = [replace(drive, order=drive.order + 1) if len(drive.columns) > drive.order + 1 else drive
-                      for drive in part.drives]  # fmt: skip
-            space = replace(part, drives=tuple(raised)).state_space()
+        while True:
+            try:
+                space = part.state_space()
+                break
+            except ResponseError:
+                raised = tuple([replace(drive, order=drive.order + (drive.order + 1 < len(drive.columns)))
+                                for drive in part.drives])  # fmt: skip
+                if raised == part.drives:
+                    raise
+                part = replace(part, drives=raised)
         return first_order_zeros(space.A, space.B, space.C, space.D)
 
     def frequency_grid(

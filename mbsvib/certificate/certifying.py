@@ -120,6 +120,7 @@ class _Run:
                 return None
         self.near = [str(one.message) for one in caught if issubclass(one.category, NearSingularWarning)]
         self.details["warnings"] = {"messages": [str(one.message) for one in caught]}
+        system = getattr(system, "ends", system)  # of motion inputs: the system of the mechanism
         statics = system.provenance.statics if isinstance(system, Equations) else None
         if isinstance(system, Equations):
             residual = 0.0 if statics is None else statics.imbalance

@@ -19,6 +19,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import check_mobility
+from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -70,6 +71,7 @@ def linearized(
     """
     keep_freed_memory(len(model.joints))
     model, origin = expanded(model), copy(origin or model)
+    cut = with_drives_in_tree(model, cut)
     return assembled(model, scene(with_maxwell_nodes(model), cut), independent, origin, form=form)
 
 
@@ -143,6 +145,14 @@ def _spin(draft: Draft) -> Draft:
     return with_spin(draft)
 
 
+def _drives(draft: Draft) -> Draft:
+    if not draft.model.derived(driven_coordinates):
+        return draft
+    from mbsvib.equations.driven_coordinates import with_driven_coordinates
+
+    return with_driven_coordinates(draft)
+
+
 def _masses(draft: Draft) -> Draft:
     if draft.scene.inertia.regular:
         check_mass(draft.terms.M, draft.names)
@@ -154,4 +164,4 @@ def _masses(draft: Draft) -> Draft:
 
 # Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft,
 # and does not load its module.
-STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _masses)
+STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _drives, _masses)

@@ -41,6 +41,7 @@ from mbsvib.equations.spin_terms import with_antisymmetric_terms
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import SingularPoseError
+from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -195,7 +196,8 @@ class BatchPlan:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
         posed = self.posed is not None and (self.poses is None or self.posed_scene is None)
-        return not (posed or self.one_by_one or spins or self.model.hubs)
+        driven = self.model.derived(driven_coordinates)
+        return not (posed or self.one_by_one or spins or self.model.hubs or driven)
 
     def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
         """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
@@ -297,6 +299,7 @@ def batch_plan(
     """
     user_model, model = model, expanded(model)
     with_nodes = with_maxwell_nodes(model)
+    cut = with_drives_in_tree(model, cut)
     scene = scene_of(with_nodes, cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
     return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots)

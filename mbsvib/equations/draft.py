@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +82,8 @@ def first_draft(
     """
     displacements = scene.relative()
     phi = scene.closure(displacements)
-    reduction = scene.reduced(phi, independent)
+    required = (*model.derived(driven_coordinates), *(independent or ()))
+    reduction = scene.reduced(phi, required or None)
     locked = scene.locked
     strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
     rows = minimal_rows(scene, displacements, reduction, strained)

@@ -16,6 +16,7 @@ from mbsvib.equations.load_stiffness import LoadedPairs, load_stiffness, loaded_
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.statics import Statics, balance, check_balance
 from mbsvib.equations.wrench_pairs import WrenchPairs
+from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -77,6 +78,9 @@ def with_loads(draft: Draft) -> Draft:
     forces = applied_forces(applied, scene, cache)
     motion = terms.body_motion
     residual, size = balance(forces.wrench[:, :-1], forces.sizes[:, :-1], motion, forces.reach)
+    driven = draft.model.derived(driven_coordinates)
+    if driven:  # the drives hold what acts along their coordinates
+        residual[np.isin(draft.names, driven)] = 0.0
     if draft.checked:
         check_balance(residual, size, terms.K, scene, reduction, draft.model.name)
     to_joints = reactions(forces.paths, scene.coordinates, scene.cuts, reduction, draft.phi, forces.multiplier_wrenches)

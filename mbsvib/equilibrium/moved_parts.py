@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
+from mbsvib.mechanism.drives import with_drives_held
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import rebuilt
 
@@ -31,6 +32,6 @@ def model_in_pose(model: M, pose: Pose, relaxed: bool = False) -> M:
 
 
 def static_model(model: M) -> M:
-    """Return a model for statics: without inputs, outputs and dampers in series."""
+    """Return a model for statics: without inputs, outputs and dampers in series, its driven joints held."""
     springs = {name: rest for name, part in model.springs.items() if (rest := part.at_rest) is not None}
-    return model.with_parts(springs=springs, inputs={}, outputs={})
+    return model.with_parts(joints=with_drives_held(model), springs=springs, inputs={}, outputs={})

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
+from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
@@ -159,8 +160,11 @@ def _coordinates(system: Equations) -> list[str]:
     independent = set(system.coordinates)
     removed_part = system.provenance.removed
     independent |= set(removed_part.names) if removed_part else set()
-    dependent = [name for name in everything if name not in independent]
+    driven = [part.element for part in system.provenance.ports if isinstance(part, DrivenCoordinate) and not part.order]
+    dependent = [name for name in everything if name not in {*independent, *driven}]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
+    if driven:
+        lines.append(f"  driven by motion inputs: {listed(driven)}")
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
     return lines + _massless(system) + ([] if removed_part is None else [f"  {text}" for text in removed(removed_part)])

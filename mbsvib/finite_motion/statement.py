@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbsvib.elements.motion_input import acting_inputs
+from mbsvib.elements.motion_input import DrivenCoordinate, acting_inputs
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
@@ -111,6 +111,11 @@ def _stated(
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
     bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
     acting = acting_inputs(model.inputs, model.springs)
+    for part in acting.values():
+        if isinstance(part, DrivenCoordinate):
+            raise ModelError(f"motion input '{part.source}': a driven joint has no statement in finite motion; "
+                             f"model.cycle prescribes the motion of '{part.element}' without this input.",
+                             element=part.source)  # fmt: skip
     inputs = {
         name: base_power(part, massive.values(), bent, motion) if part.moves_ground else
         input_power(part, model, motion) if part.element is None else

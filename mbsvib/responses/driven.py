@@ -1,15 +1,16 @@
 """Inputs that are motions: responses and state spaces from those of the forces of moved ends.
 
-The equations have the displacement and the velocity of a moved end as two inputs, G_d and G_v. With n = 0, 1, 2 for an
-input that is the displacement, velocity or acceleration,
+The equations have the displacement, the velocity and, of a driven joint, the acceleration as inputs of their own, G_0,
+G_1 and G_2. With n = 0, 1, 2 for an input that is the displacement, velocity or acceleration,
 
-    G = (G_d + s G_v) / s^n .
+    G = (G_0 + s G_1 + s^2 G_2) / s^n .
 
-No derivative of an input enters the states: x' = A x + b_d u + b_v u' becomes, with z = x - b_v u,
+No derivative of an input enters the states: x' = A x + b_0 u + b_1 u' + b_2 u'' becomes, with s_2 = b_2,
+s_1 = b_1 + A s_2 and z = x - s_1 u - s_2 u',
 
-    z' = A z + (b_d + A b_v) u,   y = C z + (D_d + C b_v) u + D_v u' ,
+    z' = A z + (b_0 + A s_1) u,   y = C z + (D_0 + C s_1) u + (D_1 + C s_2) u' + D_2 u'' ,
 
-which is proper where D_v is 0 by structure. A velocity has the state r' = u, an acceleration r'' = u.
+which is proper where the last two are 0 by structure. A velocity has the state r' = u, an acceleration r'' = u.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements.motion_input import MotionInput
+from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.responses.feedthrough import direct
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
@@ -33,22 +36,21 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
 
 S = TypeVar("S", bound="StateSpace")
-QUANTITIES = ("displacement", "velocity")
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
     """An input ``name`` with its ``unit``, and the inputs of the equations by which it acts.
 
-    ``columns``: names of one input, or of those by the displacement and the velocity of a moved end. ``order`` n: how
-    often the input is integrated to the displacement. ``state_units``: those of displacement and velocity.
+    ``columns``: names of one input, or of those by the displacement, the velocity and the acceleration. ``order`` n:
+    how often the input is integrated to the displacement. ``state_units``: those of displacement, velocity, ....
     """
 
     name: str
     unit: str
     columns: tuple[str, ...]
     order: int = 0
-    state_units: tuple[str, str] = ("", "")
+    state_units: tuple[str, ...] = ()
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -72,8 +74,8 @@ def drives(model: Mechanism) -> tuple[Drive, ...]:
     result = []
     for name, part in model.inputs.items():
         if isinstance(part, MotionInput):
-            columns = part.column_names(model.springs[part.element])
-            result.append(Drive(name, part.unit, columns, part.order, part.state_units))
+            columns = part.column_names(model.springs.get(part.element))
+            result.append(Drive(name, part.unit, columns, part.order, part.units))
         else:
             result.append(Drive(name, part.unit, (name,)))
     return tuple(result)
@@ -101,7 +103,7 @@ def driven_response(response: Any, inputs: Sequence[str], known: Sequence[Drive]
     Returns
     -------
     array, shape (..., outputs, inputs, n)
-        (G_d + s G_v) / s^n.
+        (G_0 + s G_1 + s^2 G_2) / s^n.
 
     Raises
     ------
@@ -115,8 +117,8 @@ def driven_response(response: Any, inputs: Sequence[str], known: Sequence[Drive]
         if drive.order and not s.all():
             raise ResponseError(
                 f"frequency_response: omega[{int(np.argmin(np.abs(s)))}] = 0 rad/s; input '{drive.name}' is integrated "
-                f"to the displacement of its element's end, which is infinite there. Leave this frequency out, or "
-                f"take quantity='displacement'."
+                f"to the displacement of its element's end or joint, which is infinite there. Leave this "
+                f"frequency out, or take quantity='displacement'."
             )  # fmt: skip
         result[..., k, :] = sum(response[..., at[name], :] * s ** (order - drive.order)
                                 for order, name in enumerate(drive.columns))  # fmt: skip
@@ -148,7 +150,6 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
         If an output needs the derivative of an input.
     """
     at = {column: k for k, column in enumerate(space.inputs)}
-    _check_proper(space, known, through, at)
     start, added = len(space.A), sum(drive.order for drive in known)
     n, inputs = start + added, len(known)
     rates = len(space.transform)
@@ -156,24 +157,25 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
     b, d, moved = np.zeros((n, inputs)), np.zeros((len(space.C), inputs)), np.zeros((rates, inputs))
     a[:start, :start], c[:, :start], transform[:, :start] = space.A, space.C, space.transform
     direct_rates = np.zeros((rates, len(space.inputs))) if space.through is None else space.through
-    lost = False  # whether q' itself needs the derivative of an input
+    lost = False  # whether q and q' themselves need the derivative of an input
     place = start
     for k, drive in enumerate(known):
         columns = [at[column] for column in drive.columns]
-        for order, column in enumerate(columns):
-            given = space.B[:, column], space.D[:, column], direct_rates[:, column]
-            if order < drive.order:  # it acts by a state
-                state = place + order
-                a[:start, state], c[:, state], transform[:, state] = given
-            elif order == drive.order:
-                b[:start, k] += given[0]
-                d[:, k] += given[1]
-                moved[:, k] += given[2]
+        shift = np.zeros(start)  # by the derivative of the input that comes next
+        for order in reversed(range(drive.order, len(columns))):
+            column = columns[order]
+            if order > drive.order:
+                _check_proper(space, drive, through[:, column], shift)
+                lost |= bool((direct_rates[:, column] + space.transform @ shift).any())
             else:
-                b[:start, k] += space.A @ given[0]
-                d[:, k] += space.C @ given[0]
-                moved[:, k] += space.transform @ given[0]
-                lost |= bool(given[2].any())
+                d[:, k] = space.D[:, column] + space.C @ shift
+                moved[:, k] = direct_rates[:, column] + space.transform @ shift
+            shift = space.B[:, column] + space.A @ shift
+        b[:start, k] = shift
+        for order, column in enumerate(columns[: drive.order]):  # it acts by a state
+            state = place + order
+            a[:start, state], c[:, state], transform[:, state] = (
+                space.B[:, column], space.D[:, column], direct_rates[:, column])
         for order in range(drive.order):
             if order + 1 < drive.order:
                 a[place + order, place + order + 1] = 1.0
@@ -190,18 +192,20 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
     )  # fmt: skip
 
 
-def _check_proper(space: StateSpace, known: Sequence[Drive], through: Array, at: Mapping[str, int]) -> None:
-    """Refuse outputs that need the derivative of an input."""
-    for drive in known:
-        if len(drive.columns) <= drive.order + 1:
-            continue
-        needs = np.flatnonzero(through[:, at[drive.columns[1]]])
-        if len(needs):
-            raise ResponseError(
-                f"output '{space.outputs[needs[0]]}' needs the derivative of input '{drive.name}', a displacement "
-                f"whose velocity acts through the damper of its element, so that there is no proper state space. "
-                f"Give the input quantity='velocity', or leave this output out; the frequency response exists."
-            )  # fmt: skip
+def _check_proper(space: StateSpace, drive: Drive, through: Array, shift: Array) -> None:
+    """Refuse outputs that need a derivative of an input, by ``through`` (outputs,) and what states are shifted by."""
+    terms = space.C * shift
+    direct, size = through + terms.sum(axis=1), np.abs(through) + np.abs(terms).sum(axis=1)
+    needs = np.flatnonzero(np.abs(direct) > ZERO_SUM * len(shift) * size)
+    if len(needs):
+        joint = len(drive.columns) > 2
+        higher = QUANTITIES[max(drive.order + 1, len(drive.columns) - 1)]
+        how = "acts through the damper of its element" if not joint else "acts by the inertia that the joint moves"
+        raise ResponseError(
+            f"output '{space.outputs[needs[0]]}' needs the derivative of input '{drive.name}', a "
+            f"{QUANTITIES[drive.order]} whose {higher} {how}, so that there is no proper state space. "
+            f"Give the input quantity='{higher}', or leave this output out; the frequency response exists."
+        )  # fmt: skip
 
 
 def feedthrough_of(linear: Any, space: StateSpace) -> Array:

@@ -13,6 +13,7 @@ from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.hub import Hub
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
@@ -49,7 +50,8 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     if (_has(parts, Rotor) or coupled) and (is_loaded(system) or provenance.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
-    if _has(parts, Hub):  # masses and places act on forces at rest as well
+    # masses and places of parts on hubs act on forces at rest as well; what drives move is no coordinate
+    if _has(parts, Hub) or _has(provenance.ports, DrivenCoordinate):
         result.append(set())
     separation = provenance.separation
     if separation is not None and separation.transform is not None and system.circulatory is not None:

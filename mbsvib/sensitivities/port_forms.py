@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Input, Output
-from mbsvib.elements.motion_input import MotionForce
+from mbsvib.elements.motion_input import DrivenCoordinate, MotionForce
 from mbsvib.linalg.rank import SAME_PORT_ROW, ZERO_PORT_ROW
 from mbsvib.linalg.vectors import transformed
 from mbsvib.sensitivities.adjoint_fields import fields, momentum, motions
@@ -40,7 +40,7 @@ def checked_loads(
     """Return some inputs and outputs of a system as loads, None where they are more than loads of the network, as
     forces of moved ends are, which change with their element.
     """
-    moved = {part.name for part in system.provenance.ports if isinstance(part, MotionForce)}
+    moved = {part.name for part in system.provenance.ports if isinstance(part, (MotionForce, DrivenCoordinate))}
     if any(system.inputs[k] in moved for k in inputs):
         return None
     actuation, sensing = (loads(system, network, *ports) for ports in ((inputs, "inputs"), (outputs, "outputs")))
@@ -59,7 +59,8 @@ def feedthrough(
 
     As an output moves by dp, D changes by dD = wrench . (angular x dp).
     """
-    known = {(part.name, isinstance(part, (Input, BaseMotion, MotionForce))): part for part in system.provenance.ports}
+    sources = (Input, BaseMotion, MotionForce, DrivenCoordinate)
+    known = {(part.name, isinstance(part, sources)): part for part in system.provenance.ports}
     d = np.zeros((len(outputs[0]), len(inputs[0])))
     turns = np.zeros((*d.shape, 3))
     for i, k in enumerate(inputs[0]):

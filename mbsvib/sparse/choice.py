@@ -9,6 +9,7 @@ from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError, nearest
+from mbsvib.mechanism.drives import driven_coordinates
 from mbsvib.mechanism.topology import FLOATS, span
 from mbsvib.sparse.equations import SparseEquations
 
@@ -46,7 +47,13 @@ def wants_sparse(
             if value is not None:
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {reason}; use method='dense'.",
                                  field=word)  # fmt: skip
+        driven = model.derived(driven_coordinates)
+        if driven:
+            raise ModelError(f"linearize: method='sparse' has no minimal coordinates, and a motion input drives "
+                             f"'{driven[0]}'; use method='dense'.", element=driven[0], field="method")  # fmt: skip
         return True
+    if model.derived(driven_coordinates):
+        return False
     if method == "dense" or independent is not None or values is not None or not model.bodies:
         return False
     topology = span(model, cut)

@@ -297,8 +297,8 @@ def test_what_cannot_be_moved_is_refused_by_name():
     model = quarter()
     with pytest.raises(ModelError, match="'strut' are on bodies"):
         model.add_motion_input("a", "strut")
-    with pytest.raises(ModelError, match="'axle' is no element"):
-        model.add_motion_input("a", "axle")
+    with pytest.raises(ModelError, match="'wheel' is no element"):
+        model.add_motion_input("a", "wheel")
     with pytest.raises(ModelError, match=r"quantity = 'velocty'.*velocity"):
         model.add_motion_input("a", "tyre", "velocty")
     with pytest.raises(ModelError, match=r"direction = 'x'.*the line of a spring"):
