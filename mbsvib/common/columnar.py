@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 from abc import abstractmethod
+from importlib import import_module
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
@@ -64,14 +66,13 @@ class Columnar:
         ExportError
             If pandas is not installed.
         """
-        from importlib import import_module
-
-        from mbsvib.errors import ExportError
-
-        try:
-            pandas: Any = import_module("pandas")
-        except ImportError as error:
-            raise ExportError("to_dataframe: needs pandas, which is not installed; pip install pandas, or take "
-                              "columns().") from error  # fmt: skip
-        frame = pandas.DataFrame(self.columns())
+        frame = pandas_for("to_dataframe").DataFrame(self.columns())
         return frame if self._index is None else frame.set_index(self._index)
+
+
+def pandas_for(caller: str) -> Any:
+    """Return the module pandas; ``caller``: what needs it."""
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise ExportError(f"{caller}: needs pandas, which is not installed; pip install pandas.") from error

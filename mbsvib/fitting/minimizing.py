@@ -54,12 +54,14 @@ def minimized(problem: Problem, x: Array, far: bool, tell: Callable[[float], obj
         decomposed = _decomposed(sums, free)
         if _converged(problem, sums.cost, decomposed, far):
             return Found(x, sums.cost, step, True)
+        cost = sums.cost
         for _ in range(TRIALS):
             dx, predicted = _step(decomposed, damping)
             trial = np.clip(x + dx, low, high)
             if np.abs(trial - x).max(initial=0.0) <= SMALLEST * (1.0 + np.abs(x).max()):
-                return Found(x, sums.cost, step, True)
-            gain = (sums.cost - _cost(problem, trial, far)) / predicted if predicted > 0.0 else -1.0
+                return Found(x, sums.cost, step, bool(np.isfinite(cost)))  # not beside values of no mechanism
+            cost = _cost(problem, trial, far)
+            gain = (sums.cost - cost) / predicted if predicted > 0.0 else -1.0
             if gain > 1e-4:
                 damping, growth = damping * max(1.0 / 10.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3), 2.0
                 break

@@ -38,6 +38,7 @@ MOST_LINES = 1000  # of those that resolve the resonances of two models; more do
 POOR = 0.5  # pairs with a lower MAC are marked
 LIMITS = (0.01, np.pi / 18)  # of places that are the same [m, rad], as of ``Measurement.matched``
 NOTES = 12  # differences that the table shows
+NO_LINES = "No common lines: responses were not compared."
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,8 +212,9 @@ def compare(a: Any, b: Any) -> Comparison:
     if not shared and not outputs:
         listed = "; ".join(f"{name}: {', '.join(getattr(side, 'outputs', ())) or 'none'}"
                            for name, side in zip(names, sides, strict=True))  # fmt: skip
-        raise ResponseError(f"compare: no common output ({listed}); expected the same names, or measured points at "
-                            f"outputs of the model.")  # fmt: skip
+        what = "lines" if NO_LINES in refused else "output"
+        raise ResponseError(f"compare: no common {what} ({listed}); expected the same names, or measured points at "
+                            f"outputs of the model, and of measurements the same frequencies.")  # fmt: skip
     return Comparison((names[0], names[1]), table, pairs, shared, outputs, inputs, frac, ratio, omega,
                       differences(a, b), responses, tuple(remarks))  # fmt: skip
 
@@ -356,7 +358,7 @@ def _responses(a: Any, b: Any) -> tuple[Any, ...]:
         grid = measured[0] if measured else resonant_grid(np.concatenate([a.poles(), b.poles()]))
         omega = grid if measured else grid[:: -(-len(grid) // MOST_LINES)]
     if not len(omega):
-        return *nothing[:-1], (*matching.refused, "No common lines: responses were not compared.")
+        return *nothing[:-1], (*matching.refused, NO_LINES)
     values = [_values(side, names, omega) for side, names in zip((a, b), named, strict=True)]
     factor = matching.factor(omega)
     values[0 if back else 1] = values[0 if back else 1] * factor
@@ -382,11 +384,9 @@ def _without_rounding(values: Complex, matching: Matching) -> Complex:
 
 
 def _values(side: Any, names: tuple[list[str], list[str]], omega: Array) -> Complex:
-    if not isinstance(side, Measurement):
-        rows, columns = ([getattr(side, kind).index(name) for name in listed]
-                         for kind, listed in zip(("outputs", "inputs"), names, strict=True))  # fmt: skip
-        return np.asarray(side.frequency_response(omega)[np.ix_(rows, columns)])
-    lines = np.abs(side.omega[:, None] - omega).argmin(axis=0)
     rows, columns = ([getattr(side, kind).index(name) for name in listed]
                      for kind, listed in zip(("outputs", "inputs"), names, strict=True))  # fmt: skip
+    if not isinstance(side, Measurement):
+        return np.asarray(side.frequency_response(omega)[np.ix_(rows, columns)])
+    lines = np.abs(side.omega[:, None] - omega).argmin(axis=0)
     return np.asarray(side.responses[np.ix_(rows, columns, lines)])

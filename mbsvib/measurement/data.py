@@ -143,7 +143,7 @@ class Measurement(Doors, Displayed):
         set_("responses", responses)
         self._check_noise(shape, set_)
         self._check_channels(set_)
-        for name in ("omega", "responses", "variance", "coherence", "covariance", "noise_variance"):
+        for name in Measurement.by_line:
             if getattr(self, name) is not None:
                 getattr(self, name).setflags(write=False)
 
@@ -276,21 +276,20 @@ class Measurement(Doors, Displayed):
         ResponseError
             If there is no variance, or ``lines`` is not a positive whole number.
         """
+        from scipy.ndimage import convolve1d
+
         if self.variance is None or isinstance(lines, bool) or not isinstance(lines, (int, np.integer)) or lines < 1:
             what = "no variances" if self.variance is None else "variances"
             raise ResponseError(f"smoothed: lines = {shown(lines)} of {what}; expected a positive whole number, and a "
                                 f"measurement with variance.")  # fmt: skip
-        starts = np.maximum(np.arange(len(self.omega)) - (lines - 1) // 2, 0)
-        ends = np.minimum(np.arange(len(self.omega)) + lines // 2 + 1, len(self.omega))
 
         def mean(values: Any) -> Any:
             if values is None:
                 return None
-            sums, counts = (np.concatenate((np.zeros((*values.shape[:-1], 1)), np.cumsum(part, axis=-1)), axis=-1)
-                            for part in (np.where(np.isnan(values), 0.0, values), ~np.isnan(values)))  # fmt: skip
-            with np.errstate(invalid="ignore"):
-                smooth = (sums[..., ends] - sums[..., starts]) / (counts[..., ends] - counts[..., starts])
-            return np.where(np.isnan(values), np.nan, smooth)
+            known = np.isfinite(values)
+            total, count = (convolve1d(part, np.ones(lines), mode="constant")  # term by term: small ones keep digits
+                            for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
+            return np.where(known, total / np.maximum(count, 1.0), values)
 
         noise = {name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")}
         return replace(self, **noise)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.columnar import pandas_for
 from mbsvib.common.expected import a_path, reals
 from mbsvib.common.file_content import LARGEST_UNPACKED, content_of, shortened
 from mbsvib.common.selection import selected
@@ -241,17 +242,13 @@ class Doors:
 
         Raises
         ------
-        ResponseError
+        ExportError
             If pandas is not installed.
         """
-        try:
-            import pandas as pd
-        except ImportError as error:
-            raise ResponseError("to_pandas: pandas is not installed: pip install pandas.") from error
-        data: Any = self
-        columns = pd.MultiIndex.from_product([data.outputs, data.inputs], names=ENDS)
-        index = pd.Index(data.frequencies, name=HERTZ)
-        return pd.DataFrame(data.responses.reshape(len(columns), -1).T, index=index, columns=columns)
+        data, pandas = cast("Any", self), pandas_for("to_pandas")
+        columns = pandas.MultiIndex.from_product([data.outputs, data.inputs], names=ENDS)
+        index = pandas.Index(data.frequencies, name=HERTZ)
+        return pandas.DataFrame(data.responses.reshape(len(columns), len(index)).T, index=index, columns=columns)
 
     @classmethod
     def from_pandas(cls, table: Any, **channels: Any) -> Self:

@@ -5,6 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.errors import ModelError, ResponseError
+from mbsvib.measurement.points import place_of
 from tests.assembly.scenes import POINT, RIGID, add_base, apart, fixed, whole
 
 OMEGA = np.linspace(2.0, 300.0, 40)
@@ -77,6 +78,121 @@ def test_a_mount_acts_along_directions_with_stiffness_alone():
     np.testing.assert_allclose(result["b.p.x", "b.p.x"].responses[0, 0], expected[:, 1, 1], rtol=1e-12)
     np.testing.assert_allclose(result["a.p.x", "b.p.x"].responses[0, 0], -(w**2) * expected[:, 0, 1], rtol=1e-12)
     assert result.quantity[0] == "acceleration"
+
+
+def rail(name, mass, damping=0.0, stiffness=0.0):
+    """A mass that moves along x, with a port."""
+    model = mv.Model(name)
+    model.add_body("m", mass, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "m", axis=(1, 0, 0))
+    if stiffness:
+        model.add_spring("k", "ground", "m", (-1, 0, 0), (0, 0, 0), stiffness=stiffness, damping=damping)
+    model.add_port("p", "m")
+    model.add_input("F", "m", "x")
+    model.add_output("x", "m", "x")
+    return model.linearize()[["x", "p.x"], ["F", "p.x"]]
+
+
+@pytest.mark.parametrize("how", ["rigid", ([4e3], [9.0])])
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+@pytest.mark.parametrize("removed", [(), ("b",)])
+def test_variance_is_the_sum_of_squares_of_all_slopes(how, quantity, removed):
+    """Of each entry that was measured in turn: differences of complex responses, two measured parts and a model."""
+    w = np.array([20.0, 45.0])
+    order = ("displacement", "velocity", "acceleration").index(quantity)
+    systems = {"a": rail("a", 3.0, 5.0, 2e3), "b": rail("b", 2.0, 3.0, 4e2), "c": rail("c", 1.0)}
+    exact = {name: systems[name].frequency_response(w) * (1j * w) ** order for name in "ab"}
+    rng = np.random.default_rng(4)
+    variance = {name: 1e-8 * rng.uniform(0.5, 2.0, one.shape) * np.abs(one) ** 2 for name, one in exact.items()}
+    connect = [("a.p", "b.p", how), ("b.p", "c.p", ([6e3], [2.0]))][: 1 if removed else 2]
+
+    def assembled(shift=None):
+        parts = {name: systems[name] for name in ("a", "b", "c")[: len(connect) + 1]}
+        for name, one in exact.items():
+            value = one if shift is None or shift[0] != name else one + shift[1]
+            parts[name] = mv.Measurement(w, value, systems[name].outputs, systems[name].inputs, quantity=quantity,
+                                         variance=variance[name])  # fmt: skip
+        return mv.assemble(parts, connect, remove=removed)
+
+    stated = assembled()
+    expected = np.zeros(stated.responses.shape)
+    for name, one in exact.items():
+        for at in np.ndindex(2, 2):
+            step = np.zeros_like(one)
+            step[at] = 1e-6 * np.abs(one[at])
+            slope = (assembled((name, step)).responses - assembled((name, -step)).responses) / (2.0 * step[at])
+            expected += np.abs(slope) ** 2 * variance[name][at]
+    np.testing.assert_allclose(stated.variance, expected, rtol=1e-6)
+    assert stated.quantity == tuple("displacement" if name[0] == "c" else quantity for name in stated.outputs)
+
+
+@pytest.mark.parametrize("noise", [0.4, 0.6, 3.0])
+def test_a_direction_below_its_noise_stays_apart(noise):
+    """Two masses on rails, z = g_a + g_b with variance s^2: joined if |z| > 2 s.
+
+    Otherwise G_ba = 0 with the variance |g_b g_a / z|^2 / max(1, s / |z|)^2 of what the connection would have done.
+    """
+    w = np.array([30.0, 50.0, 70.0])
+    a, b = rail("a", 3.0, 5.0, 2e3), rail("b", 2.0)
+    ga, gb = (one["p.x", "p.x"].frequency_response(w)[0, 0] for one in (a, b))
+    z = ga + gb
+    responses = a.frequency_response(w)
+    variance = np.full(responses.shape, 1e-30)
+    variance[1, 1] = (noise * np.abs(z)) ** 2
+    responses[0, 0, 1] = responses[1, 1, 2] = np.nan
+    data = mv.Measurement(w, responses, a.outputs, a.inputs, quantity="displacement", variance=variance)
+    result = mv.assemble({"a": data, "b": b}, [("a.p", "b.p", "rigid")])
+    joined = noise < 0.5
+    assert result.kept.tolist() == [joined, joined, 0]
+    np.testing.assert_array_equal(np.isnan(result.condition), [False, False, True])
+    found = result["b.x", "a.p.x"]
+    transfer = gb * ga / z
+    np.testing.assert_allclose(found.responses[0, 0, :2], transfer[:2] if joined else 0.0, rtol=1e-9)
+    assert np.isnan(result.responses[..., 2]).all()
+    assert np.isnan(result.variance[..., 2]).all()
+    np.testing.assert_array_equal(np.isnan(result.responses[..., 1]), [[True, False, *[False] * 2], *[[False] * 4] * 3])
+    size = np.abs(gb / z) ** 4 * variance[1, 1] if joined else np.abs(transfer) ** 2 / max(1.0, noise) ** 2
+    np.testing.assert_allclose(found.variance[0, 0, :2], size[:2], rtol=1e-6)
+
+
+def test_channels_keep_places_units_and_quantities():
+    base, payload = (model.linearize() for model in apart())
+    part = measured(base, output_points=[(at, d) if d else None for at, d in _places(base.outputs)],
+                    input_points=[(at, d) if d else None for at, d in _places(base.inputs)])  # fmt: skip
+    result = mv.assemble({"base": part, "payload": payload}, RIGID)
+    nodes = {node.number: node for node in result.nodes}
+    for kind in ("output", "input"):
+        for name, unit, point in zip(*(getattr(result, f"{kind}{end}") for end in ("s", "_units", "_points")),
+                                     strict=True):  # fmt: skip
+            owner, _, own = name.partition(".")
+            system = base if owner == "base" else payload
+            assert unit == getattr(system, f"{kind}_units")[getattr(system, f"{kind}s").index(own)]
+            if own.startswith(("tip.", "root.")):
+                np.testing.assert_allclose(nodes[point.node].position, POINT)
+                along = np.zeros(6)
+                along[("x", "y", "z", "rx", "ry", "rz").index(own.rpartition(".")[2])] = 1.0
+                np.testing.assert_allclose(place_of(point, nodes).direction, along, atol=1e-15)
+    assert result.quantity[result.outputs.index("payload.a")] == "acceleration"
+    assert result.quantity[result.outputs.index("base.arm.force")] == ""
+    assert result.connections[0].distance == 0.0
+
+
+def _places(names):
+    return [(POINT, name.removeprefix("tip.")) if name.startswith("tip.") else (POINT, None) for name in names]
+
+
+def test_few_lines_and_few_at_a_time(monkeypatch):
+    """One line of more channels than lines; blocks of lines are those of all at once."""
+    base, payload = (model.linearize() for model in apart())
+    parts = {"base": measured(base, noise=1e-3), "payload": payload}
+    every = mv.assemble(parts, RIGID)
+    one = mv.assemble(parts | {"base": parts["base"].within(OMEGA[4] / 6.284, OMEGA[4] / 6.283)}, RIGID)
+    assert one.responses.shape[2] == 1
+    monkeypatch.setattr("mbsvib.assembly.responses.BLOCK", 7 * len(every.inputs) ** 2)
+    blocks = mv.assemble(parts, RIGID)
+    for field in ("responses", "variance", "condition", "kept"):
+        np.testing.assert_allclose(getattr(one, field)[..., 0], getattr(every, field)[..., 4], rtol=1e-9)
+        np.testing.assert_allclose(getattr(blocks, field), getattr(every, field), rtol=1e-9)
 
 
 def test_stated_variance_is_the_scatter():

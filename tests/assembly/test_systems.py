@@ -227,6 +227,31 @@ def _fast():
     return payload
 
 
+def _faster():
+    payload = mv.Model("payload")
+    add_payload(payload)
+    payload.add_input("root.x", "pay", "x", POINT)
+    payload.add_output("root.x", "pay", "x", POINT, quantity="acceleration")
+    return payload
+
+
+def _against():
+    payload = mv.Model("payload")
+    add_payload(payload)
+    payload.add_input("root.x", "pay", (-1, 0, 0), POINT)
+    payload.add_output("root.x", "pay", "x", POINT)
+    return payload
+
+
+def _massless():
+    payload = mv.Model("payload")
+    add_payload(payload)
+    payload.add_body("node", 0.0, (0, 0, 0), position=POINT)
+    payload.add_bushing("held", "node", "pay", POINT, [1e4] * 3 + [1e2] * 3)
+    payload.add_port("root", "node", POINT)
+    return payload
+
+
 @pytest.mark.parametrize(("payload", "connect", "words"), [
     (_moved, RIGID, r"0.1 m apart; expected at most distance=0.001 m"),
     (_turned, RIGID, r"x of 'base.tip' and of 'payload.root' are different directions"),
@@ -234,6 +259,9 @@ def _fast():
     (_short, [(*RIGID[0], "rx")], r"direction 'rx'.*x, y, z, which both have"),
     (_beside, [(*RIGID[0], "x")], "input 'payload.root.x' does not act where and as output"),
     (_fast, [(*RIGID[0], "x")], "output 'payload.root.x' is a velocity"),
+    (_faster, [(*RIGID[0], "x")], "output 'payload.root.x' is a velocity, an acceleration"),
+    (_against, [(*RIGID[0], "x")], "input 'payload.root.x' does not act where and as output"),
+    (_massless, [(*RIGID[0][:2], [1e4] * 6)], "output 'payload.root.x' follows forces at once"),
     (_short, [("base.tip", "payload.rot", "rigid")], r"port 'payload.rot' is unknown.*payload\.root.*add_port"),
     (_short, [("base.tip", "base.tip", "rigid")], "ports of one part"),
     (_short, [("base.tip", "payload.root", "stiff", "x")], "joined 'stiff'; expected 'rigid'"),

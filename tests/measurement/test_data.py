@@ -80,6 +80,110 @@ def test_parts_of_the_data():
         data.within(1.0, 2.0)
 
 
+def test_parts_keep_all_that_belongs_to_channels_and_lines():
+    """Each array and each text of some channels, in their order, and of some lines, both ends among them."""
+    rng = np.random.default_rng(0)
+    w = np.arange(1.0, 6.0)
+    factor = rng.standard_normal((3, 3, 5)) + 1j * rng.standard_normal((3, 3, 5))
+    data = mv.Measurement(
+        w, rng.standard_normal((3, 2, 5)) + 0j, ["a", "b", "c"], ["F", "G"], variance=rng.random((3, 2, 5)),
+        coherence=rng.random((3, 2, 5)), averages=3, covariance=np.einsum("ijn,kjn->ikn", factor, factor.conj()),
+        quantity=("displacement", "velocity", "acceleration"), output_units=("m", "m/s", "m/s^2"),
+        input_units=("N", "N m"), output_points=[((k, 0, 0), "x") for k in range(3)],
+        input_points=[((0, k, 0), "y") for k in range(2)], noise_variance=rng.random((3, 2, 5)),
+        notes=["n"])  # fmt: skip
+    part = data[["c", "a"], "G"]
+    rows = [2, 0]
+    for name in ("responses", "variance", "coherence", "noise_variance"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(data, name)[rows][:, [1]])
+    np.testing.assert_array_equal(part.covariance, data.covariance[rows][:, rows])
+    assert (part.outputs, part.inputs, part.quantity) == (("c", "a"), ("G",), ("acceleration", "displacement"))
+    assert (part.output_units, part.input_units) == (("m/s^2", "m"), ("N m",))
+    assert part.output_points == (data.output_points[2], data.output_points[0])
+    assert (part.input_points, part.notes, part.averages) == (data.input_points[1:], ("n",), 3)
+    few = data.within(data.frequencies[1], data.frequencies[3])
+    for name in data.by_line:
+        np.testing.assert_array_equal(getattr(few, name), getattr(data, name)[..., 1:4])
+        assert not getattr(few, name).flags.writeable
+    np.testing.assert_allclose(few.frequencies, w[1:4] / (2 * np.pi))
+
+
+@pytest.mark.parametrize("covariance", [
+    [[1.0, 1.0], [0.0, 1.0]], [[1.0, 1j], [1j, 1.0]], [[1.0, 2.0], [2.0, 1.0]], [[1.0, np.nan], [np.nan, 1.0]],
+    [[1.0 + 0.1j, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, -0.1]],
+])  # fmt: skip
+def test_covariances_that_are_none(covariance):
+    with pytest.raises(mv.ResponseError, match="not Hermitian and positive semidefinite"):
+        roved(covariance=np.repeat(np.array(covariance, dtype=complex)[:, :, None], 3, axis=2))
+
+
+@pytest.mark.parametrize("field", ["variance", "noise_variance", "coherence"])
+def test_noise_is_known_wherever_a_response_is(field):
+    """Not a number is refused beside a response and stays where there is none."""
+    values = np.full((2, 2, 3), 0.5)
+    values[0, 1] = np.nan
+    data = roved(**{field: values})
+    np.testing.assert_array_equal(getattr(data, field), values)
+    values[1, 1, 2] = np.nan
+    with pytest.raises(mv.ResponseError, match=f"{field} of 'b' to 'G' is nan at 0.477465 Hz; expected values"):
+        roved(**{field: values})
+
+
+@pytest.mark.parametrize(("averages", "right"), [(1, True), (2.5, True), (0.5, False), (-1, False), ([1, 2], False)])
+def test_numbers_of_averages(averages, right):
+    coherence = np.full((2, 2, 3), 0.5)
+    if right:
+        data = roved(averages=averages, coherence=coherence)
+        np.testing.assert_allclose(data.variance[data.is_measured], 1.0 / averages)
+        assert np.isnan(data.variance[0, 1]).all()
+        assert roved(coherence=coherence).variance is None
+        return
+    with pytest.raises(mv.ResponseError, match="averages = "):
+        roved(averages=averages)
+
+
+@pytest.mark.parametrize(("points", "pairs"), [
+    ((Point(1, 3), Point(1, 3)), [("a", "F")]), ((Point(2, -3), Point(2, 3)), [("a", "F")]),
+    ((Point(2, 3), Point(1, 3)), []), ((Point(2, 3), Point(2, 2)), []),
+])  # fmt: skip
+def test_driving_points_are_at_one_node_along_one_line(points, pairs):
+    data = mv.Measurement([1.0], np.ones((1, 1, 1)), ["a"], ["F"], output_points=points[:1], input_points=points[1:])
+    assert list(data.driving_points) == pairs
+
+
+@pytest.mark.parametrize("units", ["m/s²", "m/s2", "m/s^2"])
+def test_units_as_other_programs_write_them(units):
+    data = mv.Measurement([1.0], np.ones((1, 1, 1)), ["a"], ["F"], output_units=[units])
+    assert (data.output_units, data.quantity) == (("m/s^2",), ("acceleration",))
+
+
+@pytest.mark.parametrize("lines", [1, 2, 3, 4, 7, 50])
+@pytest.mark.parametrize("decades", [0.0, 30.0])
+def test_smoothed_noise_of_lines_of_any_size(lines, decades):
+    """Means of (lines - 1) // 2 lines below and lines // 2 above, with their own digits; unknown ones do not count."""
+    rng = np.random.default_rng(lines)
+    size = 10.0 ** (-decades * np.arange(20) / 20)
+    variance = rng.uniform(1.0, 2.0, (2, 1, 20)) * size
+    factor = (rng.standard_normal((2, 2, 20)) + 1j * rng.standard_normal((2, 2, 20))) * np.sqrt(size)
+    covariance = np.einsum("ijn,kjn->ikn", factor, factor.conj())
+    variance[0, 0, 11] = np.inf
+    responses = np.ones((2, 1, 20), dtype=complex)
+    responses[1, 0, 5] = variance[1, 0, 5] = np.nan
+    data = mv.Measurement(np.arange(20.0), responses, ["y", "z"], ["u"], variance=variance, covariance=covariance,
+                          noise_variance=0.5 * variance)  # fmt: skip
+    smooth = data.smoothed(lines)
+
+    def mean(row):
+        windows = [row[max(0, k - (lines - 1) // 2) : k + lines // 2 + 1] for k in range(20)]
+        return np.array([one if not np.isfinite(one) else window[np.isfinite(window)].mean()
+                         for one, window in zip(row, windows, strict=True)])  # fmt: skip
+
+    for name in ("variance", "noise_variance", "covariance"):
+        for at in np.ndindex(getattr(data, name).shape[:2]):
+            expected = mean(getattr(data, name)[at])
+            np.testing.assert_allclose(getattr(smooth, name)[at], expected, rtol=1e-9 if name[0] == "c" else 1e-12)
+
+
 def test_smoothed_variance_is_a_mean_over_lines():
     variance = np.array([1.0, np.nan, 4.0, 7.0, 0.0]).reshape(1, 1, 5)
     responses = np.where(np.isnan(variance), np.nan, 1.0 + 0j)

@@ -1,5 +1,6 @@
 """Measurements from and to other programs: python-control, numpy files, SEP 005, pandas; a measured mirror."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
+from mbsvib.errors import ExportError
 
 MIRROR = Path(__file__).parents[1] / "data" / "fsm_excerpt.npz"
 
@@ -81,6 +83,78 @@ def test_numpy_file_there_and_back(tmp_path):
             assert "from_npz: " in str(error) or "Measurement: " in str(error)  # noqa: PT017
     with pytest.raises(mv.ResponseError, match="response is nothing that a measurement has"):
         mv.Measurement.from_npz(MIRROR, response="responses_100")
+
+
+def test_all_arrays_of_a_numpy_file(tmp_path):
+    """Noise of all kinds, unsorted frequencies of other programs in Hz, names of other programs."""
+    data = noisy()
+    covariance = np.einsum("ijn,kjn->ikn", data.responses, data.responses.conj())
+    full = mv.Measurement(data.omega, data.responses, data.outputs, data.inputs, covariance=covariance,
+                          noise_variance=0.5 * np.abs(data.responses), averages=3)  # fmt: skip
+    back = mv.Measurement.from_npz(full.to_npz(tmp_path / "full.npz"))
+    for name in ("covariance", "noise_variance", "variance"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(full, name))
+    assert (back.averages, back.coherence) == (3, None)
+    np.savez(tmp_path / "other.npz", f=data.frequencies, G=data.responses, outputs=np.array("p"), inputs=["F", "M"],
+             s2=data.variance[:1])  # fmt: skip
+    with pytest.raises(mv.ResponseError, match="outputs"):
+        mv.Measurement.from_npz(tmp_path / "other.npz", frequencies="f", responses="G")
+    np.savez(tmp_path / "other.npz", f=data.frequencies, G=data.responses[:1], outputs=np.array("p"), inputs=["F", "M"],
+             s2=data.variance[:1])  # fmt: skip
+    other = mv.Measurement.from_npz(tmp_path / "other.npz", frequencies="f", responses="G", variance="s2")
+    np.testing.assert_allclose(other.omega, data.omega, rtol=1e-15)
+    assert (other.outputs, other.inputs) == (("p",), ("F", "M"))
+    np.testing.assert_array_equal(other.variance, data.variance[:1])
+    with pytest.raises(mv.ResponseError, match="noise is missing"):
+        mv.Measurement.from_npz(tmp_path / "other.npz", frequencies="f", responses="G", noise_variance="noise")
+
+
+def test_frequencies_of_other_programs_in_any_order():
+    """Of python-control, with its arrays of either name, and of pandas."""
+    data = noisy()
+    order = [2, 0, 3, 1]
+    for field in ("frdata", "fresp"):
+        frd = type("FRD", (), {"omega": data.omega[order], field: data.responses[..., order],
+                               "output_labels": ["p", "q"], "input_labels": ["F", "M"]})()  # fmt: skip
+        back = mv.Measurement.from_frd(frd, variance=data.variance)
+        np.testing.assert_array_equal(back.responses, data.responses)
+        np.testing.assert_array_equal(back.omega, data.omega)
+
+
+def test_pandas_that_is_not_there_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    modes = mv.MeasuredModes([1.0])
+    for call, name in ((noisy().to_pandas, "to_pandas"), (modes.to_dataframe, "to_dataframe")):
+        with pytest.raises(ExportError, match=f"{name}: needs pandas, which is not installed"):
+            call()
+
+
+def test_a_closed_loop_of_sep005():
+    """An outer reference, by pattern, in another unit; the step by times or by rate; one record of each name."""
+    rng = np.random.default_rng(3)
+    r = rng.standard_normal(8000)
+    u, y = np.zeros(8000), np.zeros(8000)
+    for k in range(1, 8000):
+        y[k] = 0.5 * u[k - 1]
+        u[k] = r[k] - y[k]
+    noise = 0.2 * rng.standard_normal(8000)
+    channels = [{"name": "loop.r", "data": r, "fs": 50},
+                {"name": "y", "data": 1e3 * (y + noise), "fs": 50, "unit_str": "mm"},
+                {"name": "u", "data": u, "time": np.arange(8000) / 50}]  # fmt: skip
+    data = mv.Measurement.from_sep005(channels, "u", "loop.*", segments=20)
+    assert (data.outputs, data.inputs, data.output_units, data.input_units) == (("y",), ("u",), ("m",), ("",))
+    exact = 0.5 * np.exp(-1j * data.omega / 50)
+    assert np.mean(np.abs(data.responses[0, 0] - exact) ** 2) / np.mean(data.variance) == pytest.approx(1.0, abs=0.3)
+    given = {"u": u}, {"y": y + noise}
+    plain = mv.Measurement.from_records(1 / 50, *given, reference={"r": r}, segments=20)
+    np.testing.assert_allclose(data.responses, plain.responses, rtol=1e-9)
+    with pytest.raises(mv.ResponseError, match="u is there more than once"):
+        mv.Measurement.from_sep005([*channels, channels[2]], "u")
+    with pytest.raises(mv.ResponseError, match="no channels"):
+        mv.Measurement.from_sep005([], "u")
+    for wrong in ({"fs": 0.0}, {"fs": -50.0}, {"fs": None}):
+        with pytest.raises(mv.ResponseError, match="'y' has neither 'time' nor a positive 'fs'"):
+            mv.Measurement.from_sep005([channels[0], channels[1] | wrong, channels[2]], "u")
 
 
 def test_the_measured_mirror():

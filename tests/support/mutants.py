@@ -21,7 +21,7 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 }  # fmt: skip
 # functions of which the order of arguments says nothing, or without which nothing runs
 SYMMETRIC = {"maximum", "minimum", "max", "min", "isinstance", "zip", "cast", "getattr", "hasattr", "allclose", "add",
-             "two_sum"}  # fmt: skip
+             "two_sum", "swapaxes"}  # fmt: skip
 
 
 @dataclass(frozen=True)
