@@ -114,7 +114,7 @@ class Notch(Part):
         w, depth, width = values
         return stacked(2, [[0.0, w, 0.0], [-w, -2.0 * width * w, w], [0.0, 2.0 * (depth - width), 1.0]], len(w))
 
-    def through(self, sensors: Array, rate: float) -> Array | None:
+    def through(self, sensors: Array, rate: float) -> Array:
         """Return the sizes of the inputs."""
         return sensors
 

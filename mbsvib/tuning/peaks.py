@@ -120,15 +120,19 @@ def _largest(g: Array | Complex) -> Array:
 
 
 def eigen(a: Array) -> Eigen:
-    """Return eigenvalues, eigenvectors and their inverse, None where they are nearly dependent."""
+    """Return eigenvalues, eigenvectors and their inverse, None where they are nearly dependent in balanced states."""
+    from scipy.linalg import matrix_balance
+
     values, vectors = np.linalg.eig(a)
-    sizes = np.linalg.norm(vectors, axis=1) + TINY
+    units = matrix_balance(a, permute=False, separate=True)[1][0][:, None] if len(a) else np.ones((0, 1))
+    vectors = vectors / units
+    vectors = vectors / np.linalg.norm(vectors, axis=0)
     try:
-        inverse = np.linalg.inv(vectors / sizes[:, None])
+        inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
-        return values, vectors, None
-    condition = np.sqrt(len(a)) * np.linalg.norm(inverse)
-    return values, vectors, inverse / sizes if condition < DEPENDENT else None
+        return values, units * vectors, None
+    condition = len(a) * float(np.abs(inverse).max(initial=0.0))
+    return values, units * vectors, inverse / units.T if condition < DEPENDENT else None
 
 
 def peak(response: Response, known: Sequence[float]) -> tuple[float, float]:

@@ -85,9 +85,9 @@ class Tunable(Displayed, ABC):
     def realized(self, parts: Iterator[Realization]) -> Realization:
         """Return the equations for those of all parts, in their order."""
 
-    def through(self, sensors: Array, rate: float) -> Array | None:
-        """Return the sizes of outputs for sizes of the inputs, None if values choose them."""
-        return None
+    def through(self, sensors: Array, rate: float) -> Array:
+        """Return the sizes of outputs for sizes of the inputs, 1 if values choose them."""
+        return np.ones(len(self.outputs))
 
     def __add__(self, other: Any) -> Tunable:
         """Return both controllers in parallel."""
@@ -219,7 +219,7 @@ class Fixed(Part):
         x = np.block([[self.law.A, self.law.B], [self.law.C, self.law.D]])
         return Realization(len(self.law.A), np.broadcast_to(x, (values.shape[1], *x.shape)))
 
-    def through(self, sensors: Array, rate: float) -> Array | None:
+    def through(self, sensors: Array, rate: float) -> Array:
         """Return the sizes of outputs by the gain at the rate."""
         sizes = np.abs(self.law.at(np.array([1j * rate]))[0]) @ sensors
         return np.asarray(np.where(sizes > 0.0, sizes, 1.0))
@@ -253,6 +253,14 @@ class Sum(Tunable):
         """Return the sizes of all parts."""
         for term in self.terms:
             yield from term.sized(signals, rate)
+
+    def through(self, sensors: Array, rate: float) -> Array:
+        """Return the sizes of outputs, the largest of all terms."""
+        known, sizes = dict(zip(self.inputs, sensors, strict=True)), dict.fromkeys(self.outputs, 0.0)
+        for term in self.terms:
+            own = term.through(np.array([known[name] for name in term.inputs]), rate)
+            sizes |= {name: max(sizes[name], size) for name, size in zip(term.outputs, own.tolist(), strict=True)}
+        return np.array(list(sizes.values()))
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
         """Return the terms side by side."""
@@ -295,16 +303,14 @@ class Series(Tunable):
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of the parts of both."""
-        between = self.first.through(np.array([signals.sensors[name] for name in self.inputs]), rate)
-        size = np.ones(len(self.last.inputs)) if between is None else between
+        size = self.first.through(np.array([signals.sensors[name] for name in self.inputs]), rate)
         to, of = (dict(zip(names, size.tolist(), strict=True)) for names in (self.first.outputs, self.last.inputs))
         yield from self.first.sized(signals._replace(actuators=to), rate)
         yield from self.last.sized(signals._replace(sensors=of), rate)
 
-    def through(self, sensors: Array, rate: float) -> Array | None:
-        """Return the sizes of outputs if both have such."""
-        between = self.first.through(sensors, rate)
-        return None if between is None else self.last.through(between, rate)
+    def through(self, sensors: Array, rate: float) -> Array:
+        """Return the sizes of outputs of the last one."""
+        return self.last.through(self.first.through(sensors, rate), rate)
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
         """Return both in series."""

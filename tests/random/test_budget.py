@@ -44,6 +44,22 @@ def test_it_prints_sources_in_the_order_of_their_size():
     assert "Infinite" in str(two_masses(0.0, 0.0).linearize().budget({"F1": 1.0}))
 
 
+def test_rows_of_the_table():
+    """Each output with all noise first, then sources that count, then the others together; shares of the variance."""
+    a, b, c = np.diag([-1.0, -1.0]), np.array([[4.0, 0.1, 0.05, 3.0], [0.0, 0.0, 0.0, 1.0]]), np.eye(2)
+    noise = {f"u{k + 1}": 4.0 for k in range(4)}  # rms = b
+    rows = mv.StateSpace.from_arrays(a, b, c, 0).budget(noise).table()["rows"]
+    total = 16.0 + 9.0 + 0.01 + 0.0025
+    assert rows[:4] == [("y1", "all", f"{np.sqrt(total):.4g}", "", ""),
+                        ("", "u1", "4", "", f"{1600 / total:.2f} %"), ("", "u4", "3", "", f"{900 / total:.2f} %"),
+                        ("", "2 more", "0.11", "", "0.05 %")]  # fmt: skip
+    assert rows[4:] == [("y2", "all", "1", "", ""), ("", "u4", "1", "", "100.00 %")]
+    r = np.eye(4)
+    r[0, 3] = r[3, 0] = -0.5
+    rows = mv.StateSpace.from_arrays(a, b, c, 0).budget(noise, "y1", correlation=r).table()["rows"]
+    assert ("", "correlation", "-3.464", "", f"-{1200 / (total - 12.0):.2f} %") in rows
+
+
 def test_it_is_drawn_and_written(tmp_path):
     budget = made()
     figure = budget.plot("v2")

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
-from mbsvib.random.curves import VC, centres, edges
+from mbsvib.random.curves import VC, centres, edges, strictest
 from tests.random.scenes import oscillator
 
 W = 2.0 * np.pi
@@ -23,6 +23,34 @@ def test_peterson_models():
         model = isolation.seismic_spectrum("NLNM", quantity)
         np.testing.assert_allclose(model.at(f) * (W * f) ** (2 * (2 - order)), low.at(f), rtol=1e-12)
         assert model.unit == ("m", "m/s", "m/s^2")[order]
+
+
+def test_one_third_octaves():
+    """Nominal centre frequencies are these rounded; three bands are an octave of base ten, edges lie between."""
+    nominal = [1, 1.25, 1.6, 2, 2.5, 3.15, 4, 5, 6.3, 8, 10, 12.5, 16, 20, 25, 31.5, 40, 50, 63, 80]
+    np.testing.assert_allclose(centres(), nominal, rtol=0.012)
+    np.testing.assert_allclose(centres(3.15, 12.5), nominal[5:12], rtol=0.012)
+    np.testing.assert_allclose(centres()[[0, 10]], [1.0, 10.0], rtol=1e-14)
+    middle = centres(4.0, 16.0)
+    np.testing.assert_allclose(edges(middle)[1:-1], np.sqrt(middle[1:] * middle[:-1]), rtol=1e-14)
+    np.testing.assert_allclose(edges(middle)[[0, -1]] * edges(middle)[[1, -2]], middle[[0, -1]] ** 2, rtol=1e-14)
+
+
+def test_vibration_criteria_as_printed():
+    """Velocities [um/s] of the standard's table; A and B are lines of 1/f below 8 Hz."""
+    for name, level in zip(VC, (50, 25, 12.5, 6.25, 3.12, 1.56, 0.78), strict=True):
+        relaxed = name in ("VC-A", "VC-B")
+        np.testing.assert_allclose(isolation.vc_curve(name, [4.0, 8.0, 80.0]) * 1e6,
+                                   np.array([2.0 if relaxed else 1.0, 1.0, 1.0]) * level)  # fmt: skip
+    middle = centres()
+    for velocity, name in ((0.7e-6, "VC-G"), (3e-6, "VC-E"), (20e-6, "VC-B"), (51e-6, "")):
+        assert strictest(middle, np.full(len(middle), velocity)) == name
+    low = isolation.vc_spectrum("VC-C")
+    np.testing.assert_allclose(low.frequencies, [10.0**-0.05, 10.0**1.95], rtol=0.02)
+    for quantity, order in (("acceleration", 1), ("displacement", -1)):
+        there = isolation.vc_spectrum("VC-C", quantity)
+        np.testing.assert_allclose(there.at(np.array([7.0])), (W * 7.0) ** (2 * order) * isolation.vc_spectrum(
+            "VC-C", "velocity").at(np.array([7.0])), rtol=1e-12)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", VC)

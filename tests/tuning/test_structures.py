@@ -59,6 +59,79 @@ def test_transfer_functions(name, formula):
     np.testing.assert_allclose(transfer(known.realized(p)[0].matrices, S)[:, 0, 0], formula(S, *p), rtol=1e-12)
 
 
+def block(value, symbol, rows, columns):
+    """A matrix of values whose symbols have its name, and numbers where it is no single one."""
+    return np.array([[value.get(f"{symbol}[{r + 1},{c + 1}]", value.get(symbol) if rows == columns == 1 else None)
+                      for c in range(columns)] for r in range(rows)])  # fmt: skip
+
+
+def described(value, structure, order, outputs, inputs, s):
+    """C (s - A)^-1 B + D by the names of the values."""
+    a, drive = np.zeros((order, order)), np.zeros((order, 1))
+    if structure == "full":
+        a = block(value, "A", order, order)
+    else:
+        pairs = order // 2 if structure == "modal" else 0
+        for k in range(pairs):
+            w, damping = value[f"frequency[{k + 1}]"], value[f"damping[{k + 1}]"]
+            a[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, w], [-w, -2.0 * damping * w]]
+            drive[2 * k + 1] = w
+        for k in range(2 * pairs, order):
+            drive[k] = value["pole" if structure == "modal" else f"pole[{k + 1}]"]
+            a[k, k] = -drive[k, 0]
+    b = drive if structure != "full" and inputs == 1 else block(value, "B", order, inputs)
+    d = block(value, "D", outputs, inputs) if any(name.startswith("D") for name in value) else 0.0
+    c = block(value, "C", outputs, order) if outputs * order > 1 else np.array([[value["C[1,1]"]]])
+    return np.array([c @ np.linalg.solve(at * np.eye(order) - a, b.astype(complex)) + d for at in s])
+
+
+@pytest.mark.parametrize("feedthrough", [True, False])
+@pytest.mark.parametrize("inputs", ["a", "ab"])
+@pytest.mark.parametrize("outputs", ["c", "bc"])
+@pytest.mark.parametrize(("structure", "order"), [("full", 1), ("full", 3), ("modal", 1), ("modal", 4), ("modal", 5),
+                                                  ("diagonal", 1), ("diagonal", 3)])  # fmt: skip
+def test_state_spaces_are_those_of_their_values(structure, order, outputs, inputs, feedthrough):
+    made = T.state_space(order, list(outputs), list(inputs), structure, feedthrough=feedthrough, name="k")
+    known, p = at_random(made)
+    value = {name.removeprefix("k."): number for name, number in zip(known.names, p, strict=True)}
+    assert any(name.startswith("D") for name in value) is feedthrough
+    expected = described(value, structure, order, len(outputs), len(inputs), S)
+    np.testing.assert_allclose(transfer(known.realized(p)[0].matrices, S), expected, rtol=1e-11)
+
+
+def test_gains_and_sums_go_from_their_sensors_to_their_actuators():
+    known, p = at_random(STRUCTURES["sum"])
+    value = dict(zip(known.names, p, strict=True))
+    got = transfer(known.realized(p)[0].matrices, S)
+    assert (known.structure.outputs, known.structure.inputs) == (("a", "b"), ("b", "c"))
+    pid = value["a/b.kp"] + value["a/b.ki"] / S + value["a/b.kd"] * S / (value["a/b.tau"] * S + 1.0)
+    np.testing.assert_allclose(got[:, 0, 0], pid + value["b/b.gain[2,1]"], rtol=1e-12)
+    for (row, column), name in (((0, 1), "2,2"), ((1, 0), "1,1"), ((1, 1), "1,2")):
+        np.testing.assert_allclose(got[:, row, column], value[f"b/b.gain[{name}]"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name in STRUCTURES if name != "notch"])  # which has the unit of its sensor
+def test_starts_do_not_depend_on_units(name):
+    """Of time and of each signal: K_ij at a start times sensor over actuator is the same number."""
+    structure, unit = STRUCTURES[name], {"a": 1e3, "b": 0.2, "c": 7.0}
+    other = Signals({n: SIZES.actuators[n] * unit[n] for n in NAMES},
+                    {n: SIZES.sensors[n] * unit[n] ** 2 for n in NAMES})  # fmt: skip
+    found = []
+    for signals, rate in ((SIZES, 4.0), (other, 400.0)):
+        known = law(structure, signals, rate)
+        noise = np.random.default_rng(5).normal(size=len(known.values))
+        p = np.array([v.size * (v.start * np.exp(v.spread * x) if v.positive else v.start + v.spread * x)
+                      for v, x in zip(known.values, noise, strict=True)])  # fmt: skip
+        k = transfer(known.realized(p)[0].matrices, S * rate / 4.0)
+        to, of = ([sizes[n] for n in names] for sizes, names in ((signals.actuators, structure.outputs),
+                                                                 (signals.sensors, structure.inputs)))  # fmt: skip
+        found.append(k * np.array(of) / np.array(to)[:, None])
+    if name == "shared":  # values of parts of one name begin where the first one does
+        found = [part[:, :1, :1] for part in found]
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+    assert np.abs(found[0]).max() > 0.01
+
+
 def test_series_is_the_product_of_transfer_functions_right_one_first():
     first, last = T.state_space(2, ["y", "z"], ["a", "b", "c"]), T.state_space(3, "a", ["p", "q"])
     known, p = at_random(last * first)

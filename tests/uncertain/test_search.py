@@ -36,6 +36,17 @@ def test_gradients_of_parameters_add_up_over_their_channels(measure):
         assert gradient @ along == pytest.approx((high - low) / (2.0 * step), rel=1e-6)
 
 
+def test_gain_of_a_static_map():
+    """0.5 + 0.1 d / (1 - 0.5 d), with its derivative 0.1 / (1 - 0.5 d)^2; no state, no growth."""
+    d = np.array([[0.5, 0.1], [1.0, 0.5]])
+    problem = Perturbed((np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), d), np.array([0]),
+                        np.array([[-1.0, 1.0]]), [1], [1])  # fmt: skip
+    value, gradient = problem.measured(gain, np.array([0.4]))
+    assert (value, gradient[0]) == (pytest.approx(0.5 + 0.04 / 0.8), pytest.approx(0.1 / 0.8**2))
+    assert problem.measured(growth, np.array([0.4]))[0] == -np.inf
+    assert problem.measured(gain, np.array([2.0]))[0] == np.inf  # singular
+
+
 @pytest.mark.parametrize("count", [1, 3, 9])
 def test_starts_are_the_nominal_values_vertices_and_points_within(count):
     limits = np.array([[-1.0 - k, 0.5 * (k + 1.0)] for k in range(count)])
@@ -136,7 +147,7 @@ def test_a_name_goes_before_patterns_in_any_order():
         found = blocks.ranges(system, limits)
         assert found == {"k1.stiffness": pytest.approx((900.0, 720.0, 1080.0)),
                          "k2.stiffness": pytest.approx((300.0, 270.0, 330.0))}  # fmt: skip
-    with pytest.raises(mv.ModelError, match="two patterns match 'k1.stiffness'"):
+    with pytest.raises(mv.ModelError, match=r"two patterns match 'k1\.stiffness'"):
         blocks.ranges(system, {"k*.stiffness": 0.1, "*1.stiffness": 0.2})
 
 
