@@ -172,22 +172,28 @@ def test_batches_and_derivatives_to_all_parameters():
 
 def test_what_varies_with_time_is_refused_by_name():
     model = pendulum((0, 1, 0))
-    other = pendulum((0, 1, 0))
-    other.gravity = (0, 0, -9.81)
-    for change, name in (
-        (lambda m: m.add_spring("post", "ground", "bob", (2, 0, 0), (1.3, 0, 0), 10.0), "post"),
-        (lambda m: m.add_joint("pin", "free", "ground", "bob", (0, 0, 0)), "pin"),
-        (lambda m: m.add_load("push", "bob", (1, 0, 0)), "push"),
-        (lambda m: setattr(m, "gravity", (0, -9.81, 0)), "gravity"),
-        (lambda m: m.add_base_motion("floor", "x"), "floor"),
-        (lambda m: m.add_rotor("spin", "bob", 3.0, (0, 0, 1)), "spin"),
+    for change, words in (
+        (lambda m: m.add_spring("post", "ground", "bob", (2, 0, 0), (1.3, 0, 0), 10.0), "'post' acts between"),
+        (lambda m: m.add_spring("post", "bob", "ground", (1.3, 0, 0), (2, 0, 0), 10.0), "'post' acts between"),
+        (lambda m: m.add_joint("pin", "free", "ground", "bob", (0, 0, 0)), "'pin' joins"),
+        (lambda m: m.add_joint("pin", "free", "bob", "ground", (0, 0, 0)), "'pin' joins"),
+        (lambda m: m.add_load("push", "bob", (1, 0, 0)), "'push' keeps its direction"),
+        (lambda m: m.add_load("twist", "hub", torque=(1, 0, 1)), "'twist' keeps its direction"),
+        (lambda m: setattr(m, "gravity", (0, -9.81, 0)), "'gravity' does not act along the axis"),
+        (lambda m: m.add_base_motion("floor", "x"), "'floor' moves the ground"),
+        (lambda m: m.add_rotor("spin", "bob", 3.0, (0, 0, 1)), "'spin' spins as a whole body"),
         (lambda m: (m.add_hub("other", 1.0, (0, 0, 1)),
-                    m.add_spring("tie", "other", "bob", (2, 0, 0), (1.3, 0, 0), 10.0)), "hub"),
+                    m.add_spring("tie", "other", "bob", (2, 0, 0), (1.3, 0, 0), 10.0)), "'other' is on hub 'other'"),
     ):  # fmt: skip
         changed = mv.Model("changed", gravity=model.gravity).with_parts(**model.groups())
         change(changed)
-        with pytest.raises(mv.ModelError, match=name):
+        with pytest.raises(mv.ModelError, match=words):
             changed.linearize()
+    along = mv.Model("along", gravity=(0, 0, 3.0)).with_parts(**model.groups())
+    along.add_load("lift", "bob", (0, 0, -6.0), torque=(0, 0, 2.0))
+    along.add_load("turn", "bob", torque=(0, 0, -2.0), follower=True)
+    along.add_spring("on the hub", "hub", "bob", (2, 0, 0), (1.3, 0, 0), 10.0)
+    assert along.linearize().dof == 1
 
 
 def test_moved_takes_joints_on_hubs_along():
