@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots._sheet import Given
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,12 +150,17 @@ class Family(Batch):
 
         return interpolated(self, self.plant, error)
 
-    def plot(self) -> Figure:
+    def plot(self, *, ax: Given | None = None) -> Figure | Given:
         """Draw the natural frequencies over the poses.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             Lines over one coordinate; a map of the lowest frequency over a grid of two; else lines over the number of
             the pose, or histograms over a grid of more.
         """
@@ -167,7 +173,7 @@ class Family(Batch):
             columns = varied = {"pose": np.arange(float(len(self)))}
         units = dict(zip(self.plant.names, self.plant.units, strict=True)) | {"natural frequency": "Hz"}
         return over_variables(self.frequencies, "natural frequency", columns, varied, grid=grid, units=units,
-                              name=self.name, entries=[f"{k + 1}" for k in range(self.dof)])  # fmt: skip
+                              name=self.name, entries=[f"{k + 1}" for k in range(self.dof)], ax=ax)  # fmt: skip
 
     def _told(self, i: int) -> str:
         return told(i, self.pose(i))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots._sheet import Given
     from mbsvib.plots.animation import Animation
     from mbsvib.simulation.trace import Trace
 
@@ -204,17 +205,19 @@ class Run(Columnar, Displayed):
                   "dissipated": self.energy.dissipated, "supplied": self.energy.supplied}  # fmt: skip
         return columns | {f"energy.{name}": values for name, values in energy.items()}
 
-    def plot(self, names: Sequence[str] | str | None = None) -> Figure:
+    def plot(self, names: Sequence[str] | str | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Return a figure of outputs or coordinates, and of the energies, over time.
 
         Parameters
         ----------
         names : str or sequence of str, optional
             Outputs and coordinates; default: the outputs, or the coordinates where there are none.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             One panel for each unit, and one for the energies.
 
         Raises
@@ -224,7 +227,7 @@ class Run(Columnar, Displayed):
         """
         from mbsvib.plots.run import run_figure
 
-        return run_figure(self, names)
+        return run_figure(self, names, ax)
 
     def animate(self, *, view: Any = "3-D", frames: int = 120, rate: float = 25.0) -> Animation:
         """Return the motion as it was, true to scale, for Jupyter or to ``save``.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.fitting.problem import Problem
     from mbsvib.measurement.modes import MeasuredModes
+    from mbsvib.plots._sheet import Given
 
 # Sizes of numbers that a table shows without a power of ten.
 LEAST, MOST = 1e-3, 1e7
@@ -149,17 +150,19 @@ class Fit(Columnar, Displayed):
         """
         return self._responses(number)[1]
 
-    def plot(self, number: int = 1) -> Figure:
+    def plot(self, number: int = 1, *, ax: Given | None = None) -> Figure | Given:
         """Draw measured and fitted responses.
 
         Parameters
         ----------
         number : int
             Which of the measurements with responses, from 1.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             One panel for each pair of input and output.
 
         Raises
@@ -169,7 +172,7 @@ class Fit(Columnar, Displayed):
         """
         from mbsvib.plots.measured import measured
 
-        return measured(*self._responses(number), f"fit of {self.model.name}")
+        return measured(*self._responses(number), f"fit of {self.model.name}", ax=ax)
 
     def _responses(self, number: int) -> tuple[Measurement, Complex]:
         known = [(k, one) for k, one in enumerate(self.data) if isinstance(one, Measurement)]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.selection import Names
+    from mbsvib.plots._sheet import Given
 
 COLUMNS = 4  # values that have columns of their own in tables
 
@@ -118,12 +119,17 @@ class Placement(Displayed):
         return (f"{self.tried} of {self.count:.3g} sets were compared, by exchanges from a greedy choice. No set is "
                 f"more than {100 * self.gap + 0.05:.1f} % {side} the best of them.")  # fmt: skip
 
-    def plot(self) -> Figure:
+    def plot(self, *, ax: Given | None = None) -> Figure | Given:
         """Draw the scores of the sets, with which candidates each has.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             The figure.
         """
         from mbsvib.plots.placement import placement_figure
@@ -131,7 +137,7 @@ class Placement(Displayed):
         sets = [(*one.sensors, *one.actuators) for one in self.sets]
         label = "share of the information [-]" if self.larger else "root of the cost [-]"
         return placement_figure(self.name, f"by {self.criterion}", sets, [one.score for one in self.sets], self.bound,
-                                label, (*self.everything.sensors, *self.everything.actuators))  # fmt: skip
+                                label, (*self.everything.sensors, *self.everything.actuators), ax)  # fmt: skip
 
 
 def _number(value: float) -> str:

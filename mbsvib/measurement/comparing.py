@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array, Bools, Complex
+    from mbsvib.plots._sheet import Given
 
 # Lines of two measurements that differ by less, relative, are the same.
 SAME_LINE = 1e-6
@@ -144,17 +145,22 @@ class Comparison(Columnar, Displayed):
                             for d in self.differences],
         }  # fmt: skip
 
-    def plot(self) -> Figure:
+    def plot(self, *, ax: Given | None = None) -> Figure | Given:
         """Return a figure: the MAC as a matrix, and the differences of the paired frequencies.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             With modes counted from 1.
         """
         from mbsvib.plots.comparison import comparison
 
-        return comparison(self)
+        return comparison(self, ax=ax)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.plots._sheet import Given
 
 # Coherence of 1, and symmetry of a covariance, up to rounding of the program that estimated them.
 _ROUNDED = 1e-6
@@ -326,7 +327,9 @@ class Measurement(Doors, Displayed):
                     ("inputs", self.inputs, self.input_units, self.input_points, None)]  # fmt: skip
         return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
 
-    def plot(self, linear: Any = None, names: Mapping[str, str] | None = None) -> Figure:
+    def plot(
+        self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None
+    ) -> Figure | Given:
         """Draw magnitude and phase of the responses with their standard deviation, and a model's over them.
 
         Parameters
@@ -335,22 +338,24 @@ class Measurement(Doors, Displayed):
             The model, whose channels are found by ``matched``.
         names : dict of str to str, optional
             As of ``matched``.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             One panel for each pair of input and output.
         """
         from mbsvib.plots.measured import measured
 
         if linear is None:
-            return measured(self, None)
+            return measured(self, None, ax=ax)
         matching = self.matched(linear, names)
         system = linear.linearize() if hasattr(linear, "linearize") else linear
         rows, columns = ([list(getattr(system, kind)).index(name) for name in listed] for kind, listed in (
             ("outputs", matching.output_names), ("inputs", matching.input_names)))  # fmt: skip
         responses = system.frequency_response(self.omega)[np.ix_(rows, columns)]
-        return measured(self, responses * matching.factor(self.omega), system.name)
+        return measured(self, responses * matching.factor(self.omega), system.name, ax=ax)
 
     def __repr__(self) -> str:
         groups = ((self.inputs, "input"), (self.outputs, "output"), (self.omega, "frequency"), (self.nodes, "node"),

@@ -1,9 +1,12 @@
 """Figures: responses, modes, energies and the mechanism itself, with names and units from the system.
 
-Each function returns a new ``matplotlib.figure.Figure``: no pyplot, no window, no global
-state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the first figure that is drawn.
+Each function returns a new ``matplotlib.figure.Figure``: no pyplot, no window, no global state. Save it by
+``figure.savefig("bode.png")``. With ``ax=``, one of matplotlib's axes or a sequence of them, it draws there and returns
+what was given. ``STYLE`` has the settings of all figures, for your own: ``plt.style.use(plots.STYLE)``. Matplotlib is
+imported by the first figure that is drawn.
 """
 
+from mbsvib.plots._style import STYLE
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
 from mbsvib.plots.comparison import comparison
@@ -30,6 +33,7 @@ from mbsvib.plots.topology import topology
 from mbsvib.plots.trade_off import trade_off
 
 __all__ = [
+    "STYLE",
     "bode",
     "campbell",
     "comparison",

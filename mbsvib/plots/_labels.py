@@ -37,22 +37,23 @@ ASIDE, END = 6.0, 0.8
 
 def write_names(
     axes: Axes, names: Sequence[str], anchors: Array, marks: Array, curves: Sequence[Array], bounds: Boxes,
-    blocked: Boxes,
+    blocked: Boxes, colours: Sequence[str],
 ) -> None:  # fmt: skip
     """Write names at points of axes.
 
     ``anchors`` (n, 2): the points, in data of the axes. ``marks`` (m, 2): where marks are, which should remain visible.
     ``curves`` (m, 2): polylines that should remain visible. ``bounds`` (4,): where names may be: left, bottom, right,
-    top [pixel]. ``blocked`` (b, 4): boxes [pixel] where they may not be.
+    top [pixel]. ``blocked`` (b, 4): boxes [pixel] where they may not be. ``colours``: of the names.
     """
     if not names:
         return
     pixel = axes.figure.dpi / 72.0
     texts = [axes.annotate(name, at, (0.0, 0.0), textcoords="offset points", fontsize=8.0, zorder=6, ha="center",
-                           va="center", arrowprops={"arrowstyle": "-", "color": style.MARK, "linewidth": 0.6,
-                                                    "shrinkA": 0.0, "shrinkB": 2.0},
+                           va="center", color=colour,
+                           arrowprops={"arrowstyle": "-", "color": style.MARK, "linewidth": 0.6, "shrinkA": 0.0,
+                                       "shrinkB": 2.0},
                            bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5})
-             for name, at in zip(names, anchors.tolist(), strict=True)]  # fmt: skip
+             for name, at, colour in zip(names, anchors.tolist(), colours, strict=True)]  # fmt: skip
     half = 0.5 * _sizes(texts) + GAP * pixel
     points = axes.transData.transform(anchors)
     lines = np.concatenate([np.zeros((0, 2)), *(_sampled(axes.transData.transform(curve), SPACING * pixel)

@@ -21,19 +21,20 @@ View: TypeAlias = str | Sequence[float]
 
 # Azimuth and elevation [deg] of the eye.
 VIEWS = {"3-D": (-52.0, 24.0), "x": (0.0, 0.0), "y": (-90.0, 0.0), "z": (-90.0, 90.0)}
+BLUE, RED, GREEN, PINK, ORANGE = style.COLOURS[:5]
 # Colour and width [pt] of a line by its kind.
 LINES: dict[str, tuple[str, float]] = {
-    "body": ("#2b5c9e", 2.6), "beam": ("#2b5c9e", 2.6), "rod": ("#2b5c9e", 1.8), "spoke": ("#7f9cc4", 0.8),
-    "spring": ("#dd7a1f", 1.1), "gap": ("#dd7a1f", 1.1), "damper": ("#8a6fb8", 1.3), "axis": ("#39434e", 0.9),
-    "ground": ("#8a949e", 0.8), "input": ("#3a9a6e", 1.6),
+    "body": (BLUE, 2.6), "beam": (BLUE, 2.6), "rod": (BLUE, 1.8), "spoke": ("#7FB8D8", 0.8),
+    "spring": (ORANGE, 1.2), "gap": (ORANGE, 1.2), "damper": (PINK, 1.4), "axis": (style.INK, 0.9),
+    "ground": (style.MARK, 0.8), "input": (GREEN, 1.8),
 }  # fmt: skip
 REST = ("#ccd3da", 0.9)
 # Sign, size [pt], colour, edge and its width [pt] of a mark by its kind, from below to above: a bushing is a ring,
 # within which a joint at the same place is seen.
 MARKS: dict[str, tuple[str, float, str, str, float]] = {
-    "bushing": ("o", 10.0, "#fbe6d2", "#dd7a1f", 2.2),
-    "body": ("o", 4.5, "#16365f", "white", 0.9), "node": ("o", 3.5, "#16365f", "white", 0.9),
-    "joint": ("o", 4.5, "white", "#39434e", 0.9), "cut": ("D", 4.5, "#c4321f", "white", 0.9),
+    "bushing": ("o", 10.0, "#FBEBCC", ORANGE, 2.2),
+    "body": ("o", 4.5, "#003A5C", "white", 0.9), "node": ("o", 3.5, "#003A5C", "white", 0.9),
+    "joint": ("o", 4.5, "white", style.INK, 0.9), "cut": ("D", 4.5, RED, "white", 0.9),
 }  # fmt: skip
 FACE = (0.56, 0.69, 0.85, 0.35)
 MARGIN = 0.06

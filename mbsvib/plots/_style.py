@@ -1,4 +1,8 @@
-"""Style of all figures: colours for the colour-blind, a light grid, sizes for a paper."""
+"""Style of all figures, of the library, the gallery and the documentation: what it is is said here alone.
+
+Colours are told apart by the colour-blind (Okabe and Ito); lines differ in dashes too. Texts have 8.5 to 10.5 pt in a
+figure as it is made, and 7 pt at least where it is made or shown smaller.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +12,23 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure, SubFigure
-    from numpy.typing import NDArray
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")  # Okabe and Ito
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1, 1.5)))
-INK, FAINT, MARK = "#333333", "#E4E4E4", "#9A9A9A"
-PANEL_WIDTH, WIDEST = 3.6, 10.8
+INK, FAINT, MARK, NOTE = "#333333", "#E4E4E4", "#9A9A9A", "#6A6A6A"
+# Sizes [inch]. The widest figure is shown at 7.2 in, the width of a page, where its smallest text, 8.5 pt, has 7 pt.
+PANEL_WIDTH, ALONE, WIDEST = 3.6, 6.0, 8.6
 DPI = 150
 LETTERS_PER_INCH = 12.0
-ROOM = 0.94  # of the width of a figure for its legend
+ROOM = 0.78  # of the width of a figure for its legend, which shrinks less where the figure is made smaller
 
-RC: Any = {
+# Settings of matplotlib, for own figures beside those of mbsvib: ``plt.style.use(mbsvib.plots.STYLE)``.
+STYLE: Any = {
     "figure.dpi": DPI,
     "figure.facecolor": "white",
     "savefig.dpi": DPI,
@@ -40,6 +45,7 @@ RC: Any = {
     "axes.grid": True,
     "axes.grid.which": "major",
     "axes.unicode_minus": True,
+    "axes.prop_cycle": f"cycler('color', {COLOURS})",
     "grid.color": FAINT,
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.4,
@@ -56,6 +62,7 @@ RC: Any = {
     "ytick.minor.width": 0.4,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
+    "legend.title_fontsize": 8.5,
     "text.color": INK,
 }
 
@@ -67,7 +74,7 @@ def context() -> Iterator[None]:
     """Apply the style while a figure is built; figures may be built in several threads."""
     import matplotlib
 
-    with _LOCK, matplotlib.rc_context(RC):
+    with _LOCK, matplotlib.rc_context(STYLE):
         yield
 
 
@@ -86,7 +93,7 @@ def line(number: int, faint: bool = False) -> dict[str, Any]:
 
 def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[float, float]:
     """Return the size [inch] of a figure that is ``tall`` with one row of panels and else ``height`` for each."""
-    width = WIDEST * 0.6 if columns == 1 else min(columns * PANEL_WIDTH, WIDEST)
+    width = ALONE if columns == 1 else min(columns * PANEL_WIDTH, WIDEST)
     return width, tall if rows == 1 else height * rows
 
 
@@ -95,52 +102,46 @@ def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **loo
 
     ``loc``: where, such as "outside upper right". ``**look``: further arguments of ``figure.legend``.
     """
-    for count in range(min(len(handles), columns), 0, -1):
+    def made(count: int) -> Any:
         words = figure.legend(handles=handles, loc=loc, ncols=count, **look)
-        if count == 1 or words.get_window_extent().width <= ROOM * figure.bbox.width:
+        return words, words.get_window_extent().width
+
+    words, least = made(1)  # of the title, if this is wider than the names
+    for count in range(min(len(handles), columns), 1, -1):
+        wider, width = made(count)
+        if width <= max(ROOM * figure.bbox.width, least):
+            words.remove()
             return
-        words.remove()
-
-
-def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
-    """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
-    if len(names) > 1:
-        legend(figure, figure.axes[0].get_legend_handles_labels()[0], "outside upper right", 4)
-        return
-    name_aside(axes, names[0])
+        wider.remove()
 
 
 def name_aside(axes: Axes, name: str) -> None:
     """Write a name at the right end above a panel, if there is room beside its title."""
     room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * LETTERS_PER_INCH
     if len(axes.get_title(loc="left")) + len(name) + 3 <= room:
-        axes.set_title(name, loc="right", color=MARK, fontsize=8.5)
+        axes.set_title(name, loc="right", color=NOTE, fontsize=8.5)
 
 
 def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency [Hz]") -> None:
-    """Make the horizontal axis logarithmic, from ``low`` to ``high``, with plain numbers where they are short."""
+    """Make the horizontal axis logarithmic, from ``low`` to ``high``."""
     axes.set_xlabel(label)
-    logarithmic(axes.xaxis, low, high)
+    logarithmic(axes.xaxis)
     if high > low:
         axes.set_xlim(low, high)
 
 
-def logarithmic(axis: Axis, low: float, high: float) -> None:
-    """Make an axis of values from ``low`` to ``high`` logarithmic, with plain numbers where they are short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+def logarithmic(*several: Axis) -> None:
+    """Make axes logarithmic, with plain numbers at ticks where they are short: 0.2, 0.3, not powers of ten."""
+    from matplotlib.ticker import LogLocator, NullFormatter
 
-    axis.axes.set(**{"xscale" if axis is axis.axes.xaxis else "yscale": "log"})
-    narrow = high < 50.0 * low
-    if narrow:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_minor_formatter(NullFormatter())
-    if low >= 1e-3 and high < (1e6 if narrow else 1.001e5):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    from mbsvib.plots._figure import LogTexts, LogTicks
 
-
-def head(figure: Figure, words: str) -> None:
-    """Write the title of a whole figure, in as many lines as it takes."""
-    figure.suptitle(wrapped(figure, words), x=0.02, ha="left", fontsize=10.5)
+    for axis in several:
+        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+        axis.set_major_locator(LogTicks())
+        axis.set_major_formatter(LogTexts())
+        axis.set_minor_locator(LogLocator(subs="auto"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def wrapped(figure: Figure | SubFigure, words: str, share: float = 1.0) -> str:
@@ -149,19 +150,16 @@ def wrapped(figure: Figure | SubFigure, words: str, share: float = 1.0) -> str:
     return "\n".join(part for line in words.split("\n") for part in wrap(line, width) or [""])
 
 
-def tell_left_out(figure: Figure, shown: int, count: int, items: str, how: str = "") -> None:
-    """Tell above a figure that it shows only the first of so many, and how the others are obtained."""
-    if shown < count:
-        words = f"{shown} of {count} {items}" + (f"; {how}" if how else "")
-        figure.suptitle(words, x=0.02, ha="left", fontsize=8.5, color=MARK)
-
-
-def zero(curves: Iterable[NDArray[Any]]) -> str:
-    """Return the remark on responses that are zero by symmetry, exactly or up to rounding."""
-    return "zero: what is drawn is rounding" if any(values.any() for values in curves) else "zero"
+def nothing(*panels: Axes) -> None:
+    """Say that what would be drawn is zero, and leave out the numbers at axes that have no curve."""
+    for axes in panels:
+        axes.set_ylim(-1.0, 1.0)
+        axes.set_yticks([])
+    panels[0].text(0.5, 0.5, "zero", transform=panels[0].transAxes, ha="center", va="center", color=NOTE,
+                   style="italic", bbox={"fc": "white", "ec": "none"})  # fmt: skip
 
 
 def remark(axes: Axes, words: str, top: bool = False) -> None:
     """Write a short remark into the lower or upper left corner of a panel."""
     height, side = (0.96, "top") if top else (0.04, "bottom")
-    axes.text(0.02, height, words, transform=axes.transAxes, va=side, fontsize=8.5, color=MARK, style="italic")
+    axes.text(0.02, height, words, transform=axes.transAxes, va=side, fontsize=8.5, color=NOTE, style="italic")

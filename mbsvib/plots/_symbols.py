@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.plots import _style as style
 from mbsvib.plots._projection import LINES, MARKS
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     from mbsvib.plots._scene import DrawnScene
+    from mbsvib.plots._sheet import Sheet
 
 # What a symbol means, by the kind of marks and lines, in the order of the legend.
-MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod": "rod", "joint": "joint",
-            "cut": "joint at which a loop is cut", "axis": "axis of a joint", "bushing": "bushing or torsion spring",
+MEANINGS = {"body": "body, centre of mass", "beam": "beam, superelement", "rod": "rod", "joint": "joint",
+            "cut": "cut joint", "axis": "axis of a joint", "bushing": "bushing, torsion spring",
             "spring": "spring", "damper": "damper", "input": "input", "ground": "ground"}  # fmt: skip
 COLUMNS = 4
 
 
-def legend(figure: Figure, scene: DrawnScene) -> None:
+def legend(paper: Sheet, scene: DrawnScene) -> None:
     """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS
@@ -28,7 +27,7 @@ def legend(figure: Figure, scene: DrawnScene) -> None:
         meanings = MEANINGS | {"input": "input (», torque)"}
     handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
-    style.legend(figure, handles, "outside lower center", COLUMNS, fontsize=8.0, handlelength=1.8, columnspacing=1.4)
+    paper.legend(handles, columns=COLUMNS, below=True, handlelength=1.8, columnspacing=1.4)
 
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:

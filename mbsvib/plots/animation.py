@@ -17,6 +17,7 @@ from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
 from mbsvib.plots._scene import DrawnScene, of_system
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,33 +63,35 @@ class Animation(Displayed):
         """
         return np.asarray(self.scene.points + (self.shape * np.exp(1j * phase)).real)
 
-    def figure(self, phase: float = 0.0) -> Figure:
+    def figure(self, phase: float = 0.0, *, ax: Given | None = None) -> Figure | Given:
         """Return the picture at a phase.
 
         Parameters
         ----------
         phase : float
             Phase of the motion [rad]: 0 is farthest out for real shapes.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             The mechanism, its pose at rest in grey.
         """
-        figure, picture = self._canvas()
+        result, picture = self._canvas(ax)
         picture.set_points(self.points(phase))
-        return figure
+        return result
 
-    def _canvas(self) -> tuple[Figure, Picture]:
-        with style.context():
-            figure = style.new_figure(5.6, 4.4)
-            figure.set_dpi(DPI)
-            axes = figure.subplots()
+    def _canvas(self, ax: Any = None) -> tuple[Any, Picture]:
+        with sheet("figure", ax, (5.6, 4.4)) as paper:
+            axes = paper.panels[0]
+            if paper.own:
+                paper.figure.set_dpi(DPI)
             reach = float(np.linalg.norm(self.shape, axis=1).max(initial=0.0))
             picture = Picture(axes, self.scene, self.view, rest=True, reach=reach)
             triad(axes, self.view)
-            axes.set_title(self.title, loc="left")
-        return figure, picture
+            axes.set_title(self.title)
+        return paper.result, picture
 
     def _pictures(self) -> Iterator[Any]:
         """The frames, as images of pillow."""

@@ -10,6 +10,7 @@ from mbsvib.common import units
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import Curve, curves, shared_grid
+from mbsvib.plots._sheet import Given, pairs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +33,8 @@ def bode(
     systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
     wrap: bool = False, marks: bool = True, decibels: bool = False, radians: bool = False, shared: bool = True,
-) -> Figure:  # fmt: skip
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the magnitude and phase of G(i w) from inputs to outputs.
 
     Parameters
@@ -57,10 +59,12 @@ def bode(
         Frequency axis in rad/s; ``frequencies`` and ``span`` stay in Hz.
     shared : bool
         The same limits of magnitude in all panels of the same unit.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         One panel for each pair of input and output.
 
     Raises
@@ -73,29 +77,23 @@ def bode(
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     lines = [curves(system, flat, grid) for _, system in named]
-    rows, columns, count = len(panels), max(map(len, panels)), len(flat)
+    columns = max(map(len, panels))
     magnitudes = _magnitudes(lines[0], decibels)
-    with style.context():
-        figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
-        cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
-        number, tops = 0, []
-        for i, row in enumerate(panels):
-            for j, _ in enumerate(row):
-                top = figure.add_subplot(cells[2 * i, j])
-                below = figure.add_subplot(cells[2 * i + 1, j], sharex=top)
-                drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
-                _panel(top, below, drawn, wrap, decibels, radians)
-                top.set_ylabel(magnitudes[number])
-                tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))
-                if (i + 1) * columns + j < count:
-                    below.set_xlabel("")
-                if marks and len(named) == 1:
-                    _mark(top, below, named[0][1].modes().frequencies * (2.0 * np.pi if radians else 1.0))
-                number += 1
+    with pairs("plots.bode", ax, len(panels), columns, len(flat)) as (paper, couples):
+        tops = []
+        for number, (top, below) in enumerate(couples):
+            drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
+            _panel(top, below, drawn, wrap, decibels, radians, paper.first)
+            top.set_ylabel(magnitudes[number])
+            tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))
+            if number + columns < len(flat):
+                below.set_xlabel("")
+            if marks and len(named) == 1:
+                _mark(top, below, named[0][1].modes().frequencies * (2.0 * np.pi if radians else 1.0))
         if shared:
             _share(tops)
-        style.name_systems(figure, [label for label, _ in named], figure.axes[2 * len(panels[0]) - 2])
-    return figure
+        paper.name([label for label, _ in named], columns - 1)
+    return paper.result
 
 
 def _share(tops: list[tuple[Axes, str, list[tuple[str, Curve]]]]) -> None:
@@ -110,28 +108,27 @@ def _share(tops: list[tuple[Axes, str, list[tuple[str, Curve]]]]) -> None:
 
 
 def _panel(
-    top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool, decibels: bool, radians: bool
-) -> None:
+    top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool, decibels: bool, radians: bool,
+    first: int,
+) -> None:  # fmt: skip
     curve = drawn[0][1]
     phases = []
     turn = 2.0 * np.pi if radians else 1.0
-    for i, (label, response) in enumerate(drawn):
-        magnitude = np.abs(response.values)
-        look = style.line(i, faint=response.negligible)
-        magnitude[magnitude == 0.0] = np.nan
+    for i, (label, response) in enumerate(drawn, first):
+        magnitude, look = np.abs(response.values), style.line(i)
+        magnitude[response.negligible | (magnitude == 0.0)] = np.nan
         top.plot(turn * response.frequencies, 20.0 * np.log10(magnitude) if decibels else magnitude, label=label,
                  **look)  # fmt: skip
-        phase = response.phase(wrap)
+        phase = np.where(response.negligible, np.nan, response.phase(wrap))
         phases.append(phase)
         below.plot(turn * response.frequencies, phase, **look)
-    _magnitude_axis(top, curve, decibels)
+    _magnitude_axis(top, decibels)
     top.set_title(f"{curve.source} → {curve.output}")
     _phase_axis(below, phases)
     style.frequency_axis(below, turn * curve.frequencies[0], turn * curve.frequencies[-1],
                          "frequency [rad/s]" if radians else "frequency [Hz]")  # fmt: skip
-    top.tick_params(labelbottom=False, which="both")
-    if all(response.negligible for _, response in drawn):
-        style.remark(top, style.zero(response.values for _, response in drawn))
+    if not first and all(response.negligible for _, response in drawn):
+        style.nothing(top, below)
 
 
 def _magnitudes(drawn: list[Curve], decibels: bool) -> list[str]:
@@ -145,33 +142,14 @@ def _magnitudes(drawn: list[Curve], decibels: bool) -> list[str]:
     return full if max(map(len, full)) <= LONGEST_LABEL else [f"magnitude [{unit}]" for unit in ratios]
 
 
-def _magnitude_axis(axes: Axes, curve: Curve, decibels: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    if decibels:
+def _magnitude_axis(axes: Axes, decibels: bool) -> None:
+    if decibels or not any(np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in axes.lines):
         return
-    values = np.abs(curve.values)
-    if not (values > 0.0).any():
-        axes.set_ylim(0.0, 1.0)
-        return
-    axes.set_yscale("log")
+    style.logarithmic(axes.yaxis)
     low, high = axes.get_ylim()
-    if high < 10.0 * low:  # a log axis without two decades has hardly a label
+    if high < 10.0 * low:
         middle = np.sqrt(low * high)
-        low, high = middle / 10.0**0.6, middle * 10.0**0.6
-        axes.set_ylim(low, high)
-    if high < 50.0 * low:
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(_written))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _written(value: float, _: int) -> str:
-    if 0.0099 < value < 9999.0:
-        return f"{value:g}"
-    power = np.floor(np.log10(value) + 1e-9)
-    factor = value / 10.0**power
-    return rf"$10^{{{power:.0f}}}$" if factor < 1.5 else rf"${factor:.0f}\times10^{{{power:.0f}}}$"
+        axes.set_ylim(middle / 10.0**0.6, middle * 10.0**0.6)
 
 
 def _phase_axis(axes: Axes, phases: list[Array]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.common.units import pretty
 from mbsvib.errors import counted
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +27,8 @@ ALIKE = 1e-6  # relative difference below which sources share a curve
 def budget_figure(
     name: str, output: str, unit: str, frequencies: Array, total: tuple[Array, Array],
     sources: Mapping[str, tuple[Array, Array]], contributions: Mapping[str, float],
-) -> Figure:  # fmt: skip
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the root of the density of an output, and its cumulative root mean square, with those of its sources.
 
     ``frequencies`` (n,) [Hz]; ``total``, ``sources``: density (n,) [unit^2/Hz] and cumulative rms (n,) [unit] of all
@@ -35,11 +37,12 @@ def budget_figure(
     groups = _alike(sources)
     least = CUMULATIVE_DEPTH * max([value for value in contributions.values() if value < np.inf], default=0.0)
     shown = [source for source in groups if contributions[source] > least][:MOST]
-    with style.context():
-        figure = style.new_figure(style.WIDEST * 0.85, 4.4)
-        panels = figure.subplots(1, 2)
+    unit = pretty(unit)
+    with sheet("plot", ax, (style.WIDEST, 4.2), 1, 2) as paper:
+        panels = paper.panels
         curves = [("all", total, {"color": style.INK, "linewidth": 2.0})]
-        curves += [(source, sources[source], style.line(k)) for k, source in enumerate(shown)]
+        curves += [(_label(groups[source], contributions[source], unit), sources[source], style.line(k))
+                   for k, source in enumerate(shown)]  # fmt: skip
         highest = [float(np.sqrt(total[0].max())), float(total[1].max())]
         for label, (density, cumulative), look in curves:
             for axes, values in zip(panels, (np.sqrt(density), cumulative), strict=True):
@@ -47,19 +50,16 @@ def budget_figure(
                 axes.plot(frequencies, visible, label=label, **look)
         for axes, top, depth in zip(panels, highest, (DEPTH, CUMULATIVE_DEPTH), strict=True):
             style.frequency_axis(axes, frequencies[0], frequencies[-1])
-            axes.set_yscale("log")
+            style.logarithmic(axes.yaxis)
             if 0.0 < top < np.inf:
                 axes.set_ylim(depth * top, 3.0 * top)
-        unit = pretty(unit)
         panels[0].set_title(f"{output} of {name}")
         panels[0].set_ylabel(f"root of the density [{unit}/√Hz]")
         panels[1].set_title("cumulative")
         panels[1].set_ylabel(f"rms from the first frequency on [{unit}]")
         left = len(sources) - sum(len(groups[source]) for source in shown)
-        title = f"{counted(left, 'smaller source')} not shown" if left else None
-        handles = ["all", *[_label(groups[source], contributions[source], unit) for source in shown]]
-        figure.legend(panels[0].get_lines(), handles, loc="outside lower center", ncols=3, title=title)
-    return figure
+        paper.legend(title=f"{counted(left, 'smaller source')} not shown" if left else None)
+    return paper.result
 
 
 def _label(group: list[str], contribution: float, unit: str) -> str:

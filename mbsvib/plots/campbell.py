@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,9 @@ FEWEST, ABOVE = 8, 4.0  # modes that are drawn by default, and up to which multi
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
 
 
-def campbell(data: Any, orders: Sequence[float] = (1.0,), modes: int | None = None) -> Figure:
+def campbell(
+    data: Any, orders: Sequence[float] = (1.0,), modes: int | None = None, *, ax: Given | None = None
+) -> Figure | Given:
     """Draw a Campbell diagram: damped frequencies over the speed.
 
     Parameters
@@ -28,18 +31,19 @@ def campbell(data: Any, orders: Sequence[float] = (1.0,), modes: int | None = No
         Lines frequency = order x speed / 2 pi to draw.
     modes : int, optional
         How many of the lowest modes; default: at least 8, and all that come within four times the highest line.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Forward whirl full, backward dashed, motions without whirl dotted; critical speeds are circles, unstable modes
         are marked by crosses.
     """
     from matplotlib.lines import Line2D
 
-    with style.context():
-        figure = style.new_figure(6.4, 4.2)
-        axes = figure.subplots()
+    with sheet("plots.campbell", ax) as paper:
+        axes = paper.panels[0]
         count = _lowest(data, orders) if modes is None else modes
         for mode in range(min(count, data.frequencies.shape[1])):
             frequency = data.frequencies[:, mode]
@@ -75,12 +79,11 @@ def campbell(data: Any, orders: Sequence[float] = (1.0,), modes: int | None = No
         if data.critical:
             handles.append(Line2D([], [], marker="o", linestyle="none", color=style.INK, markersize=5.0, mfc="white",
                                   label="critical speed"))  # fmt: skip
-        if handles:
-            style.legend(figure, handles, "outside lower center", 3)
-        style.name_aside(axes, data.name)
+        paper.legend(handles)
+        paper.name([data.name])
         if modes is None:
-            style.tell_left_out(figure, count, data.frequencies.shape[1], "modes", "ask for more by modes=...")
-    return figure
+            paper.left_out(count, data.frequencies.shape[1], "modes", "ask for more by modes=...")
+    return paper.result
 
 
 def _lowest(data: Any, orders: Sequence[float]) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +24,9 @@ PLANAR = 1e-9
 MOST_DRIVES = 7
 
 
-def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | None = None) -> Figure:
+def cycle(
+    cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | None = None, ax: Given | None = None
+) -> Figure | Given:
     """Draw what drives must supply and the ground feels over a cycle.
 
     Parameters
@@ -32,10 +35,12 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
         What ``Model.cycle`` returned; several are drawn into the same panels.
     labels : sequence of str, optional
         Names of the cycles in the legend; default: those of their models.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Torques, shaking force and moment over the first drive; of a planar motion, the moment is that about the normal
         of its plane. On the right, the shaking force in the plane of its two largest components.
 
@@ -50,12 +55,10 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
     names = [data.machine.model.name for data in several] if labels is None else list(labels)
     if len(names) != len(several):
         raise ResponseError(f"cycle: labels = {names}; expected {len(several)}, one for each cycle.")
-    with style.context():
-        figure = style.new_figure(8.6, 5.6)
-        cells = figure.add_gridspec(3, 2, width_ratios=(3, 2))
-        upper = figure.add_subplot(cells[0, 0])
-        panels = [upper, *(figure.add_subplot(cells[row, 0], sharex=upper) for row in (1, 2))]
-        hodograph = figure.add_subplot(cells[:, 1])
+    cells = [*((row, 0) for row in range(3)), (slice(0, 3), 1)]
+    with sheet("plots.cycle", ax, (style.WIDEST, 5.6), cells=cells, width_ratios=(3, 2)) as paper:
+        *panels, hodograph = paper.panels
+        paper.join(panels)
         plane = _plane(several)
         for i, (name, data) in enumerate(zip(names, several, strict=True)):
             line, x = style.line(i), _over(data)
@@ -69,12 +72,12 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
             hodograph.plot(*closed.T, **line, label=name)
         _named(several[0], panels, hodograph, plane)
         drives = max(len(data.drives) for data in several)
-        style.tell_left_out(figure, min(drives, MOST_DRIVES), drives, "drives", "the others are in cycle.torques")
+        paper.left_out(min(drives, MOST_DRIVES), drives, "drives", "the others are in cycle.torques")
         if len(several) > 1:
-            style.name_systems(figure, names, panels[0])
+            paper.name(names)
         elif len(several[0].drives) > 1:
             panels[0].legend(ncols=2)
-    return figure
+    return paper.result
 
 
 def _over(data: CycleData) -> Array:
@@ -113,8 +116,6 @@ def _named(first: CycleData, panels: Sequence[Axes], hodograph: Axes, plane: Seq
     panels[1].set_ylabel("shaking force [N]")
     panels[2].set_ylabel("shaking moment [N m]")
     panels[2].set_xlabel(over)
-    for axes in panels[:2]:
-        axes.tick_params(labelbottom=False)
     if len(drives) == 1 and _turns(drives[0]) and np.ptp(first.angles) > 0.5 * np.pi:
         panels[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
     x, y = ("xyz"[k] for k in plane)

@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.common.expected import a_system
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +31,7 @@ TITLES = {"strain": "Strain energy", "kinetic": "Kinetic energy"}
 MOST_NUMBERED = 20  # modes whose shares are written as numbers
 
 
-def energy(system: System, kind: str = "strain") -> Figure:
+def energy(system: System, kind: str = "strain", *, ax: Given | None = None) -> Figure | Given:
     """Draw the shares of elements in the energy of each mode.
 
     Parameters
@@ -39,10 +40,12 @@ def energy(system: System, kind: str = "strain") -> Figure:
         The equations of motion.
     kind : str
         "strain" for springs, and loads that stiffen or soften; "kinetic" for bodies.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         A map of elements over the first 60 modes: shares [%] as colours, and as numbers up to 20 modes. What softens is
         below zero.
 
@@ -60,9 +63,9 @@ def energy(system: System, kind: str = "strain") -> Figure:
     rows = largest(*shares(system, system.modes(), kind))
     count = min(len(system.modes()), MOST_MODES)
     percent = 100.0 * np.nan_to_num(np.array([values[:count] for _, values in rows]).reshape(len(rows), count))
-    with style.context():
-        figure = style.new_figure(float(np.clip(2.2 + 0.42 * count, 5.0, 9.0)), 1.3 + 0.22 * max(len(rows), 4))
-        axes = figure.subplots()
+    size = float(np.clip(2.2 + 0.42 * count, 5.0, style.WIDEST)), 1.3 + 0.22 * max(len(rows), 4)
+    with sheet("plots.energy", ax, size) as paper:
+        axes = paper.panels[0]
         lowest, highest = percent.min(initial=0.0), percent.max(initial=1.0)
         image = axes.imshow(percent, cmap=_colours(lowest, highest), vmin=lowest, vmax=highest, aspect="auto",
                             extent=(0.5, count + 0.5, len(rows) - 0.5, -0.5))  # fmt: skip
@@ -78,11 +81,11 @@ def energy(system: System, kind: str = "strain") -> Figure:
         if count <= MOST_NUMBERED:
             axes.set_xticks(range(1, count + 1))
         axes.set_xlabel("mode")
-        figure.colorbar(image, ax=axes, shrink=0.9, aspect=30, label=f"share of {TITLES[kind].lower()} [%]")
+        paper.figure.colorbar(image, ax=axes, shrink=0.9, aspect=30, label=f"share of {TITLES[kind].lower()} [%]")
         axes.set_title(f"{TITLES[kind]} of modes")
-        style.name_aside(axes, system.name)
-        style.tell_left_out(figure, count, len(system.modes()), "modes")
-    return figure
+        paper.name([system.name])
+        paper.left_out(count, len(system.modes()), "modes")
+    return paper.result
 
 
 def _colours(lowest: float, highest: float) -> Colormap:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def isolation(studies: Any, labels: Sequence[str] | None = None) -> Figure:
+def isolation(
+    studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None
+) -> Figure | Given:
     """Draw transmissibility and compliance over frequency.
 
     Parameters
@@ -21,10 +24,12 @@ def isolation(studies: Any, labels: Sequence[str] | None = None) -> Figure:
         What is compared, for one with the range of its singular values.
     labels : sequence of str, optional
         Names for the legend; default: those of the models, and of their controllers.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         The Frobenius index above, the largest compliance below; circles mark where isolation begins.
 
     Raises
@@ -37,24 +42,25 @@ def isolation(studies: Any, labels: Sequence[str] | None = None) -> Figure:
     if not listed or len(names) != len(listed):
         raise ModelError(f"isolation plot: {len(listed)} studies and {len(names)} labels; expected at least one study, "
                          f"and a label for each.", field="labels")  # fmt: skip
-    with style.context():
-        figure = style.new_figure(6.4, 5.6)
-        top, below = figure.subplots(2, 1, sharex=True)
+    with sheet("plots.isolation", ax, (style.ALONE, 5.2), 2) as paper:
+        top, below = paper.panels
+        paper.join(paper.panels)
         ends = [float("inf"), 0.0]
         for number, (study, name) in enumerate(zip(listed, names, strict=True)):
-            f, look = study.frequencies, style.line(number)
+            f, look = study.frequencies, style.line(paper.first + number)
             if len(listed) == 1:
                 values = study.singular_values
                 top.fill_between(f, values[-1], values[0], color=look["color"], alpha=0.15, linewidth=0.0)
-            top.loglog(f, study.index, label=name, **look)
-            below.loglog(f, study.compliance_values[0], **look)
+            top.plot(f, study.index, label=name, **look)
+            below.plot(f, study.compliance_values[0], **look)
             ends = [min(ends[0], f[0]), max(ends[1], f[-1])]
             if f[0] < study.crossover < f[-1]:
                 top.plot([study.crossover], [1.0], "o", color=look["color"], mfc="white", markersize=5.0, zorder=3)
         top.axhline(1.0, color=style.MARK, linewidth=0.8)
-        top.set_ylabel("index of transmissibility [1]")
-        below.set_ylabel("largest compliance [m/N]")
+        top.set_ylabel("transmissibility [1]")
+        below.set_ylabel("compliance [m/N]")
         style.frequency_axis(below, ends[0], ends[1])
+        style.logarithmic(top.yaxis, below.yaxis)
         top.set_title(f"Isolation of {listed[0].scene.body} from {listed[0].scene.base}")
-        style.name_systems(figure, names, top)
-    return figure
+        paper.name(names)
+    return paper.result

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.plots import _loops as loops
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, pairs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 def loop_gain(
     loop: FeedbackLoop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), decibels: bool = False,
-) -> Figure:  # fmt: skip
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the loop gain at each actuator with the other loops closed, and mark its margins.
 
     1 + L_i(i w) = 1 / S_ii(i w), S = (1 - K G)^-1, with the critical point -1
@@ -40,10 +42,12 @@ def loop_gain(
         First and last frequency [Hz]; None: from the poles.
     decibels : bool
         Magnitude in dB.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Magnitude and phase for each actuator. Vertical lines are the margins: from |L| to 1 where the phase is -180
         degrees, and from the phase to -180 degrees where |L| is 1.
 
@@ -56,20 +60,15 @@ def loop_gain(
     which, grid = loops.numbers(loop, actuators), loops.grid(loop, frequencies, span, "plots.loop_gain")
     values, margins = loops.gains(loop, which, grid), loop.margins()
     rows, columns = loops.shape(len(which))
-    with style.context():
-        figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
-        cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
-        for number, i in enumerate(which):
-            row, column = divmod(number, columns)
-            top = figure.add_subplot(cells[2 * row, column])
-            below = figure.add_subplot(cells[2 * row + 1, column], sharex=top)
+    with pairs("plots.loop_gain", ax, rows, columns, len(which)) as (paper, panels):
+        for number, (i, (top, below)) in enumerate(zip(which, panels, strict=True)):
             _magnitude(top, grid, values[number], margins, i, decibels)
             _phase(below, grid, values[number], margins, i)
-            top.set_title(f"{loop.actuators[i]}: {margin_text(margins, i)}", fontsize=9.0)
-            if number + columns >= len(which):
-                below.set_xlabel("frequency [Hz]")
-        style.head(figure, f"Loop gain of {loop.name}")
-    return figure
+            top.set_title(loop.actuators[i])
+            if number + columns < len(which):
+                below.set_xlabel("")
+        paper.head(f"Loop gain of {loop.name}")
+    return paper.result
 
 
 def margin_text(margins: Margins, i: int) -> str:
@@ -85,10 +84,9 @@ def margin_text(margins: Margins, i: int) -> str:
 def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, decibels: bool) -> None:
     size = np.abs(values)
     size[size == 0.0] = np.nan
-    axes.plot(f, 20.0 * np.log10(size) if decibels else size, **style.line(0))
-    style.frequency_axis(axes, f[0], f[-1], "")
+    axes.plot(f, 20.0 * np.log10(size) if decibels else size, **style.line(0), label=margin_text(margins, i))
     if not decibels:
-        axes.set_yscale("log")
+        style.logarithmic(axes.yaxis)
     axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)
     if margins.stable:
         for factor, at in ((margins.lower[i], margins.lower_at[i]), (margins.gain[i], margins.gain_at[i])):
@@ -96,7 +94,7 @@ def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, 
                 ends = np.array([1.0 / factor, 1.0])
                 axes.plot([at, at], 20.0 * np.log10(ends) if decibels else ends, "o-", color=style.COLOURS[1], ms=3.0)
     axes.set_ylabel("loop gain [dB]" if decibels else "loop gain [1]")
-    axes.tick_params(labelbottom=False, which="both")
+    axes.legend(handlelength=0.0, borderaxespad=0.2)
 
 
 def _phase(axes: Axes, f: Array, values: Complex, margins: Margins, i: int) -> None:
@@ -110,6 +108,7 @@ def _phase(axes: Axes, f: Array, values: Complex, margins: Margins, i: int) -> N
         near = float(np.interp(np.log(at), np.log(f), np.unwrap(np.angle(values))))
         near = np.degrees((near + np.pi) % (2.0 * np.pi) - np.pi)
         axes.plot([at, at], [near, np.copysign(180.0, near)], "o-", color=style.COLOURS[1], ms=3.0)
+    style.frequency_axis(axes, f[0], f[-1])
     axes.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
     axes.set_ylim(-190.0, 190.0)
     axes.set_ylabel("phase [deg]")

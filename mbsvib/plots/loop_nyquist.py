@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.plots import _loops as loops
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import finer
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,8 +24,8 @@ FARTHEST = 4.0
 
 def loop_nyquist(
     loop: FeedbackLoop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
-    span: tuple[float | None, float | None] = (None, None),
-) -> Figure:  # fmt: skip
+    span: tuple[float | None, float | None] = (None, None), ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the loop gain at each actuator with the other loops closed in the complex plane.
 
     Parameters
@@ -37,13 +38,15 @@ def loop_nyquist(
         Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
     span : (float or None, float or None)
         First and last frequency [Hz]; None: from the poles.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         A panel for each actuator: the loop gain for positive frequencies full and for negative ones dashed, the
         critical point -1, the unit circle, and the circle around -1 that the loop gain does not enter, of the radius of
-        the modulus margin. Titles say where the loop is unstable.
+        the modulus margin.
 
     Raises
     ------
@@ -57,28 +60,27 @@ def loop_nyquist(
     values, margins = loops.gains(loop, which, grid), loop.margins()
     rows, columns = loops.shape(len(which))
     around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
-    with style.context():
-        figure = style.new_figure(*style.panel_size(rows, columns, 3.6, 4.6))
-        cells = figure.add_gridspec(rows, columns)
-        for number, i in enumerate(which):
-            axes = figure.add_subplot(cells[number // columns, number % columns])
+    with sheet("plots.loop_nyquist", ax, style.panel_size(rows, columns, 3.6, 4.6), rows, columns, len(which)) as paper:
+        for number, (i, axes) in enumerate(zip(which, paper.panels, strict=True)):
             gain, look = values[number], style.line(0)
             axes.plot(gain.real, gain.imag, **look)
             axes.plot(gain.real, -gain.imag, **(look | {"linestyle": (0, (4, 3)), "linewidth": 0.7}))
             axes.plot(around.real, around.imag, color=style.MARK, linewidth=0.7)
             axes.plot([-1.0], [0.0], "+", color=style.COLOURS[1], ms=9.0, zorder=4)
-            title = loop.actuators[i] + ("" if margins.stable else ": unstable")
             if margins.stable:
                 radius = float(margins.modulus_each[i])
                 circle = -1.0 + radius * around
-                axes.plot(circle.real, circle.imag, color=style.COLOURS[1], linewidth=0.9)
-                title += f": modulus margin {radius:.3g}"
+                axes.plot(circle.real, circle.imag, color=style.COLOURS[1], linewidth=0.9,
+                          label=f"modulus margin {radius:.3g}")  # fmt: skip
+                axes.legend(loc="upper left")
+            else:
+                style.remark(axes, "unstable", top=True)
             reach = min(FARTHEST, max(1.6, 1.1 * float(np.abs(gain + 1.0).max())))
             axes.set_xlim(-1.0 - reach, -1.0 + reach)
             axes.set_ylim(-reach, reach)
             axes.set_aspect("equal")
             axes.set_xlabel("real part [1]")
             axes.set_ylabel("imaginary part [1]")
-            axes.set_title(title, fontsize=9.0)
-        style.head(figure, f"Loop gain of {loop.name}")
-    return figure
+            axes.set_title(loop.actuators[i])
+        paper.head(f"Loop gain of {loop.name}")
+    return paper.result

@@ -11,23 +11,30 @@ from mbsvib.plots import _labels as labels
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
 from mbsvib.plots import _symbols as symbols
-from mbsvib.plots._projection import CORNER, Picture, triad
+from mbsvib.plots._projection import CORNER, LINES, Picture, triad
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots._projection import View
+    from mbsvib.plots._scene import DrawnScene
     from mbsvib.plots._system import System
 
 MOST_NAMES = 40
 
 
-def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True) -> Figure:
+def mechanism(
+    source: Mechanism | System, view: View = "3-D", names: bool = True, *, ax: Given | None = None
+) -> Figure | Given:
     """Draw bodies, joints, springs, dampers and inputs.
 
     Bodies are blue and reach as far as what holds them; joints are circles, those at which a loop is cut red
-    diamonds; springs are orange, bushings orange rings, dampers violet, inputs green. A legend explains what occurs.
+    diamonds; springs are orange, bushings orange rings, dampers pink, inputs green arrows with their names. A legend
+    explains what occurs.
 
     Parameters
     ----------
@@ -36,11 +43,13 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
     view : str or sequence of 2 float
         From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
     names : bool
-        Whether bodies are named, if they are not too many.
+        Whether bodies and inputs are named, if they are not too many.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         The drawing.
 
     Raises
@@ -56,22 +65,38 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
         system = a_system(source, "mechanism", "source")
         system.provenance.check_mechanism(system.name, "plots.mechanism")
         scene = _scene.of_system(system.name, system.provenance)
-    with style.context():
-        figure = style.new_figure(6.4, 5.0)
-        axes = figure.subplots()
+    with sheet("plots.mechanism", ax, (style.ALONE, 5.0)) as paper:
+        axes = paper.panels[0]
         picture = Picture(axes, scene, view)
         triad(axes, view)
         axes.set_title(scene.name)
-        symbols.legend(figure, scene)
-        bodies = [mark for mark in scene.marks if mark.kind in ("body", "node")]
-        if names and len(bodies) <= MOST_NAMES:
-            flat = picture.flat(scene.points)[:, :2]
-            curves = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
-            figure.draw_without_rendering()
-            outer, inner = axes.get_position(original=True), axes.get_position()
-            corners = figure.transFigure.transform(((outer.x0, outer.y0), (outer.x1, inner.y1)))
-            corner = figure.transFigure.transform((inner.x0, inner.y0))
-            blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
-            anchors, marks = (flat[[mark.point for mark in group]] for group in (bodies, scene.marks))
-            labels.write_names(axes, [mark.name for mark in bodies], anchors, marks, curves, corners.ravel(), blocked)
-    return figure
+        symbols.legend(paper, scene)
+        if names:
+            _write_names(axes, scene, picture.flat(scene.points)[:, :2])
+    return paper.result
+
+
+def _write_names(axes: Axes, scene: DrawnScene, flat: Array) -> None:
+    """Name bodies at their centres of mass, and inputs where their arrows begin, if they are not too many.
+
+    ``flat`` (n, 2): the points of the scene in data of ``axes``.
+    """
+    bodies = [(mark.name, mark.point) for mark in scene.marks if mark.kind in ("body", "node")]
+    starts: dict[tuple[float, ...], list[tuple[str, int]]] = {}
+    for line in scene.lines:
+        if line.kind == "input":
+            starts.setdefault(tuple(np.round(flat[line.first] / scene.size, 3)), []).append((line.name, line.first))
+    inputs = [(", ".join(name for name, _ in group), group[0][1]) for group in starts.values()]
+    named = bodies + inputs if len(bodies) + len(inputs) <= MOST_NAMES else bodies
+    if len(bodies) > MOST_NAMES:
+        return
+    curves = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
+    figure = axes.figure
+    figure.draw_without_rendering()
+    outer, inner = axes.get_position(original=True), axes.get_position()
+    corners = figure.transFigure.transform(((outer.x0, outer.y0), (outer.x1, inner.y1)))
+    corner = figure.transFigure.transform((inner.x0, inner.y0))
+    blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
+    anchors, marks = flat[[point for _, point in named]], flat[[mark.point for mark in scene.marks]]
+    colours = [style.INK] * len(bodies) + [LINES["input"][0]] * len(inputs)
+    labels.write_names(axes, [name for name, _ in named], anchors, marks, curves, corners.ravel(), blocked, colours)

@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.common.expected import a_system, kind_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +36,9 @@ class Values(NamedTuple):
     ratios: Array | None
 
 
-def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | None = None) -> Figure:
+def mode_comparison(
+    reference: ModeSet, other: ModeSet, labels: Sequence[str] | None = None, *, ax: Given | None = None
+) -> Figure | Given:
     """Draw natural frequencies and damping ratios over the order of the modes, and how the second set differs.
 
     100 (f_other - f_reference) / f_reference, and the same of the damping ratios
@@ -48,10 +51,12 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
         those are compared that both have.
     labels : sequence of str, optional
         Names in the legend; default: those of the systems, "reference" and "other" for frequencies.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Frequencies [Hz] and, if both have them, damping ratios [%] above; relative differences [%] below. Rigid-body
         modes, and modes that are not damped in the reference, have no relative difference.
 
@@ -76,10 +81,11 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
     if len(ratios) == 2:
         columns.append(("damping ratio [%]", [np.where(np.isfinite(values), values, np.nan) for values in ratios]))
     most = max(len(modes.frequencies) for modes in sets)
-    with style.context():
-        figure = style.new_figure(6.4 if len(columns) == 1 else style.WIDEST, 4.6)
-        panels = figure.subplots(2, len(columns), sharex=True, squeeze=False, height_ratios=[1.6, 1.0])
+    size = style.ALONE if len(columns) == 1 else style.WIDEST, 4.6
+    with sheet("plots.mode_comparison", ax, size, 2, len(columns), height_ratios=[1.6, 1.0]) as paper:
+        panels = np.array(paper.panels).reshape(2, -1)
         for (title, pair), (top, below) in zip(columns, panels.T, strict=True):
+            paper.join((top, below))
             _above(top, pair, names)
             top.set_ylabel(title)
             below.bar(*_difference(*pair), width=0.6, color=style.COLOURS[1])
@@ -88,13 +94,13 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
             below.set_xlabel("mode")
             for axes in (top, below):
                 axes.grid(False, axis="x")
-        panels[1, 0].set_xlim(0.4, most + 0.6)
-        panels[1, 0].xaxis.get_major_locator().set_params(integer=True)
-        if most <= MOST_TICKS:
-            panels[1, 0].set_xticks(np.arange(1.0, most + 1.0))
-        style.legend(figure, panels[0, 0].get_legend_handles_labels()[0], "outside lower center", 2)
-        style.head(figure, "Modes compared")
-    return figure
+            below.set_xlim(0.4, most + 0.6)
+            below.xaxis.get_major_locator().set_params(integer=True)
+            if most <= MOST_TICKS:
+                below.set_xticks(np.arange(1.0, most + 1.0))
+        paper.legend(columns=2)
+        paper.head("Modes compared")
+    return paper.result
 
 
 def _above(axes: Axes, pair: Sequence[Array], names: Sequence[str]) -> None:
@@ -105,7 +111,7 @@ def _above(axes: Axes, pair: Sequence[Array], names: Sequence[str]) -> None:
     both = np.concatenate(list(pair))
     rising = both[both > 0.0]
     if rising.size and rising.max() > LOG_FROM * rising.min() and not (both < 0.0).any():
-        axes.set_yscale("log")
+        style.logarithmic(axes.yaxis)
     elif not (both < 0.0).any():
         axes.set_ylim(0.0, 1.1 * float(rising.max()) if rising.size else 1.0)
 

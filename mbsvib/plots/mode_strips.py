@@ -11,6 +11,7 @@ from mbsvib.common.expected import a_system, kind_of, mode_index, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, Sheet, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,8 +44,8 @@ class Shapes(NamedTuple):
 
 def mode_strips(
     source: System | Modes, modes: int | Sequence[int] | None = None, *, bodies: Names = None,
-    radius: float | None = None, page: int = 1,
-) -> Figure:  # fmt: skip
+    radius: float | None = None, page: int = 1, ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw each mode as a strip: the displacements of the bodies, with natural frequency and damping ratio above.
 
     Parameters
@@ -59,10 +60,12 @@ def mode_strips(
         Length [m] that multiplies rotations; default: the radius of gyration of what moves, as the legend tells.
     page : int
         Number of the page, from 1.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Translations of centres of mass along world axes and rotations times ``radius``, the largest of each mode being
         1; bars, or lines for more than twenty bodies. Complex shapes are turned so that they are most nearly real;
         short dashes are what is in quadrature.
@@ -82,19 +85,21 @@ def mode_strips(
         raise ResponseError(f"plots.mode_strips: page = {page!r}; {len(index)} modes take pages 1 to {pages}.")
     shown = np.array(index[MOST_STRIPS * (page - 1) : MOST_STRIPS * page], dtype=np.intp)
     shapes = shapes_of(result, shown, bodies, radius)
-    with style.context():
-        wide = len(shapes.places) * len(shapes.directions) > 24
-        figure = style.new_figure(style.WIDEST if wide else 6.4, HEAD + FOOT + STRIP * len(shown))
-        strips = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    wide = len(shapes.places) * len(shapes.directions) > 24
+    size = style.WIDEST if wide else style.ALONE, HEAD + FOOT + STRIP * len(shown)
+    with sheet("plots.mode_strips", ax, size, len(shown)) as paper:
+        strips = paper.panels
+        paper.join(strips)
         for k, axes in enumerate(strips):
             _strip(axes, shapes, k)
             axes.set_title(_words(result, int(shown[k])), fontsize=8.5, pad=2.0)
         _name_places(strips[-1], shapes.places)
-        _legend(figure, shapes)
+        _legend(paper, shapes)
         part = f", page {page} of {pages}" if pages > 1 else ""
-        style.head(figure, f"Mode shapes of {result.name}{part}")
-        figure.supylabel("displacement / largest [1]", fontsize=9.5)
-    return figure
+        paper.head(f"Mode shapes of {result.name}{part}")
+        if paper.own:
+            paper.figure.supylabel("displacement / largest [1]", fontsize=9.5)
+    return paper.result
 
 
 def shapes_of(modes: Modes, which: Index, bodies: Names, radius: float | None) -> Shapes:
@@ -203,7 +208,7 @@ def _name_places(axes: Axes, names: Sequence[str]) -> None:
     axes.set_xticks(range(0, len(names), every), shown, rotation=90 if turned else 0, fontsize=8.0)
 
 
-def _legend(figure: Figure, shapes: Shapes) -> None:
+def _legend(paper: Sheet, shapes: Shapes) -> None:
     """Explain the colours of directions."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -215,8 +220,7 @@ def _legend(figure: Figure, shapes: Shapes) -> None:
         handles.append(Patch(alpha=0.0, label=f"rotations × {shapes.radius:.3g} m"))
     if np.abs(shapes.values.imag).max(initial=0.0) > QUADRATURE:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.0, label="in quadrature"))
-    style.legend(figure, handles, "outside lower center", len(handles), handlelength=1.0, columnspacing=1.0,
-                 handletextpad=0.4)  # fmt: skip
+    paper.legend(handles, columns=len(handles), handlelength=1.0, columnspacing=1.0, handletextpad=0.4)
 
 
 def _colour(direction: str) -> str:

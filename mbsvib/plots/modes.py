@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.common.expected import a_system
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,17 +22,19 @@ if TYPE_CHECKING:
 LOG_FROM = 20.0  # ratio of the highest to the lowest value from which an axis is logarithmic
 
 
-def modes(system: System) -> Figure:
+def modes(system: System, *, ax: Given | None = None) -> Figure | Given:
     """Draw the natural frequency and the damping ratio of every mode.
 
     Parameters
     ----------
     system : System
         The equations of motion.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Frequencies [Hz] above, damping ratios [%] below, over the number of the mode. Rigid-body modes are open
         circles on the axis.
 
@@ -44,23 +47,23 @@ def modes(system: System) -> Figure:
         raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
     result = system.modes()
     number = np.arange(1.0, system.dof + 1.0)
-    with style.context():
-        figure = style.new_figure(6.4, 4.6)
-        top, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1.0])
+    with sheet("plots.modes", ax, (style.ALONE, 4.6), 2, height_ratios=[1.5, 1.0]) as paper:
+        top, below = paper.panels
+        paper.join(paper.panels)
         _stems(top, number, result.frequencies, style.COLOURS[0])
         _stems(below, number, 100.0 * result.damping_ratios, style.COLOURS[1])
         top.set_ylabel("natural frequency [Hz]")
         below.set_ylabel("damping ratio [%]")
         below.set_xlabel("mode")
         top.set_title("Modes")
-        style.name_aside(top, f"{system.name}: {system.dof} DOF")
+        paper.name([f"{system.name}: {system.dof} DOF"])
         below.set_xlim(0.4, system.dof + 0.6)
         below.xaxis.get_major_locator().set_params(integer=True)
         if system.dof <= 20:
             below.set_xticks(number)
         for axes in (top, below):
             axes.grid(False, axis="x")
-    return figure
+    return paper.result
 
 
 def _stems(axes: Axes, number: Array, values: Array, colour: str) -> None:
@@ -68,7 +71,7 @@ def _stems(axes: Axes, number: Array, values: Array, colour: str) -> None:
     rising = drawn & (values > 0.0)
     floor = 0.0
     if rising.any() and values[rising].max() > LOG_FROM * values[rising].min():
-        axes.set_yscale("log")
+        style.logarithmic(axes.yaxis)
         floor = 10.0 ** np.floor(np.log10(values[rising].min()) - 0.1)
         axes.set_ylim(floor, 10.0 ** (np.log10(values[rising].max()) + 0.15))
     width = max(0.6, min(2.0, 120.0 / len(number)))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, Sheet, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,8 +25,8 @@ BINS = 10, 60  # fewest and most in a histogram
 
 def over_variables(
     values: NDArray[Any], label: str, columns: Mapping[str, Array], axes_values: Mapping[str, Array], *, grid: bool,
-    units: Mapping[str, str], name: str, entries: Sequence[str] = (),
-) -> Figure:  # fmt: skip
+    units: Mapping[str, str], name: str, entries: Sequence[str] = (), ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw real numbers over the variables of a sweep.
 
     ``values`` (n,) or (n, ...): what is drawn. ``columns`` (n,): variables by point. ``grid``: whether points are all
@@ -36,31 +37,30 @@ def over_variables(
     varied = [variable for variable, axis in axes_values.items() if len(np.unique(axis)) > 1]
     flat = values.reshape(len(values), -1).astype(float)
     words = _with_unit(label, units)
-    with style.context():
-        figure = style.new_figure(6.4, 4.2)
-        axes = figure.subplots()
+    with sheet("plot", ax) as paper:
+        axes = paper.panels[0]
         if len(varied) == 1:
-            _lines(axes, columns[varied[0]], flat, entries)
+            _lines(paper, columns[varied[0]], flat, entries)
             axes.set_xlabel(_with_unit(varied[0], units))
             axes.set_ylabel(words)
             if in_ratios(columns[varied[0]]):
-                style.logarithmic(axes.xaxis, *_ends(columns[varied[0]]))
+                style.logarithmic(axes.xaxis)
         elif len(varied) == 2 and grid:
             shape = [len(axis) for axis in axes_values.values()]
-            _map(figure, axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
+            _map(axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
                  words if flat.shape[1] == 1 else f"mode {entries[0]}: {words}" if entries else f"entry 1 of {words}")
             axes.set_xlabel(_with_unit(varied[1], units))
             axes.set_ylabel(_with_unit(varied[0], units))
             for axis, variable in zip((axes.xaxis, axes.yaxis), reversed(varied), strict=True):
                 if in_ratios(axes_values[variable]):
-                    style.logarithmic(axis, *_ends(axes_values[variable]))
+                    style.logarithmic(axis)
         else:
             histograms(axes, flat)
             axes.set_xlabel(words)
             axes.set_ylabel("number of points")
-        over = ", ".join(varied[:3]) + (", ..." if len(varied) > 3 else "")
-        title(axes, f"{label} over {over or 'nothing'}", name)
-    return figure
+        axes.set_title(label)
+        paper.name([name])
+    return paper.result
 
 
 def in_ratios(values: Array) -> bool:
@@ -85,41 +85,31 @@ def bins(count: int) -> int:
     return int(np.clip(2.0 * count**0.5, *BINS))
 
 
-def title(axes: Axes, words: str, name: str) -> None:
-    """Write a title, and the model's name where there is room."""
-    axes.set_title(style.wrapped(axes.figure, words, style.ROOM))
-    if len(words) + len(name) < 55:
-        style.name_aside(axes, name)
-
-
-def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str] = ()) -> None:
+def _lines(paper: Sheet, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str] = ()) -> None:
     order = np.argsort(x, kind="stable")
     samples = not ((np.diff(x) >= 0.0).all() or (np.diff(x) <= 0.0).all())
+    dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
     for i in range(min(flat.shape[1], MOST_LINES)):
-        dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
-        axes.plot(x[order], flat[order, i], label=names[i] if names else f"{i + 1}", **(style.line(i) | dots))
+        label = names[i] if names else f"{i + 1}"
+        paper.panels[0].plot(x[order], flat[order, i], label=label, **(style.line(i) | dots))
     if flat.shape[1] > 1:
         singular, plural = ("mode", "modes") if names else ("entry", "entries")
-        axes.figure.legend(title=_counted(singular, plural, flat.shape[1]), loc="outside right upper")
+        paper.legend(loc="outside right upper", columns=1, title=_counted(singular, plural, flat.shape[1]))
 
 
-def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
+def _map(axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
     """Colours of values (rows, columns) over the two axes of a grid, whose values may be in any order."""
     first, second = grid
     rows, columns = np.argsort(first), np.argsort(second)
     image = axes.pcolormesh(second[columns], first[rows], values[np.ix_(rows, columns)], shading="nearest",
                             cmap="viridis", rasterized=True)  # fmt: skip
     axes.grid(False)
-    figure.colorbar(image, ax=axes, label=words)
+    axes.figure.colorbar(image, ax=axes, label=words)
 
 
 def _counted(singular: str, plural: str, count: int) -> str:
     """Return what lines are; how many of them are shown, if not all."""
     return singular if count <= MOST_LINES else f"{MOST_LINES} of {count} {plural}"
-
-
-def _ends(values: Array) -> tuple[float, float]:
-    return float(values.min()), float(values.max())
 
 
 def _with_unit(name: str, units: Mapping[str, str]) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,23 +21,25 @@ MARKERS = {"limit": ("o", "extreme of the force"), "turning": ("s", "extreme of 
            "branch": ("D", "another path crosses")}  # fmt: skip
 
 
-def path(data: EquilibriumPath[Any]) -> Figure:
+def path(data: EquilibriumPath[Any], *, ax: Given | None = None) -> Figure | Given:
     """Draw a path of equilibria: the holding force above, natural frequencies below, over the coordinate.
 
     Parameters
     ----------
     data : EquilibriumPath
         What ``Model.path`` returned.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Full lines are stable under the holding force, dashed ones are not; special points have markers. At most the six
         lowest frequencies are drawn.
     """
-    with style.context():
-        figure = style.new_figure(6.4, 5.4)
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    with sheet("plots.path", ax, (style.ALONE, 5.4), 2, height_ratios=(3, 2)) as paper:
+        above, below = paper.panels
+        paper.join(paper.panels)
         # a step between a stable and an unstable point belongs to the one that is not on the border of both
         stable = data.curve_stable[:-1] | data.curve_stable[1:]
         for requested, dash, label in ((True, "-", "stable"), (False, "--", "unstable")):
@@ -57,10 +60,10 @@ def path(data: EquilibriumPath[Any]) -> Figure:
         below.set_ylabel("natural frequency [Hz]")
         below.set_xlabel(f"{data.coordinate} [{data.unit}]")
         above.set_title("Path of equilibria")
-        style.name_aside(above, data.name)
-        style.tell_left_out(figure, min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
-        style.legend(figure, above.get_legend_handles_labels()[0], "outside lower center", 5)
-    return figure
+        paper.name([data.name])
+        paper.left_out(min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
+        paper.legend(columns=5)
+    return paper.result
 
 
 def _frequency_lines(data: EquilibriumPath[Any]) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,24 +15,25 @@ if TYPE_CHECKING:
     from mbsvib.cycles.periodic import Periodic
 
 
-def periodic(data: Periodic) -> Figure:
+def periodic(data: Periodic, *, ax: Given | None = None) -> Figure | Given:
     """Draw the frozen frequencies of small motions about a cycle, and what a period does to them.
 
     Parameters
     ----------
     data : Periodic
         What ``cycle.periodic`` returned.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Left: |lambda| / 2 pi of the equations with the coefficients of each sample, dashed that of mean coefficients.
         Right: Floquet multipliers; deviations grow by those outside the unit circle.
     """
     values = data.multipliers()
-    with style.context():
-        figure = style.new_figure(7.6, 3.4)
-        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    with sheet("plots.periodic", ax, (7.6, 3.4), 1, 2, width_ratios=(3, 2)) as paper:
+        left, right = paper.panels
         for k, line in enumerate(np.abs(data.frozen.T[::2]) / (2.0 * np.pi)):
             left.plot(data.time, line, color=style.COLOURS[k % len(style.COLOURS)])
             left.axhline(float(np.abs(data.averaged[2 * k])) / (2.0 * np.pi), linestyle="--", linewidth=0.8,
@@ -45,8 +47,8 @@ def periodic(data: Periodic) -> Figure:
         right.plot(values.real[~grows], values.imag[~grows], "o", color=style.COLOURS[0])
         right.plot(values.real[grows], values.imag[grows], "s", color=style.COLOURS[1])
         right.set_aspect("equal", adjustable="datalim")
-        right.set_xlabel("real part of multipliers [1]")
+        right.set_xlabel("real part [1]")
         right.set_ylabel("imaginary part [1]")
-        right.set_title("deviations grow" if grows.any() and not data.stable else "stable")
-        style.name_aside(left, data.name)
-    return figure
+        right.set_title(f"multipliers: {'unstable' if grows.any() and not data.stable else 'stable'}")
+        paper.name([data.name])
+    return paper.result

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 from mbsvib.plots.root_locus import damping_rays, limits_of
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ WIDE = 10.0  # ratio of magnitudes of poles above which linear axes hide the sma
 
 def pole_zero_map(
     systems: Systems, outputs: Names = None, inputs: Names = None, *, real: Limits = None, imaginary: Limits = None,
-    equal: bool | None = None, labels: Sequence[str] | None = None,
-) -> Figure:  # fmt: skip
+    equal: bool | None = None, labels: Sequence[str] | None = None, ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw poles as crosses and the zeros from inputs to outputs as circles.
 
     Parameters
@@ -43,10 +44,12 @@ def pole_zero_map(
         logarithmic but near zero (asinh), unless limits are given.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Upper half of the plane in Hz; faint rays have one damping ratio.
 
     Raises
@@ -59,11 +62,10 @@ def pole_zero_map(
     from matplotlib.ticker import NullLocator
 
     named = choice.listed(systems, labels)
-    with style.context():
-        figure = style.new_figure(5.6, 5.2)
-        axes = figure.subplots()
+    with sheet("plots.pole_zero_map", ax, (5.6, 5.2)) as paper:
+        axes = paper.panels[0]
         shown = []
-        for number, (label, system) in enumerate(named):
+        for number, (label, system) in enumerate(named, paper.first):
             colour = style.COLOURS[number % len(style.COLOURS)]
             picked = (choice.pick(system, "output", outputs), choice.pick(system, "input", inputs))
             for values, mark, word in ((system.poles(), "x", "poles"),
@@ -101,5 +103,5 @@ def pole_zero_map(
         damping_rays(axes)
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        style.legend(figure, axes.get_legend_handles_labels()[0], "outside upper left", 2)
-    return figure
+        paper.legend(loc="outside upper left", columns=2)
+    return paper.result

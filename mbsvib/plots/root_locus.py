@@ -10,22 +10,25 @@ from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.pole_track import has_moved
 from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
-ROOM = 0.04  # half of a label's width, in parts of the height or, with unequal axes, of the width
+ROOM = 0.05  # half of a label's width, in parts of the height or, with unequal axes, of the width
 LABEL_HEIGHT = 0.93  # of labels of damping ratios, in parts of the height
 
 Limits: TypeAlias = "tuple[float, float] | None"
 
 
 def root_locus(
-    locus: Any, scale: float = 1.0, *, real: Limits = None, imaginary: Limits = None, equal: bool | None = None
-) -> Figure:
+    locus: Any, scale: float = 1.0, *, real: Limits = None, imaginary: Limits = None, equal: bool | None = None,
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw how poles move as a gain grows.
 
     Parameters
@@ -39,14 +42,16 @@ def root_locus(
     equal : bool, optional
         The same scale on both axes, so that angles are true; default: only if no limits are given. Unequal axes show
         the paths of slow poles beside fast ones.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Upper half of the plane of poles in Hz; crosses are open loops, circles zeros, dots the best gain of the least
         damped vibration; faint rays have one damping ratio. The axis
-        tells how many modes are outside, the title the least damping of what vibrates without
-        the controller and at the best gain.
+        tells how many modes are outside, the legend the least damping of what vibrates without the controller and at
+        the best gain.
 
     Raises
     ------
@@ -56,9 +61,8 @@ def root_locus(
     across, upward = (limits_of(values, field, "plots.root_locus")
                       for values, field in ((real, "real"), (imaginary, "imaginary")))
     same = (across is None and upward is None) if equal is None else equal
-    with style.context():
-        figure = style.new_figure(5.2, 5.2)
-        axes = figure.subplots()
+    with sheet("plots.root_locus", ax, (5.2, 5.2)) as paper:
+        axes = paper.panels[0]
         poles = locus.curves / (2.0 * np.pi)
         moving = has_moved(poles) if has_moved(poles).any() else np.ones(poles.shape[1], dtype=bool)
         shown = np.intersect1d(locus.modes, np.flatnonzero(moving))
@@ -90,20 +94,18 @@ def root_locus(
         note = f"\n({outside} of {len(beginnings)} modes are outside)" if outside else ""
         axes.set_xlabel("real part / 2 pi [1/s]" + note)
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        draw_legend(axes)
-        style.head(figure, f"{locus.name}: " + "\n".join(locus.summary(scale)))
-    return figure
+        axes.set_title(locus.name)
+        paper.legend(draw_legend(), columns=3, title="\n".join(locus.summary(scale)))
+    return paper.result
 
 
-def draw_legend(axes: Axes) -> None:
-    """Explain the marks above a root locus."""
+def draw_legend() -> list[Line2D]:
+    """Return what explains the marks of a root locus."""
     from matplotlib.lines import Line2D
 
-    marks = [Line2D([], [], color=style.INK, linestyle="none", marker=marker, markersize=size, mfc=face, label=words)
-             for marker, size, face, words in (("x", 6.0, None, "open loops"), ("o", 4.0, None, "best gain"),
-                                               ("o", 6.0, "none", "zeros"))]  # fmt: skip
-    axes.legend(handles=marks, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2,
-                handletextpad=0.2, columnspacing=1.2)  # fmt: skip
+    return [Line2D([], [], color=style.INK, linestyle="none", marker=marker, markersize=size, mfc=face, label=words)
+            for marker, size, face, words in (("x", 6.0, None, "open loops"), ("o", 4.0, None, "best gain"),
+                                              ("o", 6.0, "none", "zeros"))]  # fmt: skip
 
 
 def limits_of(values: Limits, field: str, who: str) -> Limits:

@@ -13,6 +13,7 @@ from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import axes_of
 from mbsvib.plots._scene import of_model
+from mbsvib.plots._sheet import Given, sheet
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.plots._projection import View
 
 MOST_CURVES = 12  # in one panel that was not asked for by name
+AT_REST = 1e-12  # displacement, as a share of the size, and rotation [rad] of a run that does not move: rounding
 QUANTITIES = {"m": "displacement", "rad": "rotation", "m/s": "velocity", "rad/s": "angular velocity", "N": "force",
               "m/s^2": "acceleration", "rad/s^2": "angular acceleration", "N m": "moment", "1": "strain"}  # fmt: skip
 
@@ -50,7 +52,7 @@ class RunAnimation(Animation):
         return np.asarray(self.positions[round(phase / (2.0 * np.pi) * self.frames) % self.frames])
 
 
-def run_figure(run: Any, names: Sequence[str] | str | None) -> Figure:
+def run_figure(run: Any, names: Sequence[str] | str | None, ax: Given | None = None) -> Figure | Given:
     """Return outputs or coordinates, and energies, over time.
 
     ``names``: what to draw; default: the outputs, or the coordinates where there are none.
@@ -71,24 +73,30 @@ def run_figure(run: Any, names: Sequence[str] | str | None) -> Figure:
     groups: dict[str, list[str]] = {}
     for name in names_drawn:
         groups.setdefault(unit[name], []).append(name)
-    with style.context():
-        figure = style.new_figure(6.6, 1.9 * (len(groups) + 1) + 0.5)
-        panels = figure.subplots(len(groups) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    size = of_model(run.model).size
+    moved = [np.ptp(values) / (1.0 if unit[name] == "rad" else size) for name, values in run.coordinates.items()]
+    rest = max(moved, default=0.0) < AT_REST
+    with sheet("plot", ax, (style.ALONE, 1.9 * (len(groups) + 1) + 0.5), len(groups) + 1) as paper:
+        panels = paper.panels
+        paper.join(panels)
         for axes, (own_unit, members) in zip(panels, groups.items(), strict=False):
             for i, name in enumerate(members):
-                axes.plot(run.time, known[name], label=name, **style.line(i))
+                values = known[name]
+                axes.plot(run.time, np.full_like(values, values[0]) if rest else values, label=name, **style.line(i))
             axes.set_ylabel(f"{QUANTITIES.get(own_unit, 'output')} [{units.pretty(own_unit)}]")
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         for i, kind in enumerate(("total", "kinetic", "potential", "dissipated")):
-            panels[-1].plot(run.time, getattr(run.energy, kind), label=kind, **style.line(i))
+            values = getattr(run.energy, kind)
+            panels[-1].plot(run.time, np.full_like(values, values[0]) if rest else values, label=kind, **style.line(i))
         panels[-1].set_ylabel("energy [J]")
         panels[-1].set_xlabel("time [s]")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         panels[-1].set_xlim(run.time[0], run.time[-1])
-        style.name_aside(panels[0], run.name)
+        panels[-1].locator_params(axis="x", nbins=6)
+        paper.name([run.name])
         if names is None:
-            style.tell_left_out(figure, len(names_drawn), len(everything), kind, "name others by run.plot([...])")
-    return figure
+            paper.left_out(len(names_drawn), len(everything), kind, "name others by run.plot([...])")
+    return paper.result
 
 
 def run_animation(run: Any, view: View, frames: int, rate: float) -> RunAnimation:

@@ -12,6 +12,7 @@ from mbsvib.linalg.singular_values import singular_values as singular
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import Curve, curves, shared_grid
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,8 @@ class UnitGroup(NamedTuple):
 def singular_values(
     systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
-) -> Figure:  # fmt: skip
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the singular values of the matrix G(i w) from inputs to outputs.
 
     Parameters
@@ -55,10 +57,12 @@ def singular_values(
         First and last frequency [Hz]; None: from the modes.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         A panel for each unit of outputs and of inputs, as singular values of mixed units mean nothing; the largest ones
         thick, the others thin.
 
@@ -76,16 +80,14 @@ def singular_values(
     grid = shared_grid([system for _, system in named], [group[:2] for group in groups], frequencies, span)
     columns = min(len({tuple(group.inputs) for group in groups}), 4)
     rows = -(-len(groups) // columns)
-    with style.context():
-        width, height = style.panel_size(rows, columns, 2.9, 4.0)
-        figure = style.new_figure(width, height)
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, group in zip(panels, groups, strict=True):
-            _panel(axes, named, group, grid)
-        for axes in panels[:-columns]:
+    size = style.panel_size(rows, columns, 2.9, 4.0)
+    with sheet("plots.singular_values", ax, size, rows, columns, len(groups)) as paper:
+        for axes, group in zip(paper.panels, groups, strict=True):
+            _panel(axes, named, group, grid, paper.first)
+        for axes in paper.panels[:-columns]:
             axes.set_xlabel("")
-        style.name_systems(figure, [label for label, _ in named], panels[columns - 1])
-    return figure
+        paper.name([label for label, _ in named], columns - 1)
+    return paper.result
 
 
 def unit_groups(system: Linear, outputs: Names, inputs: Names) -> list[UnitGroup]:
@@ -103,18 +105,18 @@ def _by_unit(selected: Sequence[str], names: Sequence[str], its_units: Sequence[
     return result
 
 
-def _panel(axes: Axes, named: Sequence[tuple[str, Linear]], group: UnitGroup, grid: Array) -> None:
+def _panel(axes: Axes, named: Sequence[tuple[str, Linear]], group: UnitGroup, grid: Array, first: int) -> None:
     """Draw the singular values of one group of ports."""
     pairs = [(result, source) for result in group.outputs for source in group.inputs]
     drawn = [curves(system, pairs, grid) for _, system in named]
     zeros: list[int] = []
-    for i, ((label, _), responses) in enumerate(zip(named, drawn, strict=True)):
+    for i, ((label, _), responses) in enumerate(zip(named, drawn, strict=True), first):
         sigma, look = of_curves(responses, len(group.outputs)), style.line(i) | {"linestyle": "-"}
         for k, values in enumerate(np.where(sigma > 0.0, sigma, np.nan)):
             axes.plot(grid, values, **(look | {"linewidth": 1.5 if k == 0 else 0.7}), label=label if k == 0 else None)
         zeros.append(int((~sigma.any(axis=1)).sum()))
     if min(zeros) < min(len(group.outputs), len(group.inputs)):
-        axes.set_yscale("log")
+        style.logarithmic(axes.yaxis)
         if max(zeros):
             style.remark(axes, f"{counted(max(zeros), 'singular value')} of zero")
     else:

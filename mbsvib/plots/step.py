@@ -12,6 +12,7 @@ from mbsvib.plots import _choice as choice
 from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import zeros
+from mbsvib.plots._sheet import Given, sheet
 from mbsvib.plots.grid import time_grid
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ class Drawn(NamedTuple):
 
 def step(
     systems: Systems, outputs: Names = None, inputs: Names = None, duration: float | None = None, *,
-    labels: Sequence[str] | None = None,
-) -> Figure:  # fmt: skip
+    labels: Sequence[str] | None = None, ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw responses to a step of one unit of each input at t = 0, from rest.
 
     Parameters
@@ -57,10 +58,12 @@ def step(
         time constants of the slowest mode, but at most 25 of its periods.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         One panel for each pair of input and output; a dashed line is the static response, where there is one. For a
         single system that settles, marks show rise (10 % to 90 % of the final value), peak and settling (the band of
         2 %), as ``system.step_info()`` tells them.
@@ -78,24 +81,19 @@ def step(
     t = time_grid(group, marks.until_settled(group, known, zero) if duration is None else duration)
     factor, unit = units.prefix("s", t[-1])
     responses = [_responses(system, t, {source for row in panels for _, source in row}) for system in group]
-    rows, columns, count = len(panels), max(map(len, panels)), sum(map(len, panels))
-    with style.context():
-        figure = style.new_figure(*style.panel_size(rows, columns, 2.6, 3.6))
-        cells = figure.add_gridspec(rows, columns)
-        for i, row in enumerate(panels):
-            for j, (output, source) in enumerate(row):
-                axes = figure.add_subplot(cells[i, j])
-                drawn = [Drawn(name, system, y[source][system.outputs.index(output)],
-                               bool(none[system.outputs.index(output), system.inputs.index(source)]))
-                         for (name, system), y, none in zip(named, responses, zero, strict=True)]  # fmt: skip
-                scale = _panel(axes, t * factor, drawn, source, output)
-                if len(group) == 1 and known[0] is not None and scale is not None:
-                    response = marks.Response(t, drawn[0].y, factor, scale)
-                    marks.mark(axes, known[0], (output, source), response)
-                if (i + 1) * columns + j >= count:
-                    axes.set_xlabel(f"time [{unit}]")
-        style.name_systems(figure, [label for label, _ in named], figure.axes[len(panels[0]) - 1])
-    return figure
+    rows, columns = len(panels), max(map(len, panels))
+    with sheet("plots.step", ax, style.panel_size(rows, columns, 2.6, 3.6), rows, columns, len(flat)) as paper:
+        for number, ((output, source), axes) in enumerate(zip(flat, paper.panels, strict=True)):
+            drawn = [Drawn(name, system, y[source][system.outputs.index(output)],
+                           bool(none[system.outputs.index(output), system.inputs.index(source)]))
+                     for (name, system), y, none in zip(named, responses, zero, strict=True)]  # fmt: skip
+            scale = _panel(axes, t * factor, drawn, source, output, paper.first)
+            if len(group) == 1 and known[0] is not None and scale is not None:
+                marks.mark(axes, known[0], (output, source), marks.Response(t, drawn[0].y, factor, scale))
+            if number + columns >= len(flat):
+                axes.set_xlabel(f"time [{unit}]")
+        paper.name([label for label, _ in named], columns - 1)
+    return paper.result
 
 
 def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
@@ -109,7 +107,7 @@ def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
     return result
 
 
-def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -> float | None:
+def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str, first: int) -> float | None:
     """Draw one pair; return the factor of its values, or None where they are rounding."""
     negligible = all(curve.zero for curve in drawn)
     largest = max(float(np.abs(curve.y).max()) for curve in drawn)
@@ -118,20 +116,21 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -
     input_unit = system.input_units[system.inputs.index(source)]
     factor, unit = units.prefix(output_unit, 0.0 if negligible else largest)
     before = -BEFORE * t[-1]
-    for i, (name, system, y, _) in enumerate(drawn):
+    for i, (name, system, y, zero) in enumerate(drawn, first):
         final = static(system, source, output)
-        if final is not None:
+        if final is not None and not zero:
             axes.axhline(factor * final, color=style.line(i)["color"], linewidth=0.8, alpha=0.6, dashes=(4, 3))
-        times, values = np.concatenate([[before, 0.0], t]), factor * np.concatenate([[0.0, 0.0], y])
+        times = np.concatenate([[before, 0.0], t])
+        values = factor * np.concatenate([[0.0, 0.0], np.where(zero, 0.0, y)])
         swings = np.count_nonzero(np.diff(np.sign(np.diff(y))))
-        look = style.line(i, faint=negligible) | ({"linewidth": 0.7} if swings > MOST_SWINGS else {})
+        look = style.line(i) | ({"linewidth": 0.7} if swings > MOST_SWINGS else {})
         axes.plot(times, values, label=name, **look)
     axes.set_xlim(before, t[-1])
     axes.set_title(f"{source} → {output}")
     short = f"[{units.pretty(unit) or 1}]" + (f" for 1 {units.pretty(input_unit)}" if input_unit else "")
     axes.set_ylabel(f"{output} {short}" if len(output) + len(short) < LONGEST_LABEL else short)
-    if negligible:
-        style.remark(axes, style.zero(curve.y for curve in drawn))
+    if negligible and not first:
+        style.nothing(axes)
     elif drawn[0].system.modes().rigid:
         style.remark(axes, "rigid-body motion: need not settle", top=bool(drawn[0].y[-1] > 0.0))
     return None if negligible else factor

@@ -11,6 +11,7 @@ from mbsvib.common.expected import a_system
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _style as style
 from mbsvib.plots import _tree_layout as layout
+from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,30 +21,32 @@ if TYPE_CHECKING:
 
 
 KINDS = {
-    "tree": ("joint of the tree", "#1d2733", 1.6, "-"), "cut": ("cut joint", "#c4321f", 1.6, (0, (5, 2))),
-    "spring": ("spring or damper", "#dd7a1f", 1.0, "-"),
-    "coupler": ("gear or coupler", "#2c8a5b", 1.2, (0, (1, 1))),
+    "tree": ("joint of the tree", style.INK, 1.6, "-"), "cut": ("cut joint", style.COLOURS[1], 1.6, (0, (5, 2))),
+    "spring": ("spring or damper", style.COLOURS[4], 1.0, "-"),
+    "coupler": ("gear or coupler", style.COLOURS[2], 1.2, (0, (1, 1))),
     "floating": ("no joint: floats", style.MARK, 1.0, (0, (1.5, 1))),
 }  # fmt: skip
 MOST_NAMES = 60
 HIGHEST = 9.0  # inch
 CROWDED = 0.6  # inch, between levels with names above their bodies
-BESIDE: dict[str, Any] = {"ha": "right", "va": "center", "fontsize": 7.0}
+BESIDE: dict[str, Any] = {"ha": "right", "va": "center", "fontsize": 7.5}
 ABOVE: dict[str, Any] = {"ha": "center", "va": "baseline", "fontsize": 8.0}
 BOX = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 0.4}
 
 
-def topology(system: System) -> Figure:
+def topology(system: System, *, ax: Given | None = None) -> Figure | Given:
     """Draw bodies as a tree that grows from the ground, with joints at which loops are cut, springs and couplers.
 
     Parameters
     ----------
     system : System
         The equations of motion.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.figure.Figure, or ``ax``
         Joints of the tree black, cut joints red and dashed, springs orange, gears and other couplers green and dotted.
     """
     a_system(system, "topology").provenance.check_mechanism(system.name, "plots.topology")
@@ -52,11 +55,10 @@ def topology(system: System) -> Figure:
     at = np.array([node[1:3] for node in nodes], dtype=float)
     width, height = np.ptp(at, axis=0)
     edges_between: Counter[tuple[int, int]] = Counter()
-    with style.context():
-        size = np.clip((1.1 * width + 2.0, height + 1.6), (4.5, 3.0), (12.0, HIGHEST))
-        figure = style.new_figure(*size.tolist())
+    size = np.clip((1.1 * width + 2.0, height + 1.6), (4.5, 3.0), (style.WIDEST, HIGHEST))
+    with sheet("plots.topology", ax, size.tolist()) as paper:
         crowded = height * CROWDED > HIGHEST
-        axes = figure.subplots()
+        axes = paper.panels[0]
         axes.set_axis_off()
         texts, curves = [], []
         for kind, name, _, first, second in edges:
@@ -67,12 +69,12 @@ def topology(system: System) -> Figure:
             label, colour, thick, dash = KINDS[kind]
             axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
             if len(edges) <= MOST_NAMES and kind != "floating":
-                texts.append(axes.annotate(name, points[len(points) // 2], ha="center", va="center", fontsize=6.5,
-                                           color=colour, bbox=BOX, zorder=3))  # fmt: skip
+                texts.append(axes.annotate(name, points[len(points) // 2], ha="center", va="center", fontsize=7.0,
+                                           bbox=BOX, zorder=3))  # fmt: skip
                 curves.append(points)
         ground = len(nodes) - 1
-        axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
-        axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
+        axes.plot(*at[:ground].T, "o", ms=8.0, color=style.COLOURS[0], mec="white", zorder=4)
+        axes.plot(*at[ground], "s", ms=10.0, color=style.INK, mec="white", zorder=4)
         if len(nodes) <= MOST_NAMES:
             for i, node in enumerate(nodes):
                 left_of_body = crowded and i != ground  # the next level is where a name would be
@@ -81,13 +83,13 @@ def topology(system: System) -> Figure:
                               textcoords="offset points", zorder=5, bbox=BOX, **look)  # fmt: skip
         axes.margins(0.08, 0.14)
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        style.legend(figure, [*handles.values()], "outside lower center", max(1, len(handles)))
+        paper.legend([*handles.values()], columns=len(handles), below=True)
         axes.set_title(system.name)
-        figure.draw_without_rendering()
+        paper.figure.draw_without_rendering()
         marks = [text for text in axes.texts if text not in texts]
         blocked = np.array([text.get_window_extent().extents for text in marks]).reshape(-1, 4)
         labels.slide(axes, texts, curves, blocked)
-    return figure
+    return paper.result
 
 
 def _bent(start: Array, end: Array, curvature: float) -> Array:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
+    from mbsvib.plots._sheet import Given
     from mbsvib.random.slopes import Requested
     from mbsvib.random.sources import Correlation, Sources
 
@@ -220,7 +221,9 @@ class Budget(Columnar, Displayed):
             columns |= {form.format(*unit): row for unit, row in zip(self.units.items(), values, strict=True)}
         return columns
 
-    def plot(self, output: str | None = None, frequencies: ArrayLike | None = None) -> Figure:
+    def plot(
+        self, output: str | None = None, frequencies: ArrayLike | None = None, *, ax: Given | None = None
+    ) -> Figure | Given:
         """Draw density and cumulative root mean square of an output with those of its largest sources.
 
         Parameters
@@ -229,10 +232,12 @@ class Budget(Columnar, Displayed):
             Name; default: the first one.
         frequencies : array-like, shape (n,), optional
             Ascending frequencies [Hz]; default: ``frequencies()``.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             The figure.
 
         Raises
@@ -253,7 +258,8 @@ class Budget(Columnar, Displayed):
         curves = {source: (density[k], np.sqrt(np.maximum(below[k], 0.0)))
                   for source in shown for k in [self.sources.index(source)]}  # fmt: skip
         total = density.sum(axis=0), np.sqrt(np.maximum(below.sum(axis=0), 0.0))
-        return budget_figure(self.name, name, self.units[name], f, total, curves, self.contributions[name])
+        return budget_figure(self.name, name, self.units[name], f, total, curves, self.contributions[name],
+                             ax)  # fmt: skip
 
     def __repr__(self) -> str:
         return (f"Budget({self.name!r}: {counted(len(self.outputs), 'output')}, "

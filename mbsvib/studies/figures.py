@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.plots import _style as style
-from mbsvib.plots.over_variables import MOST_LINES, bins, title
+from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots.over_variables import MOST_LINES, bins
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,16 +21,16 @@ MOST_DOTS = 60  # points of a sweep that are marked one by one on its lines
 
 
 def root_locus(
-    eigenvalues: Complex, modes: Sequence[str], variables: Iterable[str], name: str, *, samples: bool
-) -> Figure:
+    eigenvalues: Complex, modes: Sequence[str], variables: Iterable[str], name: str, *, samples: bool,
+    ax: Given | None = None,
+) -> Figure | Given:  # fmt: skip
     """Draw the eigenvalues of the first 12 modes over the points of a sweep, in the upper half of the complex plane.
 
     ``eigenvalues`` (n, modes): those without negative imaginary parts [1/s]. ``samples``: whether neighbours in the
     array are not neighbours in the variables, so that no line joins them.
     """
-    with style.context():
-        figure = style.new_figure(6.4, 4.2)
-        axes = figure.subplots()
+    with sheet("root_locus", ax) as paper:
+        axes = paper.panels[0]
         for i, (mode, track) in enumerate(zip(modes, eigenvalues.T[:MOST_LINES], strict=False)):
             line = style.line(i)
             dots: dict[str, Any] = {"marker": ".", "markersize": 3.0} if samples or len(track) <= MOST_DOTS else {}
@@ -45,12 +46,15 @@ def root_locus(
         axes.set_xlabel("real part [1/s]")
         axes.set_ylabel("imaginary part [rad/s]")
         axes.legend(title="mode")
-        title(axes, f"Eigenvalues over {', '.join(variables)}", name)
-        style.tell_left_out(figure, min(len(modes), MOST_LINES), len(modes), "modes", "choose by modes=")
-    return figure
+        axes.set_title("Eigenvalues")
+        paper.name([f"{name}, {', '.join(variables)}"])
+        paper.left_out(min(len(modes), MOST_LINES), len(modes), "modes", "choose by modes=")
+    return paper.result
 
 
-def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Array, name: str) -> Figure:
+def tolerances(
+    labels: Sequence[str], sampled: Array, linear: Array, nominal: Array, name: str, ax: Given | None = None
+) -> Figure | Given:
     """Draw histograms of a tolerance analysis: samples as areas, first-order values as lines, nominal values dashed.
 
     ``sampled``, ``linear`` (n, k): numbers of the samples, and their first-order values. ``nominal`` (k,): numbers of
@@ -58,13 +62,9 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
     """
     count = len(labels)
     columns = min(3, count)
-    with style.context():
-        rows = -(-count // columns)
-        figure = style.new_figure(*((6.4, 4.2) if count == 1 else (3.2 * columns, 2.2 * rows)))
-        panels = figure.subplots(rows, columns, squeeze=False)
-        for axes in panels.flat[count:]:
-            axes.set_visible(False)
-        for i, (axes, label) in enumerate(zip(panels.flat, labels, strict=False)):
+    rows = -(-count // columns)
+    with sheet("plot", ax, style.panel_size(rows, columns, 2.3, 4.0), rows, columns, count) as paper:
+        for i, (axes, label) in enumerate(zip(paper.panels, labels, strict=True)):
             shown, first = (table[np.isfinite(table[:, i]), i] for table in (sampled, linear))
             low, high = np.quantile(np.concatenate((shown, first)), (0.0005, 0.9995))
             edges = np.linspace(low, high, bins(len(shown)) + 1)
@@ -75,6 +75,6 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
             axes.set_xlabel(label)
             axes.set_ylabel("number of samples")
             axes.locator_params(axis="x", nbins=4)
-        panels.flat[0].legend(fontsize=7.0)
-        style.head(figure, f"Tolerances of {name}")
-    return figure
+        paper.legend()
+        paper.head(f"Tolerances of {name}")
+    return paper.result

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.plots._sheet import Given
 
 HOW = ("grid", "paired")
 
@@ -186,17 +187,19 @@ class Sweep(Columnar, Displayed):
         heads = [(name + (f" [{unit}]" if unit is not None else ""), "right") for name, unit in units.items()]
         return {"title": f"Sweep of {self.name}", "columns": heads, "rows": rows, "notes": notes}
 
-    def plot(self, label: str | None = None) -> Figure:
+    def plot(self, label: str | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Draw a result over what varies.
 
         Parameters
         ----------
         label : str, optional
             Which result; default: the first of real numbers.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             Lines over one variable, a map over the grid of two, and histograms of samples of more.
 
         Raises
@@ -211,7 +214,7 @@ class Sweep(Columnar, Displayed):
             raise ModelError(f"plot of '{self.name}': '{name}' is not of real numbers; draw results of real numbers.",
                              element=name, field="label")  # fmt: skip
         return over_variables(values, name, self.parameters, self.axes, grid=len(self.shape) > 1, units=self.units,
-                              name=self.name, entries=self.entries or _mode_numbers(name, values))  # fmt: skip
+                              name=self.name, entries=self.entries or _mode_numbers(name, values), ax=ax)  # fmt: skip
 
     def __repr__(self) -> str:
         return (f"{type(self).__name__}({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
+    from mbsvib.plots._sheet import Given
     from mbsvib.studies.design import StudyVariables, Ties
     from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.results import Sweep
@@ -252,22 +253,24 @@ class Tolerances(Columnar, Displayed):
             notes.append("Neighbouring modes repel each other as soon as anything is off: their means are not nominal.")
         return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
-    def plot(self, label: str | None = None) -> Figure:
+    def plot(self, label: str | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Draw the samples and their first-order values.
 
         Parameters
         ----------
         label : str, optional
             Which number; default: up to twelve.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             A histogram of samples for each number, first order as a line.
         """
         which = slice(MOST_LINES) if label is None else slice(self.index(label), self.index(label) + 1)
         return figures.tolerances(self.labels[which], self.sampled[:, which], self.linear[:, which],
-                                  self.nominal[which], self.name)  # fmt: skip
+                                  self.nominal[which], self.name, ax)  # fmt: skip
 
     def __repr__(self) -> str:
         return (f"Tolerances({self.name!r}: {counted(len(self.labels), 'number')}, "

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.progress import Progress
     from mbsvib.modes import Modes
+    from mbsvib.plots._sheet import Given
     from mbsvib.studies.design import Ties
     from mbsvib.studies.plants import PlantFunction
 
@@ -84,17 +85,19 @@ class Tracks(Sweep):
                     result[f"{label}[{name}]"] = column
         return result
 
-    def root_locus(self, modes: Sequence[str] | None = None) -> Figure:
+    def root_locus(self, modes: Sequence[str] | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Draw the eigenvalues in the complex plane.
 
         Parameters
         ----------
         modes : sequence of str, optional
             Names of modes; default: the first 12.
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             A line for each mode through the points of the sweep, from a circle at the first to a square at the last.
 
         Raises
@@ -104,7 +107,7 @@ class Tracks(Sweep):
         """
         names = self.modes if modes is None else [modes] if isinstance(modes, str) else list(modes)
         values = np.stack([self.mode(name, "eigenvalues") for name in names], axis=1)
-        return root_locus(values, names, self.parameters, self.name, samples=len(self.shape) > 1)
+        return root_locus(values, names, self.parameters, self.name, samples=len(self.shape) > 1, ax=ax)
 
 
 def track(

@@ -44,7 +44,7 @@ def test_mistakes():
 @pytest.mark.slow
 def test_multipliers_against_the_unit_circle():
     cycle = library.hoeken().cycle("crank.rz", 2 * np.pi * np.arange(128) / 128, speed=2 * np.pi)
-    for stiffness, title, mark in ((0.2, "stable", "o"), (0.3, "deviations grow", "s")):
+    for stiffness, title, mark in ((0.2, "multipliers: stable", "o"), (0.3, "multipliers: unstable", "s")):
         data = cycle.periodic({"crank.rz": (stiffness, 1e-3)})
         frozen, circle = plots.periodic(data).axes
         assert np.allclose(frozen.lines[0].get_ydata(), np.abs(data.frozen[:, 0]) / (2 * np.pi))

@@ -26,12 +26,13 @@ def test_transmissibility_and_compliance():
 def test_root_locus_and_front():
     plant, locus = isolation.actuated(active_strut(), "payload", "leg", directions="z"), _locus()
     figure = plots.root_locus(locus)
-    assert figure.get_suptitle() == "IFF: least damping 0 % → 50 %\nat gain 141.4"
+    assert figure.axes[0].get_title(loc="left") == "IFF"
+    assert figure.legends[0].get_title().get_text() == "least damping 0 % → 50 %\nat gain 141.4"
     dots = [line.get_xydata()[0] for line in figure.axes[0].lines
             if line.get_marker() == "o" and line.get_mfc() != "none"]  # fmt: skip
     at_best = plant.with_gains(isolation.force_feedback(plant, 1e2 * np.sqrt(2))).vibrating[0] / (2 * np.pi)
     assert np.allclose(dots, [[at_best.real, at_best.imag]], rtol=1e-3)
-    assert plots.root_locus(locus, scale=2.0).get_suptitle().endswith("at gain 282.8")
+    assert plots.root_locus(locus, scale=2.0).legends[0].get_title().get_text().endswith("at gain 282.8")
     goal = isolation.passive(one_axis(0.1), "payload", directions="z")
     front = goal.front({"mount.stiffness": (1e3, 1e5)}, goal.index([100.0]), goal.sag(load=1.0), [1e-4, 2e-4])
     figure = plots.front(front)
@@ -62,10 +63,11 @@ def test_root_locus_keeps_the_limits_that_are_given():
 def test_modes_that_the_gain_does_not_move_leave_room_for_the_others():
     plant = isolation.actuated(mv.library.stewart_isolator(), "platform")
     locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [0.0, 100.0])
-    (axes,) = plots.root_locus(locus).axes
+    figure = plots.root_locus(locus)
+    (axes,) = figure.axes
     assert 17.0 < axes.get_ylim()[1] < 25.0  # the highest mode that moves is at 17 Hz, those that do not are at 292 Hz
     assert axes.get_xlabel().endswith("(6 of 12 modes are outside)")
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["open loops", "best gain", "zeros"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["open loops", "best gain", "zeros"]
 
 
 @pytest.mark.slow

@@ -77,7 +77,7 @@ def test_loop_gain_and_its_margins_are_drawn():
     at, ends = below.lines[-1].get_data()
     assert_allclose(at, margins.phase_at[0])
     assert abs(abs(ends[1] - ends[0]) - margins.phase[0]) < 0.5
-    assert f"phase {margins.phase[0]:.3g} deg" in top.get_title(loc="left")
+    assert f"phase {margins.phase[0]:.3g} deg" in top.get_legend().get_texts()[0].get_text()
 
 
 @pytest.mark.slow
@@ -120,7 +120,8 @@ def test_poles_and_zeros():
 
 
 def legends(figure):
-    return [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
+    name, _, peaks = figure.legends[0].get_texts()[0].get_text().partition(": ")
+    return [f"{name}: {words[3:]}" for words in peaks.split("\n")]
 
 
 @pytest.mark.slow
@@ -200,8 +201,8 @@ def test_bad_arguments_are_refused():
 def test_an_unstable_loop_has_no_marks():
     loop = slider().feedback([[1e3]], "x", "F")
     assert not loop.stable
-    assert "unstable" in plots.loop_gain(loop).axes[0].get_title(loc="left")
-    assert plots.loop_nyquist(loop).axes[0].get_title(loc="left") == "F: unstable"
+    assert plots.loop_gain(loop).axes[0].get_legend().get_texts()[0].get_text() == "unstable"
+    assert [text.get_text() for text in plots.loop_nyquist(loop).axes[0].texts] == ["unstable"]
     assert all(words.startswith("controller (unstable):") for words in legends(plots.sensitivity(loop)))
 
 

@@ -39,7 +39,7 @@ def locus():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:figure of 1.28 x")
+@pytest.mark.filterwarnings("ignore:figure of 1.2 x")
 def test_texts_shrink_with_the_figure_and_grow_back():
     figure = drawn(plots.modes(library.engine_on_mounts().linearize()))
     (width, height), axes = figure.get_size_inches(), figure.axes[0]
@@ -47,9 +47,9 @@ def test_texts_shrink_with_the_figure_and_grow_back():
     before = np.array([text.get_fontsize() for text in others])
     for size, scale in (((0.8, 0.9), 0.8), ((0.2, 1.0), 0.6), ((2.0, 2.0), 1.0)):
         drawn(figure, (size[0] * width, size[1] * height))
-        np.testing.assert_allclose([text.get_fontsize() for text in others], scale * before)
+        np.testing.assert_allclose([text.get_fontsize() for text in others], np.maximum(scale * before, 7.0))
         labels = [text for each in figure.axes for text in (*each.get_xticklabels(), *each.get_yticklabels())]
-        np.testing.assert_allclose([text.get_fontsize() for text in labels], 8.5 * scale)
+        np.testing.assert_allclose([text.get_fontsize() for text in labels], max(8.5 * scale, 7.0))
 
 
 @pytest.mark.slow
@@ -74,9 +74,10 @@ def test_the_legend_of_a_mechanism_is_within_the_figure(model, size):
 
 
 @pytest.mark.slow
-def test_titles_take_as_many_lines_as_they_need():
+def test_results_in_a_legend_are_within_the_figure():
     figure = drawn(plots.root_locus(locus()))
-    (title,) = [text for text in figure.texts if "least damping" in text.get_text()]
+    title = figure.legends[0].get_title()
+    assert "least damping" in title.get_text()
     assert within(figure, title.get_window_extent().extents)
 
 

@@ -13,6 +13,8 @@ from mbsvib.common.display import Displayed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from mbsvib.plots._sheet import Given
+
 LIMIT = 1e-9  # of the difference between FMUs and the reference, the same steps in numpy
 _NOTHING = 1e-11  # errors below are rounding, from which no order comes
 
@@ -107,27 +109,33 @@ class CosimulationCheck(Displayed):
         title = f"Co-simulation of {self.plant} and {self.controller}, H = {self.step:g} s, over {self.duration:.3g} s"
         return tables.text(title, columns, rows, notes)
 
-    def plot(self) -> Figure:
+    def plot(self, *, ax: Given | None = None) -> Figure | Given:
         """Return a figure of the error against the step, with the largest stable step of each master.
+
+        Parameters
+        ----------
+        ax : Axes or sequence of Axes, optional
+            Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        matplotlib.figure.Figure, or ``ax``
             Save it by ``figure.savefig("cosimulation.png")``.
         """
         from mbsvib.plots import _style as style
+        from mbsvib.plots._sheet import sheet
 
-        with style.context():
-            figure = style.new_figure(6.4, 4.2)
-            axes = figure.subplots()
+        with sheet("plot", ax) as paper:
+            axes = paper.panels[0]
             for master, colour in zip(self.masters, style.COLOURS, strict=False):
                 order = "" if np.isnan(master.order) else f", order {master.order:.2f}"
-                axes.loglog(master.steps, master.errors, "o-", color=colour, label=f"{master.method}{order}")
+                axes.plot(master.steps, master.errors, "o-", color=colour, label=f"{master.method}{order}")
                 if 0 < master.largest_stable_step < 100 * self.step:
                     axes.axvline(master.largest_stable_step, color=colour, linestyle=":")
             axes.set_xlabel("step [s]")
             axes.set_ylabel("relative error [1]")
-            axes.set_title("Error of co-simulation; dotted: largest stable step")
-            axes.set_title(f"{self.plant}, {self.controller}", loc="right", color=style.MARK, fontsize=8.5)
-            axes.legend(frameon=True, facecolor="white", edgecolor="none", framealpha=0.9)
-        return figure
+            axes.set_title("Error of co-simulation")
+            paper.name([f"{self.plant}, {self.controller}"])
+            style.logarithmic(axes.xaxis, axes.yaxis)
+            paper.legend(title="dotted: largest stable step")
+        return paper.result
