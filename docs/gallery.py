@@ -56,12 +56,15 @@ def draw(path: Path, folder: Path) -> Path:
     import matplotlib as mpl
 
     from mbsvib.errors import MbsvibError
+    from mbsvib.plots import STYLE
+    from mbsvib.plots._style import WIDEST
 
     mpl.use("agg")
     from matplotlib import pyplot as plt
 
     plt.show = lambda *_, **__: None
     plt.close("all")
+    plt.style.use(STYLE)
     try:
         runpy.run_path(str(path), run_name="__main__")
     except (ImportError, MbsvibError) as error:
@@ -70,7 +73,10 @@ def draw(path: Path, folder: Path) -> Path:
         plt.figure(figsize=(6.0, 1.0)).text(0.5, 0.5, f"Not drawn here.\n{error}", ha="center", va="center", wrap=True)
     picture = folder / f"{path.stem}.png"
     folder.mkdir(parents=True, exist_ok=True)
-    plt.figure(plt.get_fignums()[0]).savefig(picture, dpi=80)
+    figure = plt.figure(plt.get_fignums()[0])
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(min(width, WIDEST), height)  # so that texts have 7 pt on the page
+    figure.savefig(picture, dpi=100)
     plt.close("all")
     return picture
 

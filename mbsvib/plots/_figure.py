@@ -86,7 +86,8 @@ class LogTexts(Formatter):
 
     def __call__(self, value: float, pos: int | None = None) -> str:
         """Return the text at a value."""
-        low, high = sorted(self.axis.get_view_interval())
+        axis: Any = self.axis
+        low, high = sorted(axis.get_view_interval())
         if low > 0.99e-4 and high < 1.001e5:
             return f"{value:g}"
         power = np.floor(np.log10(value) + 1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # What is given as ``ax``: axes, or a sequence or array of them. Returned where it is given, instead of a figure.
 Given = TypeVar("Given")
@@ -22,7 +23,7 @@ Cell = tuple[Any, Any]  # row and column, numbers or slices, of a panel in the g
 ONE = (6.0, 4.0)  # inch: a figure of one panel
 
 
-class Sheet:
+class Sheet(Generic[Given]):
     """Panels in reading order, row by row, and what stands outside of them.
 
     ``panels``: matplotlib's axes; ``figure``: theirs; ``result``: what a function returns that draws on them, the
@@ -30,18 +31,19 @@ class Sheet:
     panels are left to the caller; ``first`` is the number of curves that it has, whose looks are taken.
     """
 
-    def __init__(self, who: str, ax: Any, size: tuple[float, float], cells: Sequence[Cell],
+    def __init__(self, who: str, ax: Given | None, size: tuple[float, float], cells: Sequence[Cell],
                  **grid: Any) -> None:  # fmt: skip
         self.own = ax is None
+        self.figure: Any
         if self.own:
             self.figure = style.new_figure(*size)
             spec = self.figure.add_gridspec(1 + max(_last(row) for row, _ in cells),
                                             1 + max(_last(column) for _, column in cells), **grid)  # fmt: skip
-            self.panels: list[Axes] = [self.figure.add_subplot(spec[cell]) for cell in cells]
+            self.panels: list[Any] = [self.figure.add_subplot(spec[cell]) for cell in cells]
         else:
             self.panels = _given(who, ax, len(cells))
-            self.figure = self.panels[0].get_figure()
-        self.result: Any = self.figure if self.own else ax
+            self.figure = self.panels[0].get_figure(root=True)
+        self.result: Figure | Given = self.figure if ax is None else ax
         self.first = len(self.panels[0].get_legend_handles_labels()[0])
 
     def join(self, panels: Sequence[Axes], axis: str = "x") -> None:
@@ -55,7 +57,8 @@ class Sheet:
                     raise ResponseError(f"ax: panels that must share their {axis}-axis share it with others; give axes "
                                         f"with share{axis}=True, or that share nothing.") from error  # fmt: skip
             if self.own:
-                axes.tick_params(which="both", **{"labelbottom" if axis == "x" else "labelleft": False})
+                hidden: Any = {"labelbottom" if axis == "x" else "labelleft": False}
+                axes.tick_params(which="both", **hidden)
 
     def legend(self, handles: Sequence[Any] | None = None, loc: Any = "outside lower center", columns: int = 3,
                below: bool = False, **look: Any) -> None:  # fmt: skip
@@ -67,7 +70,7 @@ class Sheet:
         if self.own:
             style.legend(self.figure, shown, loc, columns, **look)
         elif shown:
-            place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": 2} if below else {}
+            place: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": 2} if below else {}
             self.panels[0].legend(handles=shown, **place, **look)
 
     def name(self, names: Sequence[str], panel: int = 0) -> None:
@@ -94,9 +97,9 @@ class Sheet:
 
 @contextmanager
 def sheet(
-    who: str, ax: Any, size: tuple[float, float] = ONE, rows: int = 1, columns: int = 1, count: int | None = None, *,
-    cells: Sequence[Cell] | None = None, **grid: Any,
-) -> Iterator[Sheet]:  # fmt: skip
+    who: str, ax: Given | None, size: tuple[float, float] = ONE, rows: int = 1, columns: int = 1,
+    count: int | None = None, *, cells: Sequence[Cell] | None = None, **grid: Any,
+) -> Iterator[Sheet[Given]]:  # fmt: skip
     """Give the panels for a picture, in the style of all figures.
 
     ``who``: the function that draws, for messages. ``ax``: axes that were given; None: a new figure of ``size`` [inch]
@@ -109,8 +112,8 @@ def sheet(
 
 @contextmanager
 def pairs(
-    who: str, ax: Any, rows: int, columns: int, count: int
-) -> Iterator[tuple[Sheet, list[tuple[Axes, Axes]]]]:
+    who: str, ax: Given | None, rows: int, columns: int, count: int
+) -> Iterator[tuple[Sheet[Given], list[tuple[Axes, Axes]]]]:
     """Give ``count`` pairs of panels, magnitude above phase, ``columns`` of them in a row."""
     cells = [(2 * (k // columns) + below, k % columns) for k in range(count) for below in (0, 1)]
     order = sorted(range(2 * count), key=cells.__getitem__)

@@ -137,7 +137,7 @@ def logarithmic(*several: Axis) -> None:
     from mbsvib.plots._figure import LogTexts, LogTicks
 
     for axis in several:
-        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+        axis.axes.set(**{"xscale" if axis is axis.axes.xaxis else "yscale": "log"})
         axis.set_major_locator(LogTicks())
         axis.set_major_formatter(LogTexts())
         axis.set_minor_locator(LogLocator(subs="auto"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.plots._projection import LINES, MARKS
 
@@ -19,7 +19,7 @@ MEANINGS = {"body": "body, centre of mass", "beam": "beam, superelement", "rod":
 COLUMNS = 4
 
 
-def legend(paper: Sheet, scene: DrawnScene) -> None:
+def legend(paper: Sheet[Any], scene: DrawnScene) -> None:
     """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS

@@ -78,9 +78,9 @@ class Animation(Displayed):
         matplotlib.figure.Figure, or ``ax``
             The mechanism, its pose at rest in grey.
         """
-        result, picture = self._canvas(ax)
-        picture.set_points(self.points(phase))
-        return result
+        canvas: tuple[Figure | Given, Picture] = self._canvas(ax)
+        canvas[1].set_points(self.points(phase))
+        return canvas[0]
 
     def _canvas(self, ax: Any = None) -> tuple[Any, Picture]:
         with sheet("figure", ax, (5.6, 4.4)) as paper:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,8 @@ def budget_figure(
     unit = pretty(unit)
     with sheet("plot", ax, (style.WIDEST, 4.2), 1, 2) as paper:
         panels = paper.panels
-        curves = [("all", total, {"color": style.INK, "linewidth": 2.0})]
+        look: dict[str, Any] = {"color": style.INK, "linewidth": 2.0}
+        curves = [("all", total, look)]
         curves += [(_label(groups[source], contributions[source], unit), sources[source], style.line(k))
                    for k, source in enumerate(shown)]  # fmt: skip
         highest = [float(np.sqrt(total[0].max())), float(total[1].max())]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def _write_names(axes: Axes, scene: DrawnScene, flat: Array) -> None:
     if len(bodies) > MOST_NAMES:
         return
     curves = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
-    figure = axes.figure
+    figure: Any = axes.figure
     figure.draw_without_rendering()
     outer, inner = axes.get_position(original=True), axes.get_position()
     corners = figure.transFigure.transform(((outer.x0, outer.y0), (outer.x1, inner.y1)))

@@ -208,7 +208,7 @@ def _name_places(axes: Axes, names: Sequence[str]) -> None:
     axes.set_xticks(range(0, len(names), every), shown, rotation=90 if turned else 0, fontsize=8.0)
 
 
-def _legend(paper: Sheet, shapes: Shapes) -> None:
+def _legend(paper: Sheet[Any], shapes: Shapes) -> None:
     """Explain the colours of directions."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

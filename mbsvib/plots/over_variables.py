@@ -85,7 +85,7 @@ def bins(count: int) -> int:
     return int(np.clip(2.0 * count**0.5, *BINS))
 
 
-def _lines(paper: Sheet, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str] = ()) -> None:
+def _lines(paper: Sheet[Any], x: NDArray[Any], flat: NDArray[Any], names: Sequence[str] = ()) -> None:
     order = np.argsort(x, kind="stable")
     samples = not ((np.diff(x) >= 0.0).all() or (np.diff(x) <= 0.0).all())
     dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}

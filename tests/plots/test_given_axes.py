@@ -16,7 +16,8 @@ from tests.support.public import returned_classes
 NO_FIGURE = ("STYLE", "time_grid")
 KINDS = FIGURES | {"mechanism": lambda: [plots.mechanism(library.four_bar())],
                    "topology": lambda: [plots.topology(library.four_bar().linearize())],
-                   "measured": lambda: [mv.Measurement([6.0, 12.0], np.ones((1, 1, 2)), ["y"], ["u"]).plot()],
+                   "measured": lambda: [mv.Measurement(np.array([6.0, 12.0]), np.ones((1, 1, 2), complex), ("y",),
+                                                       ("u",)).plot()],
                    "motion": lambda: [library.four_bar().linearize().modes().animate(1).figure()]}  # fmt: skip
 
 
