@@ -109,4 +109,4 @@ class NestedMechanism(Mechanism):
 
 def _generated(key: str, part: Any) -> tuple[str, ...]:
     """Names of what a beam, superelement or Maxwell element adds to the model."""
-    return part.generated_names if key == "composed" else tuple(part.body_positions) if key == "springs" else ()
+    return part.generated_names if key in ("composed", "springs") else ()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbsvib.elements import body as _body
 from mbsvib.elements import bushing as _bushing
+from mbsvib.elements import dynamic_bushing as _dynamic
 from mbsvib.elements import inerter as _inerter
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import maxwell as _maxwell
@@ -19,8 +20,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
+    from mbsvib.elements.connection import Connection
+    from mbsvib.elements.dynamic import Dynamic
+    from mbsvib.elements.dynamic_bushing import DynamicBushing
     from mbsvib.elements.inerter import Inerter
     from mbsvib.elements.torsion_spring import TorsionSpring
+
+C = TypeVar("C", bound="Connection")
 
 
 class RigidMechanism(Mechanism):
@@ -131,8 +137,11 @@ class RigidMechanism(Mechanism):
         self, name: str, first: str | Body, second: str | Body, position: ArrayLike,
         stiffness: ArrayLike = _bushing.ZERO, damping: ArrayLike = _bushing.ZERO,
         orientation: ArrayLike | None = None, preload: ArrayLike | None = None,
-    ) -> Bushing:  # fmt: skip
+        dynamic: Dynamic | Mapping[str, Any] | None = None, dynamic_stiffness: ArrayLike | None = None,
+    ) -> Bushing | DynamicBushing:  # fmt: skip
         """Add a spatial spring-damper that acts at a point.
+
+        K*(s) = K + C s, or with ``dynamic`` f, as of rubber, K*(s) = K + C s + (f(s) - 1) K_d
 
         Parameters
         ----------
@@ -150,19 +159,34 @@ class RigidMechanism(Mechanism):
             Axes as columns, or a rotation vector [rad]; default: world axes.
         preload : array-like, shape (6,), optional
             Wrench on ``second`` in the given pose, in the bushing's axes [N, N m]; ``first`` takes its reaction.
+        dynamic : Dynamic or mapping, optional
+            How the stiffness depends on frequency: a sum of relaxations, such as ``Dynamic.prony`` and ``rational``
+            make; also its ``words``, as model files have them. Each relaxation k has first-order states ``"NAME.k.x"``,
+            one for each direction with stiffness, and parameters ``NAME.gk`` and ``NAME.tauk`` [s].
+        dynamic_stiffness : array-like, shape (6,) or (6, 6), optional
+            The part K_d of the stiffness that depends on frequency; default: all of it. Symmetric, without negative
+            eigenvalues.
 
         Returns
         -------
-        Bushing
+        Bushing or DynamicBushing
             The part.
 
         Raises
         ------
         ModelError
-            If a body is unknown, the shape is wrong, or neither stiffness, damping nor preload is given.
+            If a body is unknown, the shape is wrong, neither stiffness, damping nor preload is given, or ``dynamic``
+            has no states.
         """
         a, b = self._between("bushing", name, first, second)
-        part = _bushing.make(name, a, b, position, stiffness, damping, orientation, preload)
+        part = _dynamic.make(name, a, b, position, stiffness, damping, orientation, preload, dynamic, dynamic_stiffness)
+        return self._keep_with_nodes(part)
+
+    def _keep_with_nodes(self, part: C) -> C:
+        """Add a connection with the names of what it is in the equations."""
+        for name in part.generated_names:
+            self._check_name(name, f"{part.family} '{part.name}': part")
+        self._generated |= dict.fromkeys(part.generated_names, part)
         return self._keep(self._springs, part)
 
     def add_spring(
@@ -239,9 +263,7 @@ class RigidMechanism(Mechanism):
         """
         a, b = self._between("maxwell", name, first, second)
         part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness, preload)
-        self._check_name(part.node, f"maxwell '{name}': node")
-        self._generated[part.node] = part
-        return self._keep(self._springs, part)
+        return self._keep_with_nodes(part)
 
     def add_inerter(
         self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike, inertance: float

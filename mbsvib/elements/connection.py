@@ -30,7 +30,7 @@ ZERO = (0.0,) * 6
 class Connection(Part):
     """An element between the bodies ``first`` and ``second``."""
 
-    _engine = "acts_along_line at_rest cross_coupling law loaded preload_form rest_wrench row_values"
+    _engine = "acts_along_line at_rest cross_coupling generated_names law loaded preload_form rest_wrench row_values"
 
     law: ClassVar[Law | None] = None  # of its force in finite motion
 
@@ -41,6 +41,11 @@ class Connection(Part):
     def points(self) -> tuple[Vector, ...]:
         """Points at which it acts [m], world axes: none, one, or one on the first and one on the second body."""
         return tuple([getattr(self, key) for key in self.point_fields])
+
+    @property
+    def generated_names(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that it is in the equations, but for its own."""
+        return tuple(self.body_positions)
 
     @property
     def acts_along_line(self) -> bool:

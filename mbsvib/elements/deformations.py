@@ -29,7 +29,8 @@ class Law:
     with ``stiffness`` k, ``damping`` c, ``inertance`` b and the force f at rest: ``preload``, times -1 if it is the
     ``wrench`` on the second body, or k (x_0 - ``free``) with the described value x_0. ``series`` are the stiffness and
     the damping of a spring and a damper in series. ``rotations`` are the components of x that are rotations, which must
-    stay below a limit where they have a moment.
+    stay below a limit where they have a moment. ``relaxations`` are pairs of a stiffness (d, d) and a time constant: of
+    springs in series with dampers along all of the deformation.
     """
 
     deformation: Callable[[Displacement, Any], list[Component]]
@@ -41,6 +42,7 @@ class Law:
     inertance: str | None = None
     series: tuple[str, str] | None = None
     rotations: slice | None = None
+    relaxations: str | None = None
 
 
 def length(x: Displacement, j: Any) -> list[Component]:

@@ -11,7 +11,7 @@ positive real functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
-from mbsvib.errors import AccuracyWarning, ModelError
+from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -34,6 +34,8 @@ WHO = "Dynamic"
 A_DECADE, BEYOND = 4, 10.0
 # Lines a decade at which a fit and its error are taken, and bins a decade of the least error, so many decades beyond.
 LINES, BINS, OUTSIDE = 24, 40, 2
+# At rest a fit keeps this share of the least storage stiffness in its band, so that nothing sinks that it carries.
+HELD = 0.5
 # Weights below this share of the largest are none.
 NONE = 1e-9
 # Factors of passive elements have no power on the axis below this share of their size, but for rounding.
@@ -65,6 +67,65 @@ class Dynamic(Displayed):
     def is_rational(self) -> bool:
         """Whether it has states."""
         return self.weights is not None
+
+    @property
+    def terms(self) -> tuple[tuple[float, float], ...]:
+        """Weight and time constant [s] of each relaxation."""
+        if self.weights is None or self.times is None:
+            return ()
+        return tuple(zip(self.weights.tolist(), self.times.tolist(), strict=True))
+
+    def __eq__(self, other: object) -> bool:
+        if self.is_rational and isinstance(other, Dynamic) and other.is_rational:
+            return self.words() == other.words()
+        return self is other
+
+    def __hash__(self) -> int:
+        return hash((self.static, self.viscous, self.terms)) if self.is_rational else id(self)
+
+    def words(self) -> dict[str, Any]:
+        """Return the numbers of a rational one, as a model file has them.
+
+        Returns
+        -------
+        dict
+            ``static``, ``viscous`` [s], ``weights`` and ``times`` [s], without those at their default.
+        """
+        weights, times = (tuple([pair[k] for pair in self.terms]) for k in (0, 1))
+        words: dict[str, Any] = {"static": self.static} if self.static != 1.0 else {}
+        words |= {"viscous": self.viscous} if self.viscous else {}
+        return words | {"weights": weights, "times": times}
+
+    @staticmethod
+    def of_words(words: Mapping[str, Any]) -> Dynamic:
+        """Return the factor of the numbers that ``words`` returns.
+
+        Parameters
+        ----------
+        words : mapping
+            ``weights`` and ``times`` [s] of relaxations, ``static`` (default 1) and ``viscous`` [s] (default 0).
+
+        Returns
+        -------
+        Dynamic
+            static + viscous s + sum of weight s time / (1 + s time).
+
+        Raises
+        ------
+        ModelError
+            If a word is unknown, or a number is refused.
+        """
+        known = ("static", "viscous", "weights", "times")
+        for word in words:
+            if word not in known:
+                raise ModelError(f"{WHO}: {word!r} is no word of it; expected some of {', '.join(known)}."
+                                 f"{nearest(str(word), known)}", field="dynamic")  # fmt: skip
+        plain = Dynamic.prony(words.get("weights", ()), words.get("times", ()))
+        static, viscous = (float(_vector([words.get(word, default)], word, 0.0)[0]) for word, default in (
+            ("static", 1.0), ("viscous", 0.0)))  # fmt: skip
+        assert plain.weights is not None
+        assert plain.times is not None
+        return _rational("relaxations", static, viscous, plain.weights, plain.times)
 
     def factor(self, omega: ArrayLike) -> Complex:
         """Return the factor of the stiffness.
@@ -206,13 +267,16 @@ class Dynamic(Displayed):
                              f"0 or more, as only these take energy.")  # fmt: skip
         return _as_relaxations(num, den, poles)
 
-    def rational(self, band: tuple[float, float]) -> Dynamic:
+    def rational(self, band: tuple[float, float], static: float | None = None) -> Dynamic:
         """Return the sum of relaxations that is nearest over a band of frequencies, stable and passive everywhere.
 
         Parameters
         ----------
         band : (float, float)
             Lowest and highest frequency [Hz].
+        static : float, optional
+            Factor at rest [1], which statics sees, 0 or more; default: the nearest that is half of the least real part
+            in the band or more.
 
         Returns
         -------
@@ -223,15 +287,16 @@ class Dynamic(Displayed):
         Raises
         ------
         ModelError
-            If the band is no pair of ascending frequencies above 0.
+            If the band is no pair of ascending frequencies above 0, or ``static`` is negative.
         """
         low, high = _band(band)
+        rest = None if static is None else float(_vector([static], "static", 0.0)[0])
         omega = np.geomspace(low, high, max(16, int(np.ceil(LINES * np.log10(high / low))) + 1))
         exact = self.factor(omega)
-        static, viscous, g, tau = _fitted(omega, exact, low, high)
-        result = _rational(f"{self.name}, {low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz", static, viscous, g, tau)
+        terms = _fitted(omega, exact, low, high, rest)
+        result = _rational(f"{self.name}, {low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz", *terms)
         error = float((np.abs(result.factor(omega) - exact) / np.abs(exact)).max())
-        return _rational(result.name, static, viscous, g, tau, error, least_error(self, low, high))
+        return _rational(result.name, *terms, error, least_error(self, low, high))
 
     def __repr__(self) -> str:
         return f"Dynamic({self.name!r}{f', {len(self.weights)} relaxations' if self.weights is not None else ''})"
@@ -297,18 +362,25 @@ def _as_relaxations(num: Array, den: Array, poles: Any) -> Dynamic:
     return _rational("transfer", float(static), float(viscous), weights, -1.0 / poles)
 
 
-def _fitted(omega: Array, exact: Complex, low: float, high: float) -> tuple[float, float, Array, Array]:
-    """Static and viscous part, weights and times of relaxations, none negative: least squares of relative errors."""
+def _fitted(
+    omega: Array, exact: Complex, low: float, high: float, static: float | None
+) -> tuple[float, float, Array, Array]:
+    """Static and viscous part, weights and times of relaxations, none negative: least squares of relative errors.
+
+    The static part is ``static``, or if that is None, free from a share of the least real part upwards.
+    """
     from scipy.optimize import nnls
 
     count = int(np.ceil(A_DECADE * np.log10(BEYOND**2 * high / low))) + 1
     times = np.geomspace(1.0 / (BEYOND * high), BEYOND / low, count)
     turn = 1j * np.multiply.outer(omega, times)
     columns = np.concatenate((np.ones((len(omega), 1)), 1j * omega[:, None] / high, turn / (1.0 + turn)), axis=1)
-    scaled, target = columns / np.abs(exact)[:, None], exact / np.abs(exact)
+    rest = HELD * max(float(exact.real.min()), 0.0) if static is None else static
+    columns[:, 0] = 0.0 if static is not None else 1.0
+    scaled, target = columns / np.abs(exact)[:, None], (exact - rest) / np.abs(exact)
     weights = nnls(np.concatenate((scaled.real, scaled.imag)), np.concatenate((target.real, target.imag)))[0]
     acts = weights[2:] > NONE * weights.max()
-    return float(weights[0]), float(weights[1] / high), weights[2:][acts], times[acts]
+    return float(weights[0]) + rest, float(weights[1] / high), weights[2:][acts], times[acts]
 
 
 def least_error(dynamic: Dynamic, low: float, high: float) -> float:

@@ -16,24 +16,29 @@ if TYPE_CHECKING:
 
 
 class Node(Body):
-    """The massless node between the spring and the damper of a Maxwell element."""
+    """The massless node between a spring and a damper of an element."""
 
     __slots__ = ()
     symbol = ""
 
 
 class NodeJoint(Joint):
-    """The joint whose coordinate is the deformation of a Maxwell element's damper."""
+    """The joint of a node, such as the one whose coordinate is the deformation of a Maxwell element's damper."""
 
     __slots__ = ()
     symbol = ""
+
+
+def as_node_joint(joint: Joint) -> NodeJoint:
+    """Return a joint as one that belongs to an element."""
+    return NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))
 
 
 def nodes(part: Maxwell) -> ExpandedPart:
     """Return the massless body between spring and damper, and the joint in which it slides along the line."""
     joint = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
     return ExpandedPart(bodies={part.node: Node(part.node, 0.0, (0.0,) * 6, part.end)},
-                        joints={part.name: NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))})
+                        joints={part.name: as_node_joint(joint)})
 
 
 def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:

@@ -46,7 +46,10 @@ class SharedRows:
 
 @dataclass(frozen=True, slots=True)
 class ExpandedPart:
-    """The bodies, joints, springs, inputs and outputs by name, and the shared rows, that replace a part."""
+    """The bodies, joints, springs, inputs and outputs by name, and the shared rows, that replace a part.
+
+    ``carriers`` are the springs whose forces add up to that of the part, where these have other names.
+    """
 
     bodies: Mapping[str, Body] = field(default_factory=dict)
     joints: Mapping[str, Joint] = field(default_factory=dict)
@@ -55,6 +58,7 @@ class ExpandedPart:
     inputs: Mapping[str, Signal] = field(default_factory=dict)
     mass: tuple[SharedRows, ...] = ()
     elastic: tuple[SharedRows, ...] = ()
+    carriers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,8 @@ class Expansion:
     """Shared rows of an expanded model, and the parts before the expansion.
 
     ``mass`` rows are W of M = W^T W, and ``nodes`` the bodies with this mass. ``owners`` are the parts that are
-    replaced, ``generated_names`` the names of their replacements, ``order`` the names of all parts of the user.
+    replaced, ``generated_names`` the names of their replacements, ``order`` the names of all parts of the user,
+    ``carriers`` the springs whose forces add up to that of an owner.
     """
 
     mass: tuple[SharedRows, ...]
@@ -72,6 +77,7 @@ class Expansion:
     generated_names: frozenset[str] = frozenset()
     order: tuple[str, ...] = ()
     gyroscopic: tuple[SharedRows, ...] = ()
+    carriers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def declared(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
         """Return the parts of the user in their ``order``, with the owners in place of generated parts."""

@@ -39,6 +39,7 @@ def expanded(model: M) -> M:
     owners = tuple([part for part in parts if id(part) not in ports])
     mass: list[SharedRows] = []
     elastic: list[SharedRows] = []
+    carriers: dict[str, tuple[str, ...]] = {}
     names = {part.name for part in owners}
     order = list(EXPANSIONS)
     others = dict(model.composed) | dict(model.springs)
@@ -52,14 +53,15 @@ def expanded(model: M) -> M:
             names.update(getattr(replacement, key) if key not in ("inputs", "outputs") else ())
         mass += replacement.mass
         elastic += replacement.elastic
+        carriers |= {part.name: replacement.carriers} if replacement.carriers else {}
     for output in groups["outputs"].values():
-        if output.element in model.springs and output.element not in groups["springs"]:
+        if output.element in model.springs and not {output.element} & (groups["springs"].keys() | carriers):
             family = model.springs[output.element].family
             raise ModelError(f"output '{output.name}': the {family} '{output.element}' acts by several elements and "
                              f"has no force of its own.", element=output.name, field="element")  # fmt: skip
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
     expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
-                          tuple([part.name for part in model.declared_parts]))  # fmt: skip
+                          tuple([part.name for part in model.declared_parts]), carriers=carriers)  # fmt: skip
     result = model.with_parts(**groups, composed={}, expansion=expansion)
     if model.hubs:
         from mbsvib.equations.hubs import turning

@@ -31,9 +31,10 @@ class Ports:
 
     ``force_inputs`` are the columns of B and ``motion_outputs`` the rows of outputs of these rows, ``derivative`` (0, 1
     or 2) that of each motion output. ``base_motions`` start with the column of B, ``inertial_outputs`` and
-    ``force_outputs`` with the row of the output. ``motion_forces`` are forces of moved ends: column, number of the
-    element, 0 by displacement or 1 by velocity, and direction in its axes. ``wrench_outputs`` are forces in joints and
-    sums of all forces on a body or the ground: row of the output, "joint" or "body", number and direction.
+    ``force_outputs`` with the row of the output; those of several elements add up. ``motion_forces`` are forces of
+    moved ends, which add up likewise: column, number of the element, 0 by displacement or 1 by velocity, and direction
+    in its axes. ``wrench_outputs`` are forces in joints and sums of all forces on a body or the ground: row of the
+    output, "joint" or "body", number and direction.
     """
 
     rows: Rows
@@ -75,16 +76,18 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
             check_rotation(model, source)
             base_motions.append((i, source))
         elif source.element is not None:
-            if source.element in elements:  # otherwise it was removed from a sparse system
-                motion_forces.append((i, elements[source.element], source.order, np.array(source.wrench)))
+            # what is not there was removed from a sparse system
+            motion_forces += [(i, elements[name], source.order, np.array(source.wrench))
+                              for name in model.carriers(source.element) if name in elements]  # fmt: skip
         else:
             force_inputs.append(i)
             rows.append(row(source))
     for i, output in enumerate(outputs):
         if output.element is not None:
             wrench = np.array(output.wrench)
-            if output.element in elements:
-                force_outputs.append((i, elements[output.element], wrench))
+            carriers = [elements[name] for name in model.carriers(output.element) if name in elements]
+            if carriers:
+                force_outputs += [(i, element, wrench) for element in carriers]
             elif output.element in model.joints:
                 wrench_outputs.append((i, "joint", list(model.joints).index(output.element), wrench))
             elif output.element == "ground" or output.element in model.bodies:
@@ -150,7 +153,7 @@ def port_matrices(
         factors = springs.unit[..., which, :] @ wrench
         for order, value in weights_of:
             weights = (factors * value[..., which])[..., None, :]
-            c[..., order, row, :] = (weights @ elastic[..., which, :])[..., 0, :]
+            c[..., order, row, :] += (weights @ elastic[..., which, :])[..., 0, :]
     if port.motion_forces:
         b = _with_motion_forces(port, springs, elastic, b)
     return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}
@@ -169,7 +172,7 @@ def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array
             if measured == owner:
                 direct = -(springs.unit[..., which, :] @ direction * moved * value).sum(axis=-1)
                 d = _like(d, direct.shape, direct)
-                d[..., row, column] = direct
+                d[..., row, column] += direct
     return d
 
 
@@ -180,7 +183,7 @@ def _with_motion_forces(port: Ports, springs: ElementRows, elastic: Array, b: Ar
         weights = springs.unit[..., which, :] @ wrench * dict(springs.weights)[order][..., which]
         force = (weights[..., None, :] @ elastic[..., which, :])[..., 0, :]
         b = _like(b, force.shape[:-1], force)
-        b[..., column] = force
+        b[..., column] += force
     return b
 
 

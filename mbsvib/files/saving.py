@@ -9,6 +9,7 @@ from typing import Any
 from mbsvib.api.model import ADDERS, Model
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_model
+from mbsvib.elements.dynamic import Dynamic
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.text import json_text, yaml_text
@@ -66,4 +67,4 @@ def _spoken(word: str, value: Any) -> Any:
     """Return the shortest form of a value that the ``add_...`` call converts to the same value."""
     if word in ("inertia", "direction") and isinstance(value, tuple) and value[3:] == (0.0, 0.0, 0.0):
         return value[:3]
-    return value
+    return value.words() if isinstance(value, Dynamic) else value

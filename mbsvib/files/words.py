@@ -17,7 +17,7 @@ VERSION = 1
 # Each section is a property of the model with its parts in the order in which they were added. If several calls fill
 # one section, ``type`` names the call; the first one is the default.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    section: tuple([family.word for family in FAMILIES if family.section == section])
+    section: tuple(dict.fromkeys([family.word for family in FAMILIES if family.section == section]))
     for section in dict.fromkeys(family.section for family in FAMILIES)
 }
 # Calls that add several parts: files may have them, and hold these parts once they are saved again.

@@ -130,7 +130,9 @@ def _stated(
     numbers.check_taken()
     return FiniteMotion(
         motion, kinetic, gyroscopic, potential, dissipation, loads, inputs, parts,
-        ca.vertcat(ca.SX(0, 1), *(part.yields for part in yields.values())), tuple([f"{name}.z" for name in yields]),
+        ca.vertcat(ca.SX(0, 1), *(part.yields for part in yields.values())), tuple([
+            f"{name}.z" if part.yields.numel() == 1 else f"{name}.{k}" for name, part in yields.items()
+            for k in range(part.yields.numel())]),
         ca.vertcat(ca.SX(0, 1), *(part.yield_rates for part in yields.values())), bends, tuple(blocks),
     )  # fmt: skip
 

@@ -57,7 +57,9 @@ class Mechanism:
         If the name is not a text, or gravity or travel is not a vector.
     """
 
-    _engine = "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+    _engine = (
+        "alignments carriers composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+    )
 
     kind: ClassVar[str] = "model"
 
@@ -176,6 +178,12 @@ class Mechanism:
     def expansion(self) -> Expansion | None:
         """Mass and stiffness between more than two bodies, where beams and superelements are expanded."""
         return self._expansion
+
+    def carriers(self, element: str) -> tuple[str, ...]:
+        """Return the names of the connections whose forces add up to that of an element: its own, or those that stand
+        for it in the equations.
+        """
+        return (element,) if self._expansion is None else self._expansion.carriers.get(element, (element,))
 
     @property
     def alignments(self) -> tuple[Any, ...]:

@@ -17,6 +17,8 @@ name                                    unit                        what it is
 ``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
 ``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, see below
 ``BUSHING.preload.x`` ... ``.rz``       N, N m                      where given
+``BUSHING.g1``, ``.tau1`` (2 ...)       -, s                        of its relaxations
+``BUSHING.dynamic_stiffness.x`` ...     N/m, N m/rad                where given
 ``GEAR.ratio``, ``RACK.radius``         -, m                        of gears and worms; of racks
 ``COUPLER.coefficient.1`` (2 ...)       -                           in the order of the sum
 ``ROTOR.speed``, ``ROTOR.inertia``      rad/s, kg m^2               inertia where given

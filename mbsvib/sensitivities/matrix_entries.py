@@ -91,7 +91,8 @@ class MatrixEntries:
         system, parts, motions = self.system, self.system.provenance.parts, self._motions
         result = {key: np.zeros(getattr(system, key).shape) for key in MATRICES}
         origin = system.provenance.origin
-        connections = () if origin is None else tuple(expanded(origin).springs.values())
+        plain = None if origin is None else expanded(origin)
+        connections = () if plain is None else tuple(plain.springs.values())
         springs = [part for part in connections if not isinstance(part, Maxwell)] + maxwell_parts(connections)[1]
         points = np.array([point_of(part) for part in springs]).reshape(-1, 3)
         stiffness, damping = (dict(zip([part.name for part in springs], np.abs(matrices), strict=True))
@@ -107,10 +108,11 @@ class MatrixEntries:
                 result["B"][:, system.inputs.index(part.name)] = moves
             elif part.name in system.outputs and isinstance(part, Output):
                 result[_BY_ORDER[part.order]][system.outputs.index(part.name)] = wrench @ motions
-            elif part.name in system.outputs and part.element in stiffness:
+            elif part.name in system.outputs:
                 row = system.outputs.index(part.name)
-                result["Cq"][row] = (stiffness[part.element] @ motions).max(axis=0)
-                result["Cv"][row] = (damping[part.element] @ motions).max(axis=0)
+                for name in () if plain is None else set(plain.carriers(part.element)) & set(stiffness):
+                    result["Cq"][row] += (stiffness[name] @ motions).max(axis=0)
+                    result["Cv"][row] += (damping[name] @ motions).max(axis=0)
         return result
 
     @cached_property

@@ -7,7 +7,7 @@ lines: the static spring, the spring, the damper.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from mbsvib.elements.maxwell_rows import Node
 from mbsvib.kinematics.body_motion import body_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint, Load
@@ -51,7 +51,8 @@ class Network:
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
     ``spin`` what rotors and cross-coupling add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the
-    model and the weights of beams and superelements, ``reactions`` the elements of these whose forces statics gives.
+    model and the weights of beams and superelements, ``reactions`` the elements of these whose forces statics gives,
+    ``carriers`` the springs whose forces add up to that of a part.
     """
 
     parts: tuple[Part, ...]
@@ -86,6 +87,7 @@ class Network:
     inertance: Array | None = None
     loads: tuple[Load, ...] = ()
     reactions: ElementReactions | None = None
+    carriers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def partial(self) -> bool:

@@ -178,6 +178,7 @@ def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> N
         kinematics.constraints(bodies, number, centre), centre, displacements,
         np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp), limits(system),
         loads=() if plain is None else tuple(plain.loads.values()), inertance=inertance,
+        carriers={} if plain is None or plain.expansion is None else plain.expansion.carriers,
         shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
     )  # fmt: skip
 

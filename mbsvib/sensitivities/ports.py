@@ -169,8 +169,9 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
     """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
     lines = network.maxwell_lines.get(part.element)
+    carriers = network.carriers.get(part.element, (part.element,))
     numbers = [lines["static_stiffness"], lines["stiffness"]] if lines is not None else [
-        k for name, k in network.spring_number.items() if name == part.element]
+        network.spring_number[name] for name in carriers if name in network.spring_number]
     if not numbers or rules_of(network.springs[numbers[0]]).kind == "element":
         return None
     spring: Any = network.springs[numbers[0]]

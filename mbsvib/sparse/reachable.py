@@ -77,7 +77,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
 def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> NDArray[np.intp]:
     """Numbers of the parts with a port; base motion and the force on the ground have all."""
     if part.element is not None:
-        element = model.springs.get(part.element) or model.joints.get(part.element)
+        element = model.springs.get(model.carriers(part.element)[0]) or model.joints.get(part.element)
         ends = (part.element,) if element is None else (element.first, element.second)
     else:
         ends = ("ground",) if part.moves_ground else (part.body, part.relative_to)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.elements import bushing, inerter, joint, maxwell, spring, torsion_spring
+from mbsvib.elements import bushing, dynamic_bushing, inerter, joint, maxwell, spring, torsion_spring
 from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.joint_motion import Columns
@@ -36,6 +36,8 @@ CONNECTIONS = {
     "maxwell": maxwell.make("s", "a", "b", START, POINT, 3.0, 0.2, 4.0, 1.7),
     "bushing": bushing.make("s", "a", "b", POINT, (1, 2, 3, 4, 5, 6), (6, 5, 4, 3, 2, 1), AXES, WRENCH),
     "bushing of matrices": bushing.make("s", "a", "b", POINT, SPATIAL, 0.1 * SPATIAL, AXES, WRENCH),
+    "dynamic bushing": dynamic_bushing.make("s", "a", "b", POINT, SPATIAL, 0.1 * SPATIAL, AXES, WRENCH,
+                                            mv.Dynamic.prony([0.5], [0.1])),
     "torsion spring": torsion_spring.make("s", "a", "b", AXES[:, 2], 3.0, 0.2, 1.7),
 }
 

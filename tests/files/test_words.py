@@ -10,7 +10,7 @@ from mbsvib.files.words import ALL_SECTIONS, COMPOUND, SECTIONS, head_words, man
 
 KNOWN_TYPES = {"None", "str", "float", "int", "bool", "ArrayLike", "Sequence[str]"}
 KNOWN_TYPES |= {"Body", "Bushing", "Spring", "Maxwell", "Joint", "Tube", "Circle", "Rectangle", "Section", "Material"}
-KNOWN_TYPES |= {"Mechanism"}
+KNOWN_TYPES |= {"Mechanism", "Dynamic"}
 KNOWN_TYPES |= {f"Mapping[str, {kind}]" for kind in ("Any", "float", "str", "ArrayLike")}
 
 

@@ -35,7 +35,7 @@ def in_parallel(scene):
     """Each connection as two with shares of its coefficients."""
     calls, kept = [], named(scene)
     for call in scene.calls:
-        if call.kind not in DIVISIBLE or call.name in kept:
+        if call.kind not in DIVISIBLE or call.name in kept or "dynamic" in call.arguments:
             calls.append(call)
             continue
         for share, name in zip(SHARES, (call.name, f"{call.name} too"), strict=True):
@@ -161,7 +161,7 @@ def mirrored(scene):
             elif len(value) == 6:
                 a["inertia"] = value * [1, 1, 1, 1, -1, -1]
         if call.kind == "bushing":
-            for word in ("stiffness", "damping"):
+            for word in ("stiffness", "damping", "dynamic_stiffness"):
                 if np.ndim(a.get(word)) == 2:
                     a[word] = SIX @ np.array(a[word]) @ SIX
             if a.get("preload") is not None:

@@ -67,6 +67,17 @@ def besides(draft):
                 matrix = arguments["stiffness"]
                 size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
                 arguments[word] = share * (matrix + size * (cross - cross.T))
+    if "dynamic bushing" in features:
+        _rubber(draft)
+
+
+def _rubber(draft):
+    """A bushing with two relaxations and a damper that go with its stiffness."""
+    first, second = draft.pair()
+    name = bushing(draft, first, second, full=draft.chance(0.5), prefix="rubber")
+    arguments = next(call for call in draft.calls if call.name == name).arguments
+    arguments["dynamic"] = {"viscous": float(10 ** draft.rng.uniform(-4, -3)),
+                            "weights": draft.rng.uniform(0.2, 1.0, 2), "times": 10 ** draft.rng.uniform(-2.5, -1, 2)}
 
 
 def bushing(draft, first, second, full=False, negative=False, at=None, prefix="bush"):

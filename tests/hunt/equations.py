@@ -12,7 +12,7 @@ import numpy as np
 
 from tests.hunt.flexible import beam, points_of, strain, superelement, with_beams
 from tests.hunt.forces_in_pose import ForcesInPose
-from tests.hunt.restated import acts_on, six
+from tests.hunt.restated import acts_on, six, words_of
 
 # Singular values of the constraints (each row and column without units) below this share of the largest are zero.
 RANK = 1e-9
@@ -85,6 +85,8 @@ class Equations:
             self.internal[part.name], n = n, n + part.internal
         for call in self.scene.of("maxwell"):
             self.internal[call.name], n = n, n + 1
+        for call in self.scene.of("bushing"):
+            self.internal[call.name], n = n, n + 6 * len(words_of(call).get("weights", ()))
         self.size = n
         ground = self.number["ground"]
         self.moving = np.array([i for i in range(n) if not ground <= i < ground + 6])
@@ -200,6 +202,8 @@ class Equations:
                 k, c = (square(a.get(word, np.zeros(6))) for word in ("stiffness", "damping"))
             self.C += rows.T @ c @ rows
             self.elements[call.name] = (k @ rows, c @ rows)
+            if "dynamic" in a:
+                self._relaxations(call, rows)
         for call in self.scene.of("torsion_spring"):
             a, rows = call.arguments, np.zeros((6, self.size))
             rows[5] = np.array(a["axis"]) / np.linalg.norm(a["axis"]) @ self.relative(
@@ -219,6 +223,20 @@ class Equations:
         self._tension()
         self._maxwell()
         self._rotating()
+
+    def _relaxations(self, call, rows):
+        """Springs in series with dampers, which yield by displacements of their own, and a damper beside them."""
+        words, stiffness = words_of(call), square(call.arguments.get("dynamic_stiffness", call.arguments["stiffness"]))
+        force, damped = self.elements[call.name]
+        viscous = words.get("viscous", 0.0) * stiffness
+        self.C += rows.T @ viscous @ rows
+        for j, (g, tau) in enumerate(zip(words["weights"], words["times"], strict=True)):
+            yields = np.eye(self.size)[self.internal[call.name] + 6 * j :][:6]
+            spring = rows - yields
+            self.K += g * spring.T @ stiffness @ spring
+            self.C += g * tau * yields.T @ stiffness @ yields
+            force = force + g * stiffness @ spring
+        self.elements[call.name] = (force, damped + viscous @ rows)
 
     def _tension(self):
         start = 0

@@ -27,7 +27,7 @@ GLOBAL = ("floating", "locked", "far from origin")
 LOADING = (*LOADS, "preloaded torsion spring")
 # Features that some scenes have besides those that their seed asks for, so that the plans of seeds stay as they are.
 BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spring", "torsion spring moment",
-           "beam strain", "cross-coupled bushing", "flexure")  # fmt: skip
+           "beam strain", "cross-coupled bushing", "flexure", "dynamic bushing", "dynamic bushing force")  # fmt: skip
 PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
           *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
 ALL = (*PAIRED, *BESIDES)
@@ -37,7 +37,7 @@ NEEDS = {
     "beam force": "beam", "maxwell force": "maxwell", "spring force": "line spring", "rayleigh damping": "beam",
     "modal damping": "beam", "against moving ground": "base translation", "line preload": "line spring",
     "free length": "line spring", "inerter force": "inerter", "preloaded torsion spring": "torsion spring",
-    "torsion spring moment": "torsion spring", "beam strain": "beam",
+    "torsion spring moment": "torsion spring", "beam strain": "beam", "dynamic bushing force": "dynamic bushing",
 }  # fmt: skip
 
 
@@ -128,6 +128,7 @@ def _besides(seed, selected):
     for feature in BESIDES:
         fits_in = "locked" not in selected and ("beam" in selected or feature != "beam strain") and (
             any(hold in selected for hold in HOLDS) or feature != "preloaded torsion spring") and (
-            "equilibrium pose" not in selected or feature != "flexure")  # fmt: skip
+            "equilibrium pose" not in selected or feature != "flexure") and (
+            "no damping" not in selected or not feature.startswith("dynamic"))  # fmt: skip
         if rng.random() < OFTEN_BESIDES and fits_in:
             yield from with_needs(feature)

@@ -17,6 +17,12 @@ def six(direction):
     return np.concatenate((direction, np.zeros(6 - len(direction))))
 
 
+def words_of(call):
+    """Weights and times of the relaxations of a bushing."""
+    dynamic = call.arguments.get("dynamic") or {}
+    return dynamic if isinstance(dynamic, dict) else dynamic.words()
+
+
 def acts_on(call, scene):
     """The kind of the element that a force output refers to."""
     target = call.arguments["element"]
@@ -162,6 +168,11 @@ def rescaled(scene, u):
                     a[word] = u.matrix(a[word], times)
             if a.get("preload") is not None:
                 a["preload"] = u.wrench * np.array(a["preload"])
+            if "dynamic" in a:
+                a["dynamic"] = {word: np.array(value) * (u.time if word in ("viscous", "times") else 1.0)
+                                for word, value in words_of(call).items()}  # fmt: skip
+            if "dynamic_stiffness" in a:
+                a["dynamic_stiffness"] = u.matrix(a["dynamic_stiffness"], 0)
         if call.kind == "coupler":
             a["coefficients"] = {name: value / (u.length if name in slides else 1.0)
                                  for name, value in a["coefficients"].items()}  # fmt: skip

@@ -16,6 +16,7 @@ REFUSED = frozenset((
 DRIVEN = frozenset((
     "beam", "timoshenko beam", "beam between bodies", "beam on ground", "rayleigh damping", "modal damping",
     "superelement", "grounded superelement", "maxwell", "maxwell with static spring", "base translation",
+    "dynamic bushing", "dynamic bushing force",
     "against moving ground",
 ))  # fmt: skip
 NOT_TOLD = re.compile("rotation vector|other joints hold|that a moving body carries|has no inertia|fully locked|"
@@ -46,7 +47,9 @@ def runs(subject):
     t = np.linspace(0.0, end, 9)
     units = np.array([1.0 if unit == "rad" else 0.3 for unit in system.coordinate_units])
     start, forces = units * rng.normal(size=system.dof), np.zeros(len(system.inputs))
-    if model.beams or model.superelements or any(element.kind == "maxwell" for element in subject.scene.calls):
+    if model.beams or model.superelements or any(
+        element.kind == "maxwell" or "dynamic" in element.arguments for element in subject.scene.calls
+    ):
         # other coordinates, or states that do not start displaced
         forces, start = rng.normal(size=len(system.inputs)), np.zeros(system.dof)
         moved = np.abs(system.time_response(t, np.outer(forces, np.ones(9)))).max(initial=0.0)

@@ -34,6 +34,7 @@ ROWS = {
     "Bushings, springs, dampers": ("bushing 6x6", "line spring", "negative stiffness", "damper alone",
                                    *features.DAMPING),
     "Cross-coupled bushings": ("cross-coupled bushing",),
+    "Bushings whose stiffness depends on frequency": ("dynamic bushing",),
     "Maxwell elements": ("maxwell",),
     "Maxwell elements with a static spring": ("maxwell with static spring",),
     "Inerters": ("inerter",),
@@ -56,6 +57,7 @@ ROWS = {
     "Forces in beams": ("beam force",),
     "Strains of beams": ("beam strain",),
     "Forces in Maxwell elements": ("maxwell force",),
+    "Forces in bushings whose stiffness depends on frequency": ("dynamic bushing force",),
 }  # fmt: skip
 # What a single scene has against being moved or loaded, whatever its element; another scene is asked.
 OF_SCENE = re.compile(r"which no joint with|is not a linear relation|off its axis|leave no choice|wound up")

@@ -29,14 +29,15 @@ def point_of(part: Connection) -> tuple[float, float, float]:
     return part.points[0] if part.points else (0.0, 0.0, 0.0)
 
 
-def _stand_ins(part: Connection) -> list[Connection]:
-    """The connections that a part is in the equations; none if it is more than connections."""
+def _stand_ins(part: Connection, field: str = "") -> list[Connection]:
+    """The connections that a part is in the equations; none if ``field`` acts on more than connections."""
     if has_rows(part):
         return [part]
     if type(part) not in EXPANSIONS:
         return []
     made = EXPANSIONS[type(part)](part, {})
-    return [] if made.bodies or made.joints or made.mass or made.elastic else list(made.springs.values())
+    moves = (made.bodies or made.joints) and field in (*part.point_fields, "orientation", "axis")
+    return [] if moves or made.mass or made.elastic else list(made.springs.values())
 
 
 def _single(network: Network, part: Connection, field: str, index: tuple[int, ...]) -> RuleAndData:
@@ -66,4 +67,4 @@ def _single(network: Network, part: Connection, field: str, index: tuple[int, ..
 
 
 RULES = PartRules("element", single=_single, alters_spin=joins_spinning_body, is_exception=lambda *_: True,
-                  has_rule=lambda part, _: bool(_stand_ins(part)))  # fmt: skip
+                  has_rule=lambda part, field: bool(_stand_ins(part, field)))  # fmt: skip

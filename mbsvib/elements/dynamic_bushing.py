@@ -1,0 +1,218 @@
+"""Bushings whose stiffness depends on frequency: rubber, foam, structural damping.
+
+K*(s) = K + C s + (f(s) - 1) K_d,  f(s) = static + viscous s + sum of g s tau / (1 + s tau)
+
+The bushing is one with K + (static - 1) K_d and C + viscous K_d, and beside it for each relaxation a bushing g K_d from
+the first body to a massless node and a damper g tau K_d from there to the second body. Its force is the sum of those of
+the bushings. At rest dampers carry nothing: in another pose they have yielded until these bushings are relaxed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import DIRECTIONS, Matrix3, Vector
+from mbsvib.elements import bushing
+from mbsvib.elements import joint as _joint
+from mbsvib.elements.bushing import ZERO, Bushing, Matrix6, Six, matrix6
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.deformations import Law, six
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.elements.maxwell_rows import Node, as_node_joint
+from mbsvib.elements.part import ParameterField, Part, spatial_field
+from mbsvib.elements.shared_rows import ExpandedPart
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.preload_form import PreloadForm
+
+# Eigenvalues of a matrix with ones on its diagonal that are zero, and how far below zero rounding takes them.
+SINGULAR = 1e-12
+_UNITS = ("N/m", "N/rad", "N m/rad")
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicBushing(Connection):
+    """A bushing as ``Bushing`` is one, whose stiffness ``dynamic`` lets depend on frequency.
+
+    ``dynamic_stiffness`` [N/m, N m/rad] is the part K_d that does; None: all of it.
+    """
+
+    law = Law(six, "rest_stiffness", "rest_damping", preload="preload", wrench=True, rotations=slice(3, 6),
+              relaxations="relaxations")  # fmt: skip
+
+    position: Vector
+    stiffness: Six | Matrix6
+    dynamic: Dynamic
+    damping: Six | Matrix6 = ZERO
+    orientation: Matrix3 = check.IDENTITY
+    preload: Six | None = None
+    dynamic_stiffness: Six | Matrix6 | None = None
+
+    @property
+    def generated_names(self) -> tuple[str, ...]:
+        made = expand(self)
+        return (*made.bodies, *made.joints, *made.springs)
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        return dict.fromkeys(expand(self).bodies, self.position)
+
+    @property
+    def acting(self) -> Six | Matrix6:
+        """The stiffness K_d that depends on frequency."""
+        return self.stiffness if self.dynamic_stiffness is None else self.dynamic_stiffness
+
+    @property
+    def rest_stiffness(self) -> Six | Matrix6:
+        """Stiffness without relaxations, as it acts at rest."""
+        return _sum(self.stiffness, self.acting, self.dynamic.static - 1.0)
+
+    @property
+    def rest_damping(self) -> Six | Matrix6:
+        """Damping without relaxations."""
+        return _sum(self.damping, self.acting, self.dynamic.viscous)
+
+    @property
+    def relaxations(self) -> tuple[tuple[Six | Matrix6, float], ...]:
+        """Stiffness and time constant [s] of each relaxation."""
+        return tuple([(_sum(ZERO, self.acting, g), tau) for g, tau in self.dynamic.terms])
+
+    @property
+    def at_rest(self) -> Bushing:
+        """The bushing without relaxations."""
+        return Bushing(self.name, self.first, self.second, self.position, self.rest_stiffness, self.rest_damping,
+                       self.orientation, self.preload)  # fmt: skip
+
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        return self.at_rest.rest_wrench
+
+    @property
+    def cross_coupling(self) -> tuple[Array, Array] | None:
+        return self.at_rest.cross_coupling
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        return self.at_rest.preload_form(size)
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield from Bushing(self.name, self.first, self.second, self.position, self.stiffness, self.damping,
+                           self.orientation, self.preload).parameter_fields()  # fmt: skip
+        if self.dynamic_stiffness is not None:
+            yield spatial_field("dynamic_stiffness", self.dynamic_stiffness, _UNITS)
+        for k, (g, tau) in enumerate(self.dynamic.terms, 1):
+            yield ParameterField(f"g{k}", g, "-")
+            yield ParameterField(f"tau{k}", tau, "s")
+
+    def with_values(self, values: Mapping[str, Any]) -> DynamicBushing:
+        terms = [tuple(values.get(f"{label}{k}", value) for label, value in zip(("g", "tau"), pair, strict=True))
+                 for k, pair in enumerate(self.dynamic.terms, 1)]  # fmt: skip
+        own = {field for k in range(1, len(terms) + 1) for field in (f"g{k}", f"tau{k}")}
+        changed = self._arguments_with({field: value for field, value in values.items() if field not in own})
+        if own & set(values):
+            changed["dynamic"] = self.dynamic.words() | dict(zip(("weights", "times"), zip(*terms, strict=True),
+                                                                 strict=True))  # fmt: skip
+        result = make(**changed)
+        assert isinstance(result, DynamicBushing)
+        return result
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
+            return self
+        there, acting = (part.in_pose(pose, relaxed) for part in (
+            self.at_rest, replace(self.at_rest, stiffness=ZERO, damping=self.acting, preload=None)))  # fmt: skip
+        assert isinstance(there, Bushing)
+        assert isinstance(acting, Bushing)
+        result = replace(self, position=there.position, orientation=there.orientation, preload=there.preload)
+        if there.stiffness == self.rest_stiffness and acting.damping == self.acting:
+            return result
+        return replace(result, stiffness=_sum(there.stiffness, acting.damping, 1.0 - self.dynamic.static),
+                       damping=_sum(there.damping, acting.damping, -self.dynamic.viscous),
+                       dynamic_stiffness=acting.damping)  # fmt: skip
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        turned = None if self.dynamic_stiffness is None else to.matrix(self.dynamic_stiffness)
+        return self.at_rest.placed(to) | {"stiffness": to.matrix(self.stiffness), "damping": to.matrix(self.damping),
+                                          "dynamic_stiffness": turned}  # fmt: skip
+
+
+def make(
+    name: str, first: str, second: str, position: Any, stiffness: Any, damping: Any = ZERO, orientation: Any = None,
+    preload: Any = None, dynamic: Any = None, dynamic_stiffness: Any = None,
+) -> Bushing | DynamicBushing:  # fmt: skip
+    """Check the values of a bushing, whose stiffness may depend on frequency, and build it."""
+    plain = bushing.make(name, first, second, position, stiffness, damping, orientation, preload)
+    who = f"bushing '{name}'"
+    if dynamic is None:
+        if dynamic_stiffness is not None:
+            raise ModelError(f"{who}: dynamic_stiffness is given without dynamic; give both, or leave it out.",
+                             element=who, field="dynamic_stiffness")  # fmt: skip
+        return plain
+    factor = Dynamic.of_words(dynamic) if isinstance(dynamic, Mapping) else dynamic
+    if not isinstance(factor, Dynamic):
+        raise check.refuse(who, "dynamic", dynamic, "an mv.Dynamic, how the stiffness depends on frequency")
+    if not factor.is_rational:
+        raise ModelError(f"{who}: dynamic = {factor!r} has no states, which a mechanism needs; give the sum of "
+                         f"relaxations that is nearest over a band of frequencies [Hz], dynamic.rational((low, high)), "
+                         f"which states its error.", element=who, field="dynamic")  # fmt: skip
+    field = "stiffness" if dynamic_stiffness is None else "dynamic_stiffness"
+    own = None if dynamic_stiffness is None else bushing.coefficients(dynamic_stiffness, who, field)
+    result = DynamicBushing(name, first, second, plain.position, plain.stiffness, factor, plain.damping,
+                            plain.orientation, plain.preload, own)  # fmt: skip
+    matrix = matrix6(result.acting)
+    scale = np.sqrt(np.abs(matrix.diagonal()))
+    scaled = matrix / np.multiply.outer(*2 * [np.where(scale > 0.0, scale, 1.0)])
+    if not matrix.any() or not np.array_equal(matrix, matrix.T) or np.linalg.eigvalsh(scaled)[0] < -SINGULAR:
+        raise ModelError(f"{who}: {field} = {check.shown(result.acting)} with dynamic = {factor!r}; expected one that "
+                         f"is symmetric, without negative eigenvalues and not zero, so that its relaxations take "
+                         f"energy.", element=who, field=field)  # fmt: skip
+    return result
+
+
+def expand(part: DynamicBushing, *_: Any) -> ExpandedPart:
+    """Return the nodes, their joints and the bushings that replace it."""
+    name, point, axes = part.name, part.position, part.orientation
+    matrix = matrix6(part.acting)
+    free = tuple([direction for i, direction in enumerate(DIRECTIONS) if matrix[i].any()])
+    idle = _idle(matrix)
+    bodies, joints, dampers = {}, {}, {}
+    carriers = {f"{name}.rest": replace(part.at_rest, name=f"{name}.rest")}
+    for k, (stiffness, tau) in enumerate(part.relaxations, 1):
+        stem = f"{name}.{k}"
+        node = f"{stem}.node"
+        bodies[node] = Node(node, 0.0, (0.0,) * 6, point)
+        joints[stem] = as_node_joint(_joint.make(stem, None, part.second, node, point, axes, None, None, None, free))
+        spring = Bushing(f"{stem}.spring", part.first, node, point, stiffness, ZERO, axes)
+        damper = Bushing(f"{stem}.damper", part.second, node, point, _sum(ZERO, idle, part.dynamic.terms[k - 1][0]),
+                         _sum(ZERO, stiffness, tau), axes)  # fmt: skip
+        carriers[spring.name], dampers[damper.name] = spring, damper
+    return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))
+
+
+def _idle(matrix: Array) -> Six | Matrix6:
+    """A stiffness of the directions along which a singular one does nothing, so that its nodes stay there."""
+    size = np.sqrt(matrix.diagonal())
+    unit = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.multiply.outer(unit, unit))
+    none = vectors[:, values <= SINGULAR]
+    held = none @ none.T * np.multiply.outer(size, size)
+    return ZERO if not held[~np.eye(6, dtype=bool)].any() else tuple(map(tuple, held.tolist()))
+
+
+def _sum(base: Six | Matrix6, added: Six | Matrix6, factor: float) -> Six | Matrix6:
+    """base + factor added, as six values where both are."""
+    if not factor:
+        return base
+    if not isinstance(base[0], tuple) and not isinstance(added[0], tuple):
+        return tuple([a + factor * b for a, b in zip(base, added, strict=True)])
+    return tuple(map(tuple, (matrix6(base) + factor * matrix6(added)).tolist()))
