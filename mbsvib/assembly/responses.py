@@ -199,28 +199,18 @@ def _check_measured(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides) 
 
 def _compliance(ends: Sequence[Ends], omega: Array) -> tuple[Complex, Bools]:
     """Z^-1 (n, d, d) of the connections, and which of the d directions act: those with stiffness or damping."""
-    blocks: list[Complex] = []
-    acts: list[bool] = []
+    count = sum(len(one.connection.directions) for one in ends)
+    total, acts, at = np.zeros((len(omega), count, count), dtype=complex), np.ones(count, dtype=bool), 0
     for one in ends:
-        k, c = one.connection.stiffness, one.connection.damping
-        count = len(one.connection.directions)
-        block = np.zeros((len(omega), count, count), dtype=complex)
-        which = np.ones(count, dtype=bool)
+        k, c, end = one.connection.stiffness, one.connection.damping, at + len(one.connection.directions)
         if k is not None and c is not None:
-            which = (k != 0.0).any(axis=1) | (c != 0.0).any(axis=1)
+            acts[at:end] = which = (k != 0.0).any(axis=1) | (c != 0.0).any(axis=1)
             factor = 1.0 if one.connection.dynamic is None else one.connection.dynamic.factor(omega)[:, None, None]
             dynamic = k * factor + 1j * omega[:, None, None] * c
-            at = np.ix_(np.arange(len(omega)), which, which)
-            block[at] = _inverse(dynamic[at], one)
-        blocks.append(block)
-        acts += which.tolist()
-    total = np.zeros((len(omega), len(acts), len(acts)), dtype=complex)
-    at_row = 0
-    for block in blocks:
-        end = at_row + block.shape[1]
-        total[:, at_row:end, at_row:end] = block
-        at_row = end
-    return total, np.array(acts, dtype=bool)
+            rows = at + np.flatnonzero(which)
+            total[:, rows[:, None], rows] = _inverse(dynamic[:, which][:, :, which], one)
+        at = end
+    return total, acts
 
 
 def _inverse(dynamic: Complex, ends: Ends) -> Complex:

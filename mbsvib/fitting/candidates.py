@@ -20,7 +20,7 @@ from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.problem import Problem
 from mbsvib.fitting.response_data import HELD, ResponseData
-from mbsvib.fitting.responses import blocks
+from mbsvib.fitting.responses import responses
 from mbsvib.linalg.rank import TIE_BREAK
 
 if TYPE_CHECKING:
@@ -110,5 +110,5 @@ def _with(data: ResponseData, kind: str, number: int, equations: Any) -> Respons
                                    measured=np.zeros(weight.shape, dtype=complex), **end)  # fmt: skip
     if alike:
         return result
-    size = np.abs(np.concatenate([x for _, x, _ in blocks(equations, None, data.omega, result.rows, result.columns)]))
+    size = np.abs(responses(equations, data.omega, result.rows, result.columns))
     return replace(result, weight=np.where(size > 0.0, result.weight / np.where(size > 0.0, size, 1.0), 0.0))

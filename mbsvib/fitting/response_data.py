@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mbsvib.fitting.responses import blocks
+from mbsvib.fitting.responses import blocks, responses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -167,14 +167,13 @@ class ResponseData:
 
     def fitted(self, equations: Any, values: Array) -> Complex:
         """Return what the model says (n, outputs, inputs), NaN where nothing was measured."""
-        model = np.concatenate([x for _, x, _ in blocks(equations, None, self.omega, self.rows, self.columns)])
+        model = responses(equations, self.omega, self.rows, self.columns)
         return np.where(self.weight > 0.0, self.channels.factor(values, self.omega) * self.sign * model, np.nan)
 
     def started(self, equations: Any, values: Array) -> Array:
         """Return values with starts of delays and gains, from the phases and sizes of all responses."""
         values, channels = values.copy(), self.channels
-        model = np.concatenate([x for _, x, _ in blocks(equations, None, self.omega, self.rows, self.columns)])
-        model = model * self.sign
+        model = responses(equations, self.omega, self.rows, self.columns) * self.sign
         counts = (self.weight > 0.0) & (model != 0.0) & (self.measured != 0.0)
         ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
         turn = np.where(counts, ratio / np.abs(ratio), 0.0)

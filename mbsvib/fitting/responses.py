@@ -71,6 +71,11 @@ def blocks(
         yield which, response, None if changes is None else _slopes(changes, left.swapaxes(1, 2), right, s)
 
 
+def responses(matrices: Any, omega: Array, rows: Index, columns: Index) -> Complex:
+    """Return G (n, outputs, inputs) at all lines, see ``blocks``."""
+    return np.concatenate([response for _, response, _ in blocks(matrices, None, omega, rows, columns)])
+
+
 def _scale(matrices: Any, omega: Array) -> Array:
     """Powers of two that give all coordinates one size in the middle of the lines."""
     size = np.abs(matrices.K).diagonal() + np.median(omega) ** 2 * np.abs(matrices.M).diagonal()
