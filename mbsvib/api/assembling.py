@@ -33,7 +33,8 @@ def assemble(
         Two ports PART.PORT, as ``model.add_port`` makes them: inputs and outputs PORT.x ... PORT.rz. ``how`` is
         "rigid", a stiffness (d,) or (d, d) [N/m, N m/rad], or a pair: stiffness and damping, or stiffness and
         ``mv.Dynamic``, by which it depends on frequency (a rational one, unless a part is measured). ``directions``
-        (d,): those that are joined; default: all of the ports, which must be the same. Patterns join ports by position.
+        (d,): those that are joined, in the order of the stiffness; default: all of the ports, which must be the same.
+        Patterns join ports by position.
     remove : str or iterable of str
         Parts that are taken away: the measurement of a whole without them is what remains.
     distance : float

@@ -154,13 +154,12 @@ def _connection(
                                  f"{both}).", element=name)  # fmt: skip
         chosen = own[0]
     else:
-        chosen = (directions,) if isinstance(directions, str) else tuple(directions)
+        chosen = (directions,) if isinstance(directions, str) else tuple(dict.fromkeys(directions))
         for one_of in chosen:
             if one_of not in own[0] or one_of not in own[1]:
                 common = ", ".join(d for d in own[0] if d in own[1])
                 raise ModelError(f"{WHO}: direction {shown(one_of)} of '{names[0]}' and '{names[1]}'; expected some "
                                  f"of {common}, which both have.", element=names[0])  # fmt: skip
-        chosen = tuple(d for d in DIRECTIONS if d in chosen)
     if not chosen:
         raise ModelError(f"{WHO}: '{names[0]}' and '{names[1]}' have no common direction.", element=names[0])
     stiffness, damping, dynamic = _coefficients(how, len(chosen), names)

@@ -16,6 +16,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.response_data import Block
+from mbsvib.linalg.matching import mac
 from mbsvib.modes import modes as modes_of
 
 if TYPE_CHECKING:
@@ -91,10 +92,7 @@ class ModeData:
         for k, shape in enumerate(self.shapes.T):
             known = np.isfinite(shape)
             if known.sum() > 1:
-                with np.errstate(all="ignore"):
-                    mac = np.abs(shapes[:, known].conj() @ shape[known]) ** 2 / (
-                        (np.abs(shapes[:, known]) ** 2).sum(axis=1) * (np.abs(shape[known]) ** 2).sum())
-                distance[k] += 1.0 - np.nan_to_num(mac)
+                distance[k] += 1.0 - mac(shape[known, None], shapes.T[known])[0]
         return np.asarray(linear_sum_assignment(distance)[1])
 
     def _residuals(self, k: int, value: complex, shape: Complex, change: tuple[Complex, Complex] | None) -> Any:

@@ -266,8 +266,8 @@ def _modes(side: Any) -> _Modes | None:
             return None
         count = len(side.frequencies)
         ratios = np.full(count, np.nan) if side.damping_ratios is None else side.damping_ratios
-        return _Modes(side.frequencies, ratios, side.shapes, side.outputs, np.zeros(len(side.outputs), bool),
-                      ("",) * count)  # fmt: skip
+        turns = np.array([abs(point.direction) > 3 for point in side.output_points], dtype=bool)
+        return _Modes(side.frequencies, ratios, side.shapes, side.outputs, turns, ("",) * count)
     order = np.array([ORDERS[unit][1] if unit in ORDERS else -1 for unit in side.output_units])
     moves = np.flatnonzero(order >= 0)
     outputs = tuple(side.outputs[k] for k in moves)

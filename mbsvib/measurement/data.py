@@ -251,7 +251,9 @@ class Measurement(Doors, Displayed):
         """
         lines = (self.frequencies >= low) & (self.frequencies <= high)
         if not lines.any():
-            raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {_range(self)}.")
+            f = self.frequencies
+            known = f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
+            raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {known}.")
         arrays: dict[str, Any] = {
             name: None if (array := getattr(self, name)) is None else array[..., lines] for name in self.by_line}
         return replace(self, **arrays)
@@ -361,11 +363,6 @@ class Measurement(Doors, Displayed):
         groups = ((self.inputs, "input"), (self.outputs, "output"), (self.omega, "frequency"), (self.nodes, "node"),
                   (self.modes, "mode"))  # fmt: skip
         return f"Measurement({', '.join(counted(len(items), kind) for items, kind in groups)})"
-
-
-def _range(data: Measurement) -> str:
-    f = data.frequencies
-    return f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
 
 
 def _not_ascending(omega: Array) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, SingularPoseError
 from tests.assembly.scenes import POINT, RIGID, add_payload, apart, fixed, whole
 from tests.assembly.test_systems import NAMES, OMEGA, same
 
@@ -188,3 +188,130 @@ def test_stiffness_and_damping_are_those_of_a_passive_spring(matrix, right, fiel
         return
     with pytest.raises(ModelError, match=f"{field} of 'base.tip' and 'payload.root'|joined 'two'"):
         mv.assemble(parts, connect)
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize("order", [("ry", "x", "rz"), ("rz", "ry", "x"), ("x", "ry", "rz")])
+def test_stiffness_is_in_the_order_of_the_directions(measured, order):
+    """Whatever this order is; those of a mount at the same point in one model."""
+    base, payload = (model.linearize() for model in apart())
+    part = base if not measured else mv.Measurement(OMEGA, base.frequency_response(OMEGA), base.outputs, base.inputs,
+                                                    output_units=base.output_units)  # fmt: skip
+    known, damping = {"x": 1e5, "ry": 40.0, "rz": 700.0}, {"x": 20.0, "ry": 0.3, "rz": 0.0}
+    matrix = np.diag([known[d] for d in order])
+    at = order.index("x"), order.index("ry")
+    matrix[at] = matrix[at[::-1]] = 900.0
+    how = matrix, [damping[d] for d in order]
+    result = mv.assemble({"base": part, "payload": payload}, [("base.tip", "payload.root", how, order)])
+    full, rates = np.zeros((6, 6)), np.zeros(6)
+    for one, d in enumerate(("x", "y", "z", "rx", "ry", "rz")):
+        full[one, one], rates[one] = known.get(d, 0.0), damping.get(d, 0.0)
+    full[0, 4] = full[4, 0] = 900.0
+    model = whole(lambda model: model.add_bushing("w", "link", "pay", POINT, full, damping=rates))
+    expected = model.linearize()[["z", "a"], "F"].frequency_response(OMEGA)
+    part = result[["payload.z", "payload.a"], "base.F"]
+    found = part.responses if measured else part.frequency_response(OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert (result.connections if measured else result.provenance.connections)[0].directions == order
+
+
+@pytest.mark.parametrize("given", ["", 3, None])
+def test_parts_have_names(given):
+    base, payload = apart()
+    with pytest.raises(ModelError, match="a part has the name"):
+        mv.assemble({"base": base, given: payload}, RIGID)
+
+
+def test_ports_have_inputs_and_outputs_of_the_same_names():
+    """In the order of the directions, whatever that of the channels; a name that reads as a pattern is itself."""
+    model = mv.Model("m")
+    model.add_body("m", 2.0, (0.1, 0.2, 0.3))
+    for name in ("p[1].rz", "p[1].x", "p[1].y", "q.z", "x"):
+        model.add_output(name, "m", name.rpartition(".")[2])
+    for name in ("p[1].x", "p[1].rz", "q.y", "x"):
+        model.add_input(name, "m", name.rpartition(".")[2])
+    other = mv.Model("o")
+    other.add_body("m", 1.0, (0.1, 0.2, 0.3))
+    for name in ("p[1].x", "p[1].rz", "p1.x"):
+        other.add_input(name, "m", name.rpartition(".")[2])
+        other.add_output(name, "m", name.rpartition(".")[2])
+    result = mv.assemble({"m": model, "o": other}, [("m.p[1]", "o.p[1]", "rigid")])
+    (one,) = result.provenance.connections
+    assert (one.first, one.second, one.directions) == ("m.p[1]", "o.p[1]", ("x", "rz"))
+    for unknown in ("m.q", "m.x", "m."):
+        with pytest.raises(ModelError, match=r"is unknown; expected one of m\.p\[1\], o\.p\[1\], o\.p1"):
+            mv.assemble({"m": model, "o": other}, [(unknown, "o.p[1]", "rigid")])
+
+
+@pytest.mark.parametrize("which", ["first", "second", "both"])
+def test_ground_moves_alike_for_all_parts(which):
+    """Motions that one part lacks, or that differ, are refused; those of no input do not count."""
+    base, payload = apart()
+    base.add_base_motion("floor", "z" if which != "second" else "x")
+    if which != "first":
+        payload.add_base_motion("floor", "z" if which == "second" else "x")
+    for parts in ({"base": base, "payload": payload}, {"payload": payload, "base": base}):
+        with pytest.raises(ModelError, match="moves by 'floor'"):
+            mv.assemble(parts, RIGID)
+    if which == "first":
+        still = base.linearize()[:, ["F", "tip.*"]]
+        assert "floor" not in mv.assemble({"base": still, "payload": payload}, RIGID).inputs
+
+
+@pytest.mark.parametrize("how", ["rigid", SOFT])
+def test_motions_of_the_ground_have_one_input(how):
+    """Two of them, in another order in each part, with the responses of one model."""
+    base, payload = apart()
+    model = whole(_connector(how))
+    for one, order in ((base, "zx"), (payload, "xz"), (model, "xz")):
+        for axis in order:
+            one.add_base_motion(f"floor.{axis}", axis)
+    payload.add_spring("wall", "ground", "pay", (0.7, 1.0, 0.3), (0.7, 0.1, 0.3), stiffness=3e3, damping=4.0)
+    model.add_spring("wall", "ground", "pay", (0.7, 1.0, 0.3), (0.7, 0.1, 0.3), stiffness=3e3, damping=4.0)
+    assembly = mv.assemble({"base": base, "payload": payload}, [(*RIGID[0][:2], how)])
+    floors = {f"floor.{axis}": f"floor.{axis}" for axis in "xz"}
+    same(assembly, model, {name: NAMES[name] for name in ("z", "F")} | floors, 1e-11)
+    units = dict(zip(assembly.inputs, assembly.input_units, strict=True))
+    assert [units[name] for name in ("floor.x", "base.tip.rx", "payload.root.y")] == ["m/s^2", "N m", "N"]
+
+
+@pytest.mark.parametrize("length", [1e-4, 1.0, 1e5])
+@pytest.mark.parametrize("mass", [1e-15, 1.0, 1e20])
+def test_units_do_not_change_what_is_joined(length, mass):
+    """Lengths in km or mm, masses in t or mg: the same frequencies of two bodies that are joined rigidly."""
+    frequencies = []
+    for unit, size in ((1.0, 1.0), (length, mass)):
+        parts = {}
+        for name, at in (("a", -0.4), ("b", 0.7)):
+            model = mv.Model(name)
+            inertia = tuple(size * unit**2 * one for one in (0.3, 0.4, 0.5))
+            model.add_body("m", 2.0 * size, inertia, position=(at * unit, 0.1 * unit, 0.2 * unit))
+            k = [size * one for one in (1e3, 2e3, 3e3)] + [size * unit**2 * one for one in (300.0, 400.0, 500.0)]
+            model.add_bushing("k", "ground", "m", (at * unit, 0, 0), k)
+            model.add_port("p", "m", (0.1 * unit, 0.0, 0.3 * unit))
+            parts[name] = model
+        joined = mv.assemble(parts, [("a.p", "b.p", "rigid")])
+        assert joined.dof == 6
+        frequencies.append(joined.modes().natural)
+    np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=1e-9)
+
+
+def test_connections_that_nearly_coincide_are_in_doubt():
+    """Points 1e-10 m and 1e-12 m apart lock rotations or repeat what others lock: rounding of places decides."""
+    parts = {}
+    for name, at in (("a", -0.4), ("b", 0.7)):
+        model = mv.Model(name)
+        model.add_body("m", 2.0, (0.3, 0.4, 0.5), position=(at, 0.1, 0.2))
+        for port, place in (("p", (0, 0, 0)), ("near", (1e-10, 0, 0)), ("other", (0, 1e-12, 0)), ("far", (1e-3, 0, 0))):
+            for axis in "xyz":
+                model.add_input(f"{port}.{axis}", "m", axis, place)
+                model.add_output(f"{port}.{axis}", "m", axis, place)
+        parts[name] = model
+
+    def joined(*ports):
+        return mv.assemble(parts, [(f"a.{port}", f"b.{port}", "rigid") for port in ports])
+
+    with pytest.raises(SingularPoseError, match="in doubt whether a rigid connection locks a motion or repeats"):
+        joined("p", "near", "other")
+    assert joined("p", "far").dof == 12 - 5
+    assert joined("p").dof == 12 - 3

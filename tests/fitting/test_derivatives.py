@@ -85,6 +85,48 @@ def test_derivatives_of_residuals(kind, far):
                                    err_msg=problem.variables.names[k])  # fmt: skip
 
 
+@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize("kind", ["chain", "shared", "modes"])
+def test_gradient_is_that_of_the_cost(kind, far):
+    """Of the robust measure from afar too, with priors and the hold on starts, over lines in blocks."""
+    model, data, free, channels = scene(kind)
+    chosen = variables(model.parameters, free, (), {free[-1].replace("*", "1"): (1.1, 0.05)}, None)
+    problem = _problem(model, conditioned([data, data]), chosen, channels)
+    rng = np.random.default_rng(1)
+    x = problem.variables.unknowns(problem.variables.start) + 0.2 * rng.standard_normal(len(problem.variables.start))
+    x[len(chosen.names) :] = np.abs(x[len(chosen.names) :]) + 0.1
+    sums = problem.sums(x, far)
+    assert sums.cost == pytest.approx(problem.cost(x, far), rel=1e-12)
+    step = 1e-5
+    for k, slope in enumerate(sums.gradient):
+        unit = step * np.eye(len(x))[k]
+        found = (problem.cost(x + unit, far) - problem.cost(x - unit, far)) / (2.0 * step)
+        assert found == pytest.approx(slope, rel=1e-4, abs=1e-5 * np.abs(sums.gradient).max()), k
+    np.testing.assert_allclose(sums.normal, sums.normal.T, rtol=1e-9)
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
+def test_starts_of_channels_are_near_their_values(quantity):
+    """Gains to 1 %, delays to a step, from responses of the model itself, at its own values."""
+    model, w = chain(), OMEGA
+    gains, delays, inner = np.array([2.0, -0.5, 3.0]), np.array([1e-3, 0.0, 4e-3]), np.array([1.0, -4.0])
+    channel = gains[:, None, None] * inner[:, None] * np.exp(-1j * delays[:, None, None] * w)
+    data = measured(model, w, 0.0, 1, change=lambda w: channel * (-(w**2) if quantity == "acceleration" else 1.0))
+    data = mv.Measurement(w, data.responses, data.outputs, data.inputs, quantity=quantity)
+    chosen = variables(model.parameters, ["k0.stiffness"], (), None, None)
+    problem = _problem(model, conditioned(data), chosen, ("gain", "delay"))
+    (part,) = problem.data
+    values = problem.variables.start
+    started = part.started(problem.scenes[0](problem.variables.map @ values, None)[0], values)
+    found = dict(zip(problem.variables.names, started, strict=True))
+    step = 0.05 * 2.0 * np.pi / w.max()
+    for name, gain, delay in zip(("z0", "z1", "z2"), gains, delays, strict=True):
+        assert found[f"{name}.gain"] == pytest.approx(gain, rel=0.01)
+        assert found[f"{name}.delay"] == pytest.approx(delay, abs=0.51 * step)
+    assert found["F0.gain"] == pytest.approx(-4.0, rel=0.01)
+    assert found["k0.stiffness"] == pytest.approx(1e4, rel=1e-12)
+
+
 def test_limits_stay_within_physics():
     """A trial that no body can have, such as an inertia beyond the sum of the others, is a step that is not taken."""
     model = spinning()

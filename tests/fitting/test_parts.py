@@ -309,8 +309,9 @@ def test_modes_are_paired_by_shape_before_frequency():
     assert near.paired(modes.frequencies, model_shapes).tolist() == [1, 2, 0]
 
 
+@pytest.mark.parametrize("order", [0, 2])
 @pytest.mark.parametrize("kind", ["output", "input"])
-def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind):
+def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind, order):
     """The median of lines of measured channels of its unit; against a hand-made information of both."""
     model = chain()
     exact = model.linearize().frequency_response(OMEGA)
@@ -319,7 +320,10 @@ def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind):
     rows, columns = ([list(model.linearize().outputs).index(one) for one in first],
                      [list(model.linearize().inputs).index(one) for one in second])  # fmt: skip
     variance = (0.01 * np.abs(exact[np.ix_(rows, columns)])) ** 2 * rng.uniform(0.5, 2.0, (len(rows), 1, len(OMEGA)))
-    data = mv.Measurement(OMEGA, exact[np.ix_(rows, columns)], first, second, variance=variance)
+    factor = (1j * OMEGA) ** order
+    data = mv.Measurement(OMEGA, factor * exact[np.ix_(rows, columns)], first, second,
+                          variance=np.abs(factor) ** 2 * variance,
+                          quantity=("displacement", "velocity", "acceleration")[order])  # fmt: skip
     fit = model.fit(data, ["k*.stiffness"])
     name = "z0" if kind == "output" else "F"
     (one,) = fit.next_sensor([name])
@@ -342,3 +346,35 @@ def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind):
     assert one.narrower == pytest.approx(np.sqrt(spread[0][widest] / spread[1][widest]), rel=1e-5)
     with pytest.raises(ResponseError, match="'nothing'"):
         fit.next_sensor(["nothing"])
+
+
+def table_of(result):
+    """Rows and notes of a printed table."""
+    table = result.table()
+    return table["rows"], list(table.get("notes", ()))
+
+
+def test_a_fit_prints_its_values_and_what_it_does_not_know():
+    """As many digits as an interval leaves; what is not told; residuals and bands that are no noise."""
+    model = chain()
+    fit = model.fit(measured(model, OMEGA, 0.02, 3), ["k0.stiffness", "k1.stiffness"])
+    shown = replace(fit, values={"a": 12345.678, "b": 2e-5, "c": -0.5, "d": 3.0, "e": 0.999},
+                    intervals={"a": (12340.1, 12351.2), "b": (1.9e-5, 2.1e-5), "c": (-0.75, -0.25), "d": (0.0, np.inf),
+                               "e": (0.0004, 1.9976)},
+                    units={"a": "N/m", "b": "m", "c": "", "d": "kg", "e": ""})  # fmt: skip
+    rows, notes = table_of(shown)
+    assert rows == [("a", "12346", "12340 ... 12351", "N/m"), ("b", "2.00e-05", "1.90e-05 ... 2.10e-05", "m"),
+                    ("c", "-0.50", "-0.75 ... -0.25", ""), ("d", "3", "not told by the data", "kg"),
+                    ("e", "1.0", "0.0 ... 2.0", "")]  # fmt: skip
+    assert notes == ["The residuals are noise."]
+    test = knowledge.ResidualTest(False, 6.25, 0.456, ((1.0, 2.0), (30.126, 40.0)))
+    rows, notes = table_of(replace(fit, converged=False, unidentified=("a with b",), residual_test=test))
+    assert notes == ["The search did not converge.", "Not told by the data: a with b.",
+                     "The model does not explain the data: residuals 2.5 times as large as the stated noise, with a "
+                     "correlation of 0.46 from line to line are no noise.", "Intervals come from the residuals.",
+                     "Not reached: 1 to 2, 30.13 to 40 Hz."]  # fmt: skip
+    many = knowledge.ResidualTest(False, np.nan, 0.4, tuple((float(k), k + 1.0) for k in range(8)))
+    rows, notes = table_of(replace(fit, residual_test=many))
+    assert notes[0].startswith("The model does not explain the data: residuals with a")
+    assert notes[-1] == "Not reached: 0 to 1, 1 to 2, 2 to 3, 3 to 4, 4 to 5, 5 to 6 ... Hz."
+    assert repr(fit) == "Fit('chain': 2 values)"

@@ -130,6 +130,18 @@ def test_rotations_of_a_measurement_get_the_radius_of_the_model():
     assert "Rotations are multiplied" not in str(alone)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_rotations_of_two_measurements_have_no_unit(unit):
+    """In rad or mrad in both: the MAC with the radius at which they are as large as translations of the second."""
+    shapes = [np.array([[1.0, 0.3], [0.2 * unit, -1.0 * unit]]), np.array([[0.9, 0.5], [0.1 * unit, -0.8 * unit]])]
+    sides = [mv.MeasuredModes([5.0, 8.0], shapes=shape, outputs=["1Z+", "1RY+"]) for shape in shapes]
+    radius = np.linalg.norm(shapes[1][0]) / np.linalg.norm(shapes[1][1])
+    result = mv.compare(*sides)
+    scale = np.array([[1.0], [radius]])
+    np.testing.assert_allclose(result.mac, mac(scale * shapes[0], scale * shapes[1]), rtol=1e-12)
+    assert f"Rotations are multiplied by {radius:.3g} m for the MAC." in str(result)
+
+
 def test_modes_that_no_output_shows_have_no_partner_by_shape():
     """Outputs along x alone: the mode along y is not compared; more modes than outputs are told."""
     a, b = point_mass(1e3, 2e3, 3e3).linearize()["x", "Fx"], point_mass(1.1e3, 2e3, 3e3).linearize()["x", "Fx"]
@@ -233,3 +245,55 @@ def test_measured_modes_of_a_file_are_those_of_its_nodes():
     assert real.shapes.ravel().tolist() == [4.0, 1.0, 2.0, 3.0]
     with pytest.raises(mv.ResponseError, match="the measurement has no modes"):
         mv.MeasuredModes.from_measurement(replace(data, modes=()))
+
+
+def test_a_comparison_prints_pairs_differences_and_responses():
+    """Numbers as they are, poor pairs marked, what is zero in one of both, and no more lines than are read."""
+    base = mv.compare(chain(damping=3.0), chain((1e4, 2e4, 2e4), damping=3.0))
+    pairs = (Pair(1, 2, 0.98765, (10.0, 11.0), (0.0123, np.nan), "m along z"),
+             Pair(2, 1, 0.4999, (20.0, 19.99999), (0.5, 0.01), ""))  # fmt: skip
+    shown = replace(base, names=("a", "b"), pairs=pairs, frac=np.array([[0.9], [np.nan], [0.12345]]),
+                    ratio=np.array([[0.0], [np.nan], [2.34567]]), remarks=("first",))  # fmt: skip
+    table = shown.table()
+    assert table["title"] == "a and b"
+    assert table["rows"] == [(1, 2, "0.988", "10", "11", "+10.00", "1.23", "", "m along z"),
+                             (2, 1, "0.500", "20", "20", "+0.00", "50", "1", " (poor)")]  # fmt: skip
+    assert table["notes"] == ["first", str(base.differences[0]), "z2 / F: FRAC 0.1235, rms ratio 2.346",
+                              "z0 / F: zero in the second"]  # fmt: skip
+    infinite = replace(shown, ratio=np.array([[np.inf], [1.0], [1.0]]), frac=np.array([[0.0], [0.5], [0.2]]))
+    assert infinite.table()["notes"][2:] == ["z0 / F: zero in the first", "z2 / F: FRAC 0.2000, rms ratio 1",
+                                             "z1 / F: FRAC 0.5000, rms ratio 1"]  # fmt: skip
+    many = replace(shown, differences=base.differences * 15, outputs=tuple(f"y{k}" for k in range(20)),
+                   frac=np.linspace(0.1, 0.9, 20)[:, None], ratio=np.ones((20, 1)))  # fmt: skip
+    notes = many.table()["notes"]
+    assert notes[13] == "and 3 other differences: .differences"
+    assert (len(notes), notes[-1]) == (1 + 13 + 13, "and 8 other responses with FRAC as high or higher")
+    exact = replace(many, differences=base.differences * 12, outputs=many.outputs[:12], frac=many.frac[:12])
+    assert len(exact.table()["notes"]) == 1 + 12 + 12
+
+
+def test_differences_print_what_changed():
+    changed = chain((1e4, 2.5e4, 3e4))
+    changed.add_spring("extra", "ground", "m2", (0, 0, 3), (0, 0, 2), stiffness=1.0)
+    words = [str(difference) for difference in mv.compare(changed, chain()).differences]
+    assert words == ["extra: only in the first", "k1: stiffness 25000 → 20000 N/m (-20 %)"]
+    undamped = mv.compare(chain(), chain(damping=2.0)).differences
+    assert [(d.part, d.quantity, d.percent) for d in undamped] == [(f"k{k}", "damping", None) for k in range(3)]
+    assert str(undamped[0]) == "k0: damping 0 → 2 N s/m"
+
+
+def test_measured_modes_print_what_is_known():
+    modes = mv.MeasuredModes([10.12345678, 20.0], [0.0123, 0.5], sd=[0.0123, 2.0])
+    assert modes.table()["rows"] == [(1, "10.1235", "1.23", "0.012"), (2, "20", "50", "2")]
+    columns = modes.columns()
+    assert [columns[name].tolist() for name in ("mode", "frequency_hz", "damping_ratio", "sd_hz")] == [
+        [1, 2], [10.12345678, 20.0], [0.0123, 0.5], [0.0123, 2.0]]  # fmt: skip
+    bare = mv.MeasuredModes([10.0])
+    assert bare.table()["rows"] == [(1, "10", "", "")]
+    assert np.isnan([bare.columns()["damping_ratio"], bare.columns()["sd_hz"]]).all()
+    for wrong in ({"frequencies": [[1.0]]}, {"frequencies": [np.inf]}, {"sd": [0.1, 0.0]}, {"sd": [0.1]},
+                  {"damping_ratios": [-0.1, 0.0]}, {"damping_ratios": [0.1, np.nan]}, {"shapes": [[np.inf, 1.0]]},
+                  {"shapes": [[True, False]]}, {"outputs": ["a"], "shapes": None}):  # fmt: skip
+        with pytest.raises(mv.ResponseError, match="MeasuredModes: "):
+            mv.MeasuredModes(**({"frequencies": [1.0, 2.0], "outputs": ["a"] if "shapes" in wrong else ()} | wrong))
+    assert mv.MeasuredModes([1.0, 2.0], 0.0).damping_ratios.tolist() == [0.0, 0.0]
