@@ -135,7 +135,7 @@ def rows_of(path: Path) -> list[tuple[float, float]]:
             rows.append((values[0], values[1]))
         elif words and (rows or values):
             raise ModelError(f"{path}, line {count}: '{line[:60]}'; expected two numbers, frequency [Hz] and one-sided "
-                             f"density.")  # fmt: skip
+                             f"density, or gain of a weight.")  # fmt: skip
     return rows
 
 

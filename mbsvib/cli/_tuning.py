@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, number, option, whole_number
-from mbsvib.cli._budgeting import densities_of, noise_argument, pairs
+from mbsvib.cli._budgeting import densities_of, noise_argument, pairs, rows_of
 from mbsvib.cli._lookup import as_misuse, model_of
 from mbsvib.cli._robustness import limits_of
 from mbsvib.common.number_text import integer, real
@@ -25,9 +25,10 @@ def tune(
     model: ModelFile, gains: list[list[str]] | None = None, pids: list[list[str]] | None = None,
     leads: list[list[str]] | None = None, spaces: list[list[str]] | None = None, each: bool = False,
     shared: bool = False, hinf: list[list[str]] | None = None, rms: list[str] | None = None,
-    noise: list[str] | None = None, least_damping: float | None = None, margin: float | None = None,
+    noise: list[str] | None = None, most_hinf: list[list[str]] | None = None, most_rms: list[str] | None = None,
+    least_damping: float | None = None, margin: float | None = None, rolloff: str | None = None,
     parameters: list[str] | None = None, variants: list[str] | None = None, starts: int = 10, seed: int = 0,
-    file: Path | None = None, as_json: bool = False,
+    workers: int | None = None, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Tune the values of a controller, u = w + K y, to goals; exit status 1 if a limit is not reached."""
     import mbsvib as mv
@@ -51,13 +52,19 @@ def tune(
     laws = [law for entry in entries for law in _laws(entry, system, each, shared)]  # type: ignore[arg-type]
     if not laws:
         raise shell.UsageProblem("no controller: give --gain, --pid, --lead-lag or --states.")
-    goals = _goals(system, laws, hinf or [], rms or [], noise or [])
+    goals = [mv.goals.hinf(output, *_weighted(word, "--hinf", file=True)) for output, word in hinf or []]
+    goals += [mv.goals.hinf(output, port, most=most) for output, word in most_hinf or []
+              for port, most in [_weighted(word, "--hinf-limit", limit=True)]]  # fmt: skip
+    goals += _rms_goals(system, laws, rms or [], most_rms or [], noise or [])
+    goals += [] if rolloff is None else [mv.goals.rolloff(*_slope(rolloff))]
     goals += [make(value) for make, value in ((mv.goals.damping, least_damping), (mv.goals.margin, margin))
               if value is not None]  # fmt: skip
     if not goals:
-        raise shell.UsageProblem("no goal: give --hinf, --rms with --noise, --damping-ratio or --margin.")
+        raise shell.UsageProblem("no goal: give --hinf, --rms with --noise, one of their limits, --damping-ratio, "
+                                 "--margin or --roll-off.")
     with as_misuse(*bounds):
-        design = mv.tune(plants if variants else source, sum(laws[1:], laws[0]), goals, bounds, starts, seed)
+        design = mv.tune(plants if variants else source, sum(laws[1:], laws[0]), goals, bounds, starts, seed,
+                         workers=workers)  # fmt: skip
     if as_json:
         law = design.controller
         shell.say_json({
@@ -119,18 +126,18 @@ def _laws(entry: tuple[str, str, str, int], system: Any, each: bool, shared: boo
     return [make(*((order,) if order else ()), *pair, name=name) for pair in ports]
 
 
-def _goals(system: Any, laws: list[Tunable], hinf: list[list[str]], rms: list[str], noise: list[str]) -> list[Goal]:
-    """Goals of norms; the second word of --hinf and that of --rms may have a weight behind =."""
+def _rms_goals(system: Any, laws: list[Tunable], rms: list[str], most: list[str], noise: list[str]) -> list[Goal]:
+    """Goals of root mean squares, then their limits."""
     import mbsvib as mv
 
-    if bool(rms) != bool(noise):
+    if bool(rms or most) != bool(noise):
         raise shell.UsageProblem("--rms OUTPUT and --noise INPUT=DENSITY belong together; give both or neither.")
-    goals = [mv.goals.hinf(output, *_weighted(word, "--hinf")) for output, word in hinf]
-    if rms:
-        loop = system.feedback(*_silent(laws), noise=True)
-        spectra = densities_of(noise, loop)
-        goals += [mv.goals.rms(name, spectra, weight) for name, weight in (_weighted(word, "--rms") for word in rms)]
-    return goals
+    if not noise:
+        return []
+    spectra = densities_of(noise, system.feedback(*_silent(laws), noise=True))
+    goals = [mv.goals.rms(name, spectra, weight) for name, weight in (_weighted(word, "--rms") for word in rms)]
+    limits = [_weighted(word, "--rms-limit", limit=True) for word in most]
+    return goals + [mv.goals.rms(name, spectra, most=limit) for name, limit in limits]
 
 
 def _silent(laws: list[Tunable]) -> tuple[Any, list[str], list[str]]:
@@ -143,12 +150,23 @@ def _silent(laws: list[Tunable]) -> tuple[Any, list[str], list[str]]:
     return np.zeros((len(actuators), len(sensors))), list(sensors), list(actuators)
 
 
-def _weighted(text: str, name: str) -> tuple[str, float]:
+def _weighted(text: str, name: str, limit: bool = False, file: bool = False) -> tuple[str, Any]:
+    """The name and the number of a text NAME=NUMBER, of which a weight may be left out or, of some, in a file."""
     port, mark, word = text.partition("=")
+    if file and Path(word).is_file():
+        return port, rows_of(Path(word))
     try:
-        return port, real(word) if mark else 1.0
+        return port, real(word) if mark or limit else 1.0
     except ValueError:
-        raise shell.UsageProblem(f"{name} '{text}': expected a name, or NAME=WEIGHT.") from None
+        forms = "NAME=LIMIT" if limit else "a name, NAME=WEIGHT or NAME=FILE" if file else "a name, or NAME=WEIGHT"
+        raise shell.UsageProblem(f"{name} '{text}': expected {forms}.") from None
+
+
+def _slope(text: str) -> list[float]:
+    try:
+        return [real(word) for word in text.split(":", 1)]
+    except ValueError:
+        raise shell.UsageProblem(f"--roll-off '{text}': expected HERTZ or HERTZ:DECIBELS, such as 30:40.") from None
 
 
 def _structure(name: str, to: str, words: str, *before: str) -> Any:
@@ -165,13 +183,20 @@ COMMANDS = {"tune": Command(tune, (
     flag("--each", "each", "Patterns of actuators and sensors pick pairs, which have one controller each."),
     flag("--shared", "shared", "As --each, and these controllers have the same values."),
     option("--hinf", to="hinf", metavar=("OUTPUT", "INPUT[=WEIGHT]"), action="append", nargs=2,
-           words="Minimise the highest peak from an input, which may be noise, to an output; may be given several "
-                 "times: the largest weighted one is minimised."),
+           words="Minimise the highest peak from an input, which may be noise, to an output; a weight is a number, "
+                 "or a file of two columns (frequency [Hz], gain); may be given several times: the largest weighted "
+                 "one is minimised."),
     option("--rms", to="rms", metavar="OUTPUT[=WEIGHT]", action="append", completes="output",
            words="Minimise the root mean square of an output under the noise; may be given several times."),
     noise_argument(),
+    option("--hinf-limit", to="most_hinf", metavar=("OUTPUT", "INPUT=MOST"), action="append", nargs=2,
+           words="Largest peak from an input to an output that is allowed; may be given several times."),
+    option("--rms-limit", to="most_rms", metavar="OUTPUT=MOST", action="append", completes="output",
+           words="Largest root mean square of an output that is allowed; may be given several times."),
     option("--damping-ratio", to="least_damping", metavar="RATIO", type=number, words="Least damping ratio."),
     option("--margin", to="margin", metavar="DISTANCE", type=number, words="Least modulus margin."),
+    option("--roll-off", to="rolloff", metavar="HERTZ[:DECIBELS]",
+           words="Commands fall from this frequency on, by so many dB a decade. Default: 20."),
     option("--parameter", to="parameters", metavar="PARAMETER=LOW:HIGH", action="append", completes="parameter",
            words="Bounds of a parameter of the model, or of one value for all that a pattern picks, which is tuned "
                  "beside the controller; may be given several times."),
@@ -180,5 +205,7 @@ COMMANDS = {"tune": Command(tune, (
                  "several times."),
     option("--starts", to="starts", metavar="COUNT", type=whole_number, default=10, words="Starts of the search."),
     option("--seed", to="seed", metavar="NUMBER", type=whole_number, default=0, words="Seed of the random starts."),
+    option("--workers", to="workers", metavar="COUNT", type=whole_number,
+           words="Processes, which change nothing of the result. Default: as many as processors for long searches."),
     file_argument("Controller, as .json, .npz or .mat, which mbsvib loop reads."), JSON,
 ))}  # fmt: skip

@@ -1,6 +1,7 @@
 """``mbsvib robust`` and ``mbsvib tune``: limits, structures and goals on the command line."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +65,25 @@ def test_rms_of_several_variants_with_a_parameter(run):
     assert_allclose(loop.rms("x", {"F": 0.5, "x.noise": 1e-9})["x"], data["by_plant"]["rms x"][0], rtol=1e-9)
 
 
+def test_limits_roll_off_and_weights_over_frequency(run):
+    """The same design as by goals in Python; a limit that nothing reaches is said by the exit status."""
+    Path("weight.csv").write_text("frequency, gain\n0.1, 3.0\n200, 0.5\n")
+    line = ("tune slider.yaml --gain F x --hinf x F=weight.csv --rms-limit x=1 --noise F=0.5 --hinf-limit x F=1 "
+            "--roll-off 1e3:10 --starts 1 --workers 1 --json")  # fmt: skip
+    result = run(line)
+    data, g = json.loads(result.stdout), mv.goals
+    assert result.exit_code == 0, result.stderr
+    goals = [g.hinf("x", "F", [(0.1, 3.0), (200.0, 0.5)]), g.hinf("x", "F", most=1.0),
+             g.rms("x", {"F": 0.5}, most=1.0), g.rolloff(1e3, 10.0)]  # fmt: skip
+    assert list(data["achieved"]) == [goal.label for goal in goals]
+    design = mv.tune(mv.load("slider.yaml"), mv.tunable.gain("F", "x"), goals, starts=1)
+    assert data["values"] == design.values
+    assert data["objective"] == design.objective > 0.0
+    missed = run("tune slider.yaml --gain F x --hinf-limit x F=1e-9 --hinf-limit x x.noise=1e-3 --starts 1 --json")
+    assert missed.exit_code == 1
+    assert not all(json.loads(missed.stdout)["reached"].values())
+
+
 def test_pairs_of_patterns(run):
     """Six legs with one controller each, or with one for all."""
     line = "tune cubic_hexapod --gain F? ? --damping-ratio 0.001 --starts 1 --json"
@@ -81,6 +101,10 @@ def test_pairs_of_patterns(run):
     ("tune slider.yaml --hinf x F", "no controller"),
     ("tune slider.yaml --pid F x", "no goal"),
     ("tune slider.yaml --pid F x --rms x", "belong together"),
+    ("tune slider.yaml --pid F x --rms-limit x=1", "belong together"),
+    ("tune slider.yaml --pid F x --rms-limit x --noise F=1", "NAME=LIMIT"),
+    ("tune slider.yaml --pid F x --hinf-limit x F=much", "NAME=LIMIT"),
+    ("tune slider.yaml --pid F x --roll-off fast", "HERTZ:DECIBELS"),
     ("tune slider.yaml --pid F x --hinf x F=many", "NAME=WEIGHT"),
     ("tune slider.yaml --pid F y --hinf x F", "'y'"),
     ("tune slider.yaml --pid F x --hinf x F -o law.txt", "controllers end in"),

@@ -221,3 +221,23 @@ def test_sampling_folds_a_wide_table_as_white_noise():
     loop, f = controlled().sampled(60.0, 3e-3), np.array([0.7, 3.3, 29.0, 41.0])
     table, white = (loop.psd("x", {"F": density}, f) for density in ([(1e-3, 2.0), (600.0, 2.0)], 2.0))
     np.testing.assert_allclose(table, white, rtol=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e5])
+def test_undamped_modes_beside_sampled_loops_in_any_unit_of_time(unit):
+    """A mode that the loop does not reach has poles on the axis but for rounding, which grows with the frequency."""
+    def loop(damping):
+        c, k = np.diag([0.4, damping]) * unit, np.diag([9.0, 16.0]) * unit**2
+        system = mv.System.from_matrices(np.eye(2), c, k, B=[[1.0, 1.0], [0.0, 1.0]], Cq=[[1.0, 0.0], [1.0, 1.0]],
+                                         inputs=["F", "G"], outputs=["x", "y"])  # fmt: skip
+        return system.feedback([[-2.0 * unit**2]], ["x"], ["F"], noise=True).sampled(10.0 * unit)
+
+    first = 4.0 * unit / W
+    for band, infinite in (((0.1 * first, 2.0 * first), True), ((0.1 * first, 0.9 * first), False),
+                           ((1.1 * first, 2.0 * first), False)):  # fmt: skip
+        budget = loop(0.0).budget({"F": 1.0, "G": 1.0}, band=band)
+        assert (budget.contributions["y"]["G"] == np.inf) is infinite
+        assert budget.contributions["y"]["F"] < np.inf
+        assert budget.contributions["x"]["G"] < np.inf
+    light = loop(1e-6).budget({"G": 1.0}, "y", band=(0.9 * first, 1.1 * first)).rms["y"]
+    assert light * unit**1.5 == pytest.approx(np.sqrt(1.0 / (4.0 * 1e-6 * 16.0)), rel=1e-2)
