@@ -206,6 +206,8 @@ def test_what_sampling_meets_directly_is_infinite():
 def test_refusals_of_sampled_loops(noise, settings, words):
     with pytest.raises(mv.ResponseError, match=words):
         controlled().sampled(100.0).rms("x", noise, **settings)
+    with pytest.raises(mv.ResponseError, match=words):
+        controlled().sampled(100.0).psd("x", noise, [1.0, 70.0], **settings)
     with pytest.raises(mv.ResponseError, match="is sampled"):
         controlled().sampled(100.0).budget({"F": 1.0}, "x").sensitivities()
 

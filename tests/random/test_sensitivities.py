@@ -124,5 +124,7 @@ def test_refusals():
         plain(two_masses()).budget({"F1": 1.0}, weighting=isolation.moving_average(1.0)).sensitivities()
     with pytest.raises(mv.ModelError, match="no parameter 'k9"):
         plain(two_masses()).budget({"F1": 1.0}).sensitivities("k9.stiffness")
+    blind = oscillator().linearize().budget({"F": 0.0, "F2": 0.0}, ["x", "v"])
+    assert all(np.isnan(value) for slopes in blind.sensitivities("s.*").values() for value in slopes.values())
     slopes = two_masses(c1=0.0, c2=0.0).linearize().budget({"F1": 1.0}, "x1").sensitivities("k1.stiffness")
     assert np.isnan(slopes["x1"]["k1.stiffness"])
