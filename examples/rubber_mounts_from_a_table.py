@@ -14,35 +14,30 @@ import mbsvib as mv
 HERTZ = np.array([5.0, 10, 20, 50, 100, 200, 400])
 STORAGE = np.array([1.00, 1.05, 1.11, 1.21, 1.30, 1.41, 1.54])
 FACTORS = STORAGE * (1 + 1j * np.array([0.08, 0.09, 0.10, 0.12, 0.13, 0.14, 0.15]))
-ENGINE, FRAME, MOUNT, AIR, SLOW = 180.0, 900.0, (1.2e5, 1.2e5, 2.5e5), 1.5e5, 2e3  # kg, kg, N/m, N/m, N s/m
+ENGINE, FRAME, MOUNT, AIR, SLOW = 180.0, 900.0, (1.2e5, 1.2e5, 2.5e5, 0, 0, 0), 1.5e5, 2e3  # kg, kg, N/m, N/m, N s/m
 BAND = (5.0, 400.0)
 FEET = [(x, y, -0.12) for x in (-0.35, 0.35) for y in (-0.25, 0.25)]
 
-engine = mv.Model("engine")
-engine.add_body("block", ENGINE, (6, 14, 12))
-frame = mv.Model("frame")
-frame.add_body("beam", FRAME, (150, 300, 400), position=(0, 0, -0.3))
-for k, foot in enumerate(FEET, start=1):
-    engine.add_port(f"foot{k}", "block", foot)
-    frame.add_port(f"seat{k}", "beam", foot)
-    frame.add_bushing(f"air{k}", "ground", "beam", (2 * foot[0], 2 * foot[1], -0.5), (AIR, AIR, AIR, 0, 0, 0),
-                      (SLOW, SLOW, SLOW, 0, 0, 0))  # fmt: skip
-engine.add_input("shake", "block", "z")
-frame.add_output("z", "beam", "z")
-parts = {"engine": engine.linearize(), "frame": frame.linearize()}
 
-
-def on_mounts(law):
-    """Return engine and frame, joined by four mounts."""
-    feet = [(f"frame.seat{k}", f"engine.foot{k}", (MOUNT, law), ["x", "y", "z"]) for k in range(1, 5)]
-    return mv.assemble(parts, feet, name="engine on mounts")["frame.z", "engine.shake"]
+def on_mounts(damping=0.0, **rubber):
+    """Return an engine on a frame, with four mounts between them."""
+    model = mv.Model("engine on mounts")
+    model.add_body("engine", ENGINE, (6, 14, 12))
+    model.add_body("frame", FRAME, (150, 300, 400), position=(0, 0, -0.3))
+    for k, (x, y, z) in enumerate(FEET, start=1):
+        model.add_bushing(f"mount{k}", "frame", "engine", (x, y, z), MOUNT, damping * np.array(MOUNT), **rubber)
+        model.add_bushing(f"air{k}", "ground", "frame", (2 * x, 2 * y, -0.5), 3 * (AIR,) + 3 * (0,),
+                          3 * (SLOW,) + 3 * (0,))  # fmt: skip
+    model.add_input("shake", "engine", "z")
+    model.add_output("z", "frame", "z")
+    return model.linearize()
 
 
 table = mv.Dynamic.table(HERTZ, FACTORS)
 rubber = table.rational(BAND)
 resonance = np.sqrt(4 * MOUNT[2] * (1 / ENGINE + 1 / FRAME))  # rad/s
 loss = table.factor([resonance])[0].imag
-with_states, dashpot = on_mounts(rubber), on_mounts([loss / resonance * k for k in MOUNT])
+with_states, dashpot = on_mounts(dynamic=rubber), on_mounts(loss / resonance)
 
 omega = 2 * np.pi * np.geomspace(*BAND, 400)
 mount, air = 4 * MOUNT[2] * table.factor(omega), 4 * (AIR + 1j * omega * SLOW)

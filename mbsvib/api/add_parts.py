@@ -137,7 +137,7 @@ class RigidMechanism(Mechanism):
         self, name: str, first: str | Body, second: str | Body, position: ArrayLike,
         stiffness: ArrayLike = _bushing.ZERO, damping: ArrayLike = _bushing.ZERO,
         orientation: ArrayLike | None = None, preload: ArrayLike | None = None,
-        dynamic: Dynamic | Mapping[str, Any] | None = None, dynamic_stiffness: ArrayLike | None = None,
+        *, dynamic: Dynamic | Mapping[str, Any] | None = None, dynamic_stiffness: ArrayLike | None = None,
     ) -> Bushing | DynamicBushing:  # fmt: skip
         """Add a spatial spring-damper that acts at a point.
 

@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.mechanism.parameters import Parameters
 
-# Fields whose numbers are positive, if the model has them so.
+# Fields whose numbers are positive, if the model has them so; those of several of a kind end with a number.
 POSITIVE = frozenset({
     "mass", "inertia", "stiffness", "damping", "static_stiffness", "inertance", "free_length", "E", "G", "rho",
     "radius", "wall", "width", "height", "A", "Iy", "Iz", "J", "alpha", "beta", "damping_ratio", "length",
+    "dynamic_stiffness", "g", "tau",
 })  # fmt: skip
 
 # Positive values stay within this factor of their start: a stiffness that the data do not tell would run away.
@@ -146,7 +147,7 @@ def _row(parameters: Parameters, name: str, group: tuple[str, ...]) -> tuple[str
         raise ModelError(f"fit: '{name}' ties parameters in {units}; expected one unit.", element=name, field="tied")
     values = np.array([entry.value for entry in entries])
     positive = bool((values > 0.0).all()) and all(
-        entry.field in POSITIVE and len(set(entry.index)) < 2 for entry in entries)
+        entry.field.rstrip("0123456789") in POSITIVE and len(set(entry.index)) < 2 for entry in entries)
     start = float(np.exp(np.log(values).mean()) if positive else values.mean())
     size = max(map(abs, values.tolist()))
     if not size:  # the largest of its unit in the model

@@ -175,6 +175,25 @@ def test_derivatives_are_those_of_the_closed_form():
             np.testing.assert_allclose(value / np.abs(expected).max(), expected / np.abs(expected).max(), atol=1e-11)
 
 
+def test_a_fit_finds_the_relaxations():
+    def mass(k, weights, times):
+        model = mv.Model("mass")
+        model.add_body("b", 2.0, (1, 1, 1))
+        model.add_joint("rail", "prismatic", "ground", "b", position=(0, 0, 0), axis=(1, 0, 0))
+        rubber = mv.Dynamic.prony(weights, times)
+        model.add_bushing("mount", "ground", "b", (0, 0, 0), (k, 0, 0, 0, 0, 0), dynamic=rubber)
+        model.add_input("F", "b", "x")
+        model.add_output("x", "b", "x")
+        return model
+
+    z = 6e3 * mv.Dynamic.prony([0.8, 0.3], [0.02, 1e-3]).factor(OMEGA)
+    x = (1.0 / (z - 2.0 * OMEGA**2)).reshape(1, 1, -1)
+    data = mv.Measurement(OMEGA, x, ("x",), ("F",), variance=(1e-3 * np.abs(x)) ** 2)
+    fit = mass(4e3, [0.5, 0.5], [0.01, 3e-3]).fit(data, free=["mount.stiffness.x", "mount.g*", "mount.tau*"])
+    found = [fit.values[f"mount.{name}"] for name in ("stiffness.x", "g1", "g2", "tau1", "tau2")]
+    np.testing.assert_allclose(found, [6e3, 0.8, 0.3, 0.02, 1e-3], rtol=1e-3)
+
+
 def test_it_is_its_bushing_at_rest():
     """Under loads: poses of equilibrium, forces and responses without relaxations are those of a plain bushing."""
     plain, dynamic = ({"stiffness": SIX, "damping": DAMPING, "preload": (5, -3, 25, 0.3, 0.2, -0.1), "dynamic": factor,
