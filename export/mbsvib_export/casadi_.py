@@ -130,14 +130,11 @@ def to_casadi(
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
-    x, u, p = _symbols(casadi, len(space.states), len(space.inputs), 0)
-    y = _dm(casadi, space.C) @ x + _dm(casadi, space.D) @ u
-    rates = _function(casadi, "rates", (x, u, p), (_dm(casadi, space.A) @ x + _dm(casadi, space.B) @ u, y))
-    sampled = None
-    if step is not None:
-        phi, gamma, _ = step_of(space, step, "to_casadi")
-        sampled = _function(casadi, "step", (x, u, p), (_dm(casadi, phi) @ x + _dm(casadi, gamma) @ u, y))
-    return _model(space, rates, sampled, None, step)
+    x, u = casadi.MX.sym("x", len(space.states)), casadi.MX.sym("u", len(space.inputs))
+    sampled = None if step is None else step_of(space, step, "to_casadi")[:2]
+    rates, y, after = (None if pair is None else _dm(casadi, pair[0]) @ x + _dm(casadi, pair[1]) @ u
+                       for pair in ((space.A, space.B), (space.C, space.D), sampled))  # fmt: skip
+    return _model(casadi, space, (x, u, casadi.MX.sym("p", 0)), (rates, after, y), step)
 
 
 def _with_parameters(
@@ -189,20 +186,19 @@ def _of_matrices(
     if step is not None:
         check_step(step, "to_casadi")
     m = system.dof
-    x, u, _ = _symbols(casadi, 2 * m, len(system.inputs), 0)
+    x, u = casadi.MX.sym("x", 2 * m), casadi.MX.sym("u", len(system.inputs))
     solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
     a, b = solved[:, : 2 * m], solved[:, 2 * m :]
     acceleration = a @ x + b @ u
     y = matrix["Cq"] @ x[:m] + matrix["Cv"] @ x[m:] + matrix["Ca"] @ acceleration + matrix["D"] @ u
-    rates = _function(casadi, "rates", (x, u, p), (casadi.vertcat(x[m:], acceleration), y))
-    sampled = None
+    after = None
     if step is not None:
         state_matrix = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
         input_matrix = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
         phi, gamma = _exponential_step(casadi, state_matrix, input_matrix, space, float(step))
-        sampled = _function(casadi, "step", (x, u, p), (phi @ x + gamma @ u, y))
+        after = phi @ x + gamma @ u
     matrices = casadi.Function("matrices", [p], [matrix[label] for label in MATRICES], ["p"], list(MATRICES))
-    return _model(space, rates, sampled, matrices, step, parameters)
+    return _model(casadi, space, (x, u, p), (casadi.vertcat(x[m:], acceleration), after, y), step, matrices, parameters)
 
 
 def _exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) -> tuple[Any, Any]:
@@ -239,15 +235,6 @@ def _pade(casadi: Any, x: Any, size: int) -> Any:
     return casadi.solve(even - odd, even + odd, "qr")
 
 
-def _symbols(casadi: Any, n: int, i: int, parameters: int) -> tuple[Any, Any, Any]:
-    return casadi.MX.sym("x", n), casadi.MX.sym("u", i), casadi.MX.sym("p", parameters)
-
-
-def _function(casadi: Any, name: str, arguments: tuple[Any, ...], results: tuple[Any, Any]) -> Any:
-    first = "xdot" if name == "rates" else "x_next"
-    return casadi.Function(name, list(arguments), list(results), ["x", "u", "p"], [first, "y"])
-
-
 def _affine_matrix(casadi: Any, form: Affine, label: str, p: Any) -> Any:
     """Nominal matrix and derivatives; one product, so that CasADi sees how few entries a parameter changes."""
     nominal, slopes = getattr(form.nominal, label), form.slopes[label]
@@ -263,9 +250,13 @@ def _dm(casadi: Any, array: Array) -> Any:
 
 
 def _model(
-    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None,
-    parameters: tuple[tuple[str, ...], tuple[str, ...], Array] = ((), (), np.zeros(0)),
+    casadi: Any, space: StateSpace, symbols: tuple[Any, Any, Any], results: tuple[Any, Any, Any], step: float | None,
+    matrices: Any = None, parameters: tuple[tuple[str, ...], tuple[str, ...], Array] = ((), (), np.zeros(0)),
 ) -> CasadiModel:  # fmt: skip
+    """The functions of x, u and p that give x', x after a step (or None), and y."""
+    rates, sampled = (None if result is None else casadi.Function(name, symbols, [result, results[2]], ["x", "u", "p"],
+                                                                  [first, "y"])
+                      for name, first, result in (("rates", "xdot", results[0]), ("step", "x_next", results[1])))
     return CasadiModel(
         space.name, rates, sampled, matrices, None if step is None else float(step), space.states, space.state_units,
         space.inputs, space.input_units, space.outputs, space.output_units, *parameters[:2], parameters[2].copy(),

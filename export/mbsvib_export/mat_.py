@@ -33,21 +33,14 @@ from mbsvib.errors import ExportError
 from mbsvib_export.neutral import ERROR_BOUND, OF_SPACE, THROUGH, SystemData, data_of, shapes, with_ports
 from mbsvib_export.reading import content_read
 from mbsvib_export.record import FORMAT, NEEDED, OPTIONAL, SPACE_FORMAT, VERSION, check_version, data_from
-from mbsvib_export.responses import (
-    check_points,
-    poles,
-    poles_of,
-    response_of,
-    response_scale,
-    state_space_response,
-)
+from mbsvib_export.responses import check_points, poles_of, response_of, response_scale
 from mbsvib_export.templates_ import check_companion, filled
 from mbsvib_export.uncertain_ import is_uncertain, matlab_parameters, with_channels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace as FirstOrder
     from mbsvib.uncertain.plant import UncertainPlant
@@ -178,9 +171,6 @@ def title(content: bytes) -> bytes:
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     space, words = data.state_space, _Words()
-    reference = data if system is None else system
-    omega = check_points(poles_of(reference))
-    response = response_of(reference, omega)
     first, rate, through = _mechss(data)
     mech = {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
             "CoordinateName": words.cells(data.coordinates),
@@ -188,33 +178,35 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     extra = {"transform": space.transform, "bodies": words.cells(data.bodies),
              "body_motion": data.body_motion, **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")},
              **({} if space.through is None else {THROUGH: space.through})}  # fmt: skip
-    return _variables(data, space, words, mech, (omega, response, response_scale(response, data, omega)), extra)
+    return _variables(data, space, words, mech, _checks(data if system is None else system), extra)
 
 
 def _space_content(space: FirstOrder) -> dict[str, Any]:
     """First-order equations alone: what belongs to the equations of motion is empty."""
     words = _Words()
-    omega = check_points(poles(space.A))
-    response = state_space_response(space, omega)
-    size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
-    scale = np.broadcast_to(np.where(size > 0.0, size, 1.0), response.shape)
     mech = {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), np.zeros((0, 0))),
             **dict.fromkeys(("CoordinateName", "CoordinateUnit"), words.cells(()))}  # fmt: skip
     extra = {} if space.error_bound is None else {ERROR_BOUND: space.error_bound}
-    return _variables(space, space, words, mech, (omega, response, scale), extra)
+    return _variables(space, space, words, mech, _checks(space), extra)
+
+
+def _checks(system: Any) -> dict[str, Any]:
+    """What the script compares the frequency response of the file with."""
+    omega = check_points(poles_of(system))
+    response = response_of(system, omega)
+    return {"omega": omega[:, None], "response": response, "scale": response_scale(response, system, omega)}
 
 
 def _variables(
     data: SystemData | FirstOrder, space: FirstOrder, words: _Words, mech: dict[str, Any],
-    check: tuple[Array, Complex, Array], extra: dict[str, Any],
+    check: dict[str, Any], extra: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
-    """All variables of the file; ``check`` are frequencies (n,), responses and their scale (outputs, inputs, n)."""
-    omega, response, scale = check
+    """All variables of the file."""
     result: dict[str, Any] = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
         "Name": words.plain(data.name),
         **{f"{signal}{kind}": words.cells(getattr(space, f"{signal.lower()}{end}")) for signal, kind, end in SIGNALS},
-        "mech": mech, "check": {"omega": omega[:, None], "response": response, "scale": scale},
+        "mech": mech, "check": check,
         "mbsvib": {"format": FORMAT if isinstance(data, SystemData) else SPACE_FORMAT, "version": float(VERSION),
                    "realization": space.realization, **extra},
     }  # fmt: skip

@@ -116,7 +116,7 @@ def _mode_sets(data: Measurement, title: str) -> Iterator[str]:
         size = 6 if is_real and not any(np.isnan(row).any() for *_, row in known) else 3
         layout = (2, 3 if size == 6 else 2, 8, _REAL, size) if is_real else (3, 2, 8, _COMPLEX, size)
         lines = [
-            mode.name if mode.name.strip() else f"Mode {k + 1}", _plain(title), "NONE", "NONE", "NONE",
+            _plain(mode.name if mode.name.strip() else f"Mode {k + 1}"), _plain(title), "NONE", "NONE", "NONE",
             _integers(1, *layout), _integers(2, 4 if is_real else 6, 1, k + 1),
             "".join(f"{number:13.5E}" for number in _eigenvalue(mode, is_real)),
         ]  # fmt: skip

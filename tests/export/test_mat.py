@@ -64,6 +64,31 @@ def test_scipy_reads_what_ss_and_mechss_take(tmp_path):
     assert block_error(result["check"]["response"], system.frequency_response(result["check"]["omega"]), system) == 0.0
 
 
+@pytest.mark.parametrize("case", ["system", "loop"])
+def test_the_check_in_the_file_is_the_response_and_its_size(case, tmp_path):
+    """Its size: the largest entry between ports of these units at a frequency; 1 where all is zero."""
+    system = library.quarter_car(suspension_damping=900.0).linearize()
+    loop = system.feedback(mv.StateSpace.from_arrays([[-0.5]], [[1.0]], [[-3e3]], 0, ["body.az"], ["actuator"]))
+    source = system if case == "system" else loop
+    file = loadmat(mx.to_mat(source, tmp_path / "x.mat"), simplify_cells=True)
+    check, space = file["check"], source.state_space()
+    size = np.sort(np.abs(source.poles()))
+    assert check["omega"][[0, -1]] == pytest.approx([0.1 * size[0], 3.0 * size[-1]], rel=1e-9)
+    truth = np.stack([space.C @ np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B) + space.D
+                      for w in check["omega"]], axis=2)  # fmt: skip
+    largest = np.empty(truth.shape)
+    for i, j in np.ndindex(truth.shape[:2]):
+        block = np.ix_(*([unit == units[k] for unit in units] for units, k in
+                         ((space.output_units, i), (space.input_units, j))))  # fmt: skip
+        largest[i, j] = np.abs(truth[block]).max(axis=(0, 1))
+    assert (np.abs(check["response"] - truth) <= 1e-10 * check["scale"]).all()
+    np.testing.assert_allclose(check["scale"][..., 1:], largest[..., 1:], rtol=1e-9)  # terms cancel at the lowest
+    assert (check["scale"][..., 0] >= (1.0 - 1e-9) * largest[..., 0]).all()
+    assert (file["mech"]["M"].size > 0) == (case == "system")
+    still = mv.StateSpace.from_arrays([[-1.0]], [[0.0]], [[1.0]], 0)
+    assert loadmat(mx.to_mat(still, tmp_path / "y.mat"), simplify_cells=True)["check"]["scale"].ravel().min() == 1.0
+
+
 def octave(folder, code):
     return subprocess.run([OCTAVE, "--norc", "--eval", code], cwd=folder, capture_output=True, text=True, check=False)
 

@@ -47,6 +47,17 @@ def test_a_measurement_comes_back(tmp_path, binary):
         np.testing.assert_allclose(mode.shape, expected.shape, rtol=1e-5, atol=1e-5)
 
 
+def test_names_of_modes_are_one_line_each(tmp_path):
+    """A name may be missing, or be the line that ends a data set."""
+    shape = np.eye(1, 6)
+    names = ("", "-1", "two\nlines", "  ", "n" * 90)
+    data = replace(measurement(), modes=tuple(MeasuredMode(name, 1.0 + k, 0.01, (7,), shape)
+                                              for k, name in enumerate(names)))  # fmt: skip
+    back = mx.from_uff(mx.to_uff(data, tmp_path / "x.uff", modes=True))
+    assert [mode.name for mode in back.modes] == ["Mode 1", "'-1'", "two lines", "Mode 4", "n" * 80]
+    assert [mode.frequency for mode in back.modes] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
 def test_pyuff_reads_a_measurement(tmp_path):
     data = measurement(coherence=np.full((2, 2, 5), 0.75))
     path = mx.to_uff(data, tmp_path / "x.uff", binary=False, outputs="9*", inputs="3*")

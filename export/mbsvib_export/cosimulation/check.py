@@ -110,11 +110,12 @@ def check_cosimulation(
         inputs = [signal for unit in units for signal in unit.inputs]
         values = _excited([inputs[i].name for i in links.free], excitation)
         e = np.array(list(values.values()))
-        x = np.zeros(len(a)) if e.any() else _nominal(units)
-        if not e.any() and len(x) != len(a):
-            raise ExportError("check_cosimulation: excitation: no free input is excited, and an FMU lists no states "
-                              "that could start elsewhere than at rest; leave an input free, and excite it.")
+        x = np.zeros(len(a))
         if not e.any():
+            x = _nominal(units)
+            if len(x) != len(a):
+                raise ExportError("check_cosimulation: excitation: no free input is excited, and an FMU lists no "
+                                  "states that could start elsewhere than at rest; leave an input free, and excite it.")
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
         checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)

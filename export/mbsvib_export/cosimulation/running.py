@@ -71,20 +71,16 @@ def _run(method: str, sides: list[Side], loop: Loop, x: Array, e: Array, count: 
     rows, middles = [y], []
     for i in range(count):
         t, y, u = i * loop.h, y.copy(), loop.coupling @ y + held
-        middles.append(u)
+        slope = np.zeros(len(u))
+        if method == "slopes":
+            slope = loop.coupling @ np.concatenate([instance.output_slopes() for instance, _, _ in sides])
         if method == "iteration":
             slope, y = _iterated(sides, loop, t, u, y)
-            middles[-1] = u + loop.h / 2 * slope
-        elif method == "slopes":
-            slope = loop.coupling @ np.concatenate([instance.output_slopes() for instance, _, _ in sides])
-            middles[-1] = u + loop.h / 2 * slope
-            for instance, into, out in sides:
-                y[out] = instance.stepped(t, loop.h, u[into], slope[into])
-        else:
-            for instance, into, out in sides:
-                y[out] = instance.stepped(t, loop.h, u[into])
-                if method == "gauss-seidel":
-                    u = loop.coupling @ y + held
+        middles.append(u + loop.h / 2 * slope)
+        for instance, into, out in sides if method != "iteration" else ():
+            y[out] = instance.stepped(t, loop.h, u[into], slope[into] if method == "slopes" else None)
+            if method == "gauss-seidel":
+                u = loop.coupling @ y + held
         rows.append(y)
     return np.array(rows), np.array(middles)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import zipfile
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,9 +82,6 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
             fmpy.extract(str(file), folder)
         except ExportError:
             raise
-        except (zipfile.BadZipFile, KeyError, EOFError) as error:
-            raise ExportError(f"{file}: is not an archive with a modelDescription.xml in it, or is damaged ({error}); "
-                              f"export it again.") from error  # fmt: skip
         except Exception as error:  # fmpy raises its own and those of zlib and of XML, without a common root
             raise ExportError(f"{file}: cannot be read as an FMU: {error}. Export it again.") from error
         if not str(description.fmiVersion).startswith(("2.", "3.")):

@@ -1,9 +1,12 @@
 """Archives of plant and controller, run by fmpy and by Ecos."""
 
 import zipfile
+from xml.etree import ElementTree
 
+import control
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd
 
@@ -29,6 +32,51 @@ def test_the_description_is_valid_and_whole(version, tmp_path):
         assert archive.namelist() == ["SystemStructure.ssd", "resources/plant.fmu", "resources/controller.fmu"]
         (tmp_path / "plant.fmu").write_bytes(archive.read("resources/plant.fmu"))
     assert mx.check_export(tmp_path / "plant.fmu", plant()).passed
+
+
+def described(path):
+    """Connectors of the whole and of its parts, connections and units, straight from the text of an archive."""
+    with zipfile.ZipFile(path) as archive:
+        top = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    names = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+             "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon"}  # fmt: skip
+    system = top.find("ssd:System", names)
+
+    def ports(element):
+        return [(item.get("name"), item.get("kind"), item.find("ssc:Real", names).get("unit"))
+                for item in element.findall("ssd:Connectors/ssd:Connector", names)]  # fmt: skip
+
+    parts = {item.get("name"): ports(item) for item in system.findall("ssd:Elements/ssd:Component", names)}
+    links = [tuple(item.get(key) for key in ("startElement", "startConnector", "endElement", "endConnector"))
+             for item in system.findall("ssd:Connections/ssd:Connection", names)]  # fmt: skip
+    units = {item.get("name"): item.find("ssc:BaseUnit", names).attrib
+             for item in top.findall("ssd:Units/ssc:Unit", names)}  # fmt: skip
+    return ports(system), parts, links, units, float(top.find("ssd:DefaultExperiment", names).get("stopTime"))
+
+
+@pytest.mark.parametrize("outer", [True, False])
+def test_connectors_connections_and_units(outer, tmp_path):
+    """All that is there, in its order: an output of both sides has one name in each, and two names outside."""
+    law = control.ss([[-900.0]], [[1.0, 0.5]], [[-400.0], [2.0]], np.zeros((2, 2)), inputs=["y", "r"],
+                     outputs=["F", "z"], name="law")  # fmt: skip
+    files = [mx.to_fmu(system, tmp_path / f"{side}.fmu").path for side, system in (("plant", plant()), ("law", law))]
+    result = described(mx.to_ssp(*files, tmp_path / "loop.ssp", outer=outer))
+    ports, parts, links, units, stop = result
+    inside = {"plant": [("F", "input", "N"), ("d", "input", "N"), ("y", "output", "m/s"), ("z", "output", "m")],
+              "controller": [("y", "input", None), ("r", "input", None), ("F", "output", None), ("z", "output", None)]}
+    assert parts == inside
+    assert links[:2] == [("controller", "F", "plant", "F"), ("plant", "y", "controller", "y")]
+    assert ports == ([("d", "input", "N"), ("y", "output", "m/s"), ("z", "output", "m"), ("r", "input", None),
+                      ("F", "output", None), ("z (signal)", "output", None)] if outer else [])  # fmt: skip
+    assert links[2:] == ([(None, "d", "plant", "d"), ("plant", "y", None, "y"), ("plant", "z", None, "z"),
+                          (None, "r", "controller", "r"), ("controller", "F", None, "F"),
+                          ("controller", "z", None, "z (signal)")] if outer else [])  # fmt: skip
+    of_one = {"factor": "1.0", "offset": "0.0"}
+    assert units == {"N": {"kg": "1", "m": "1", "s": "-2"} | of_one, "m/s": {"m": "1", "s": "-1"} | of_one,
+                     "m": {"m": "1"} | of_one}  # fmt: skip
+    stops = [float(read_model_description(str(file)).defaultExperiment.stopTime) for file in files]
+    assert stops[0] != stops[1]
+    assert stop == max(stops)
 
 
 def truth():

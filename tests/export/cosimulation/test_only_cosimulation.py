@@ -69,7 +69,6 @@ def test_a_system_that_is_not_that_of_the_unit_shows(units):
     assert not mx.check_cosimulation(hidden, law, H, masters="jacobi", systems={"plant": other}).passed
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize(("words", "more"), [
     (r"systems\['plant'\] has no 'd' among its inputs", {"systems": {"plant": plant(disturbance=False)}}),
     ("systems: 'plan'; expected 'plant' or 'controller'", {"systems": {"plan": plant()}}),

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib_export.cosimulation.unit import state_space_of_unit
+from mbsvib_export.fmu_.binaries import this_platform
 from tests.export.cosimulation.loops import controller, plant, speed_feedback
 
 H = 1e-3
@@ -47,7 +48,13 @@ def test_units_without_connection():
     refused("no connection from outputs of the plant", plant(), controller(-1.0, inputs=("w",)), H)
 
 
-@pytest.mark.few(2)
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("units")
+    return (mx.to_fmu(plant(), folder / "plant.fmu", platforms=this_platform()),
+            mx.to_fmu(speed_feedback(), folder / "law.fmu", platforms=this_platform()))  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("words", "more"),
     [
@@ -57,11 +64,14 @@ def test_units_without_connection():
         ("excitation holds NaN", {"excitation": {"d": np.nan}}),
         ("masters: 'jakobi' is not among.*Did you mean 'jacobi'", {"masters": "jakobi"}),
         ("bonds: the plant has no 'Y'", {"bonds": {"F": "Y"}}),
+        ("bonds: the plant has no 'G'", {"bonds": {"G": "z"}}),
+        ("bonds: 'y' is in m/s; expected a displacement in m or an angle", {"bonds": {"F": "y"}}),
+        ("systems: 'law'; expected 'plant' or 'controller'", {"systems": {"law": plant()}}),
         ("duration = -1", {"duration": -1}),
     ],
 )
-def test_words(words, more):
-    refused(words, plant(), speed_feedback(), H, **more)
+def test_words(words, more, files):
+    refused(words, *files, H, **more)
 
 
 @pytest.mark.parametrize("step", [0.0, -1e-3, np.nan, np.inf, "fast"])
