@@ -82,10 +82,7 @@ def physical_affine(
 
 
 def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
-    """Return the derivatives of the equations with respect to parameters on which they depend affinely.
-
-    ``parameters``: names or patterns (``"leg*.k.stiffness"``).
-    """
+    """Return the derivatives of the equations by parameters (names or patterns) on which they depend affinely."""
     origin = origin_of(system, caller)
     known = origin.parameters
     names = names_of(known, parameters)

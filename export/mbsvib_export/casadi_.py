@@ -202,11 +202,7 @@ def _of_matrices(
 
 
 def _exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) -> tuple[Any, Any]:
-    """Return phi = e^(A dt) and gamma = int_0^dt e^(A s) ds B as expressions.
-
-    ``a``, ``b`` (n, n) and (n, inputs): expressions of the parameters. ``space``: the same with the parameters' own
-    values: it tells the scales of states and the number of squarings. ``dt``: step [s].
-    """
+    """Return phi = e^(A dt) and gamma = int_0^dt e^(A s) ds B; ``space``: A, B with the parameters' own values."""
     n, i = space.B.shape
     power = exponents(space.A, space.B, space.C)
     nominal = np.ldexp(space.A, power[None, :] - power[:, None]) * dt

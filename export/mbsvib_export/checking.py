@@ -243,9 +243,7 @@ def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> No
 
 
 def pole_error(poles: Complex, truth: Complex) -> float:
-    """Return the largest relative difference [1] of poles matched in pairs; infinity if their numbers differ.
-
-    ``poles``, ``truth`` (n,): poles [1/s]; differences of rigid-body poles are relative to the largest pole.
+    """Return the largest relative difference [1] of poles matched in pairs (rigid-body ones: to the largest).
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -171,8 +171,7 @@ def state_space_of(
 ) -> StateSpace:
     """Return the state space of an exporter's source with some of its ``outputs`` and ``inputs``, None: all.
 
-    ``source``: a system, a closed loop, or a state space, which is taken as it is. ``realization``: the requested
-    states of a system; a state space accepts "physical" (the default), which changes nothing.
+    ``realization``: states of a system; a state space is taken as it is, and accepts "physical" (the default).
     """
     source = with_ports(source, outputs, inputs)
     if isinstance(source, (System, DrivenSystem)):
@@ -195,10 +194,7 @@ def check_finite(space: Any, caller: str) -> None:
 
 
 def space_of(source: object, realization: str) -> object:
-    """Return the state space of a closed loop, a controller or equations of python-control; else the source.
-
-    ``realization``: the states wanted of a closed loop; those of a plant that is a state space stay as they are.
-    """
+    """Return the state space of a loop, controller or system of python-control, else the source."""
     kind = kind_of(source)
     if kind == "closed loop":
         plant = source.open_loop  # type: ignore[attr-defined]
@@ -225,9 +221,7 @@ def linear_of(source: object) -> Any:
 
 
 def refusal(source: object, caller: str, expected: str, fault: str = "") -> ExportError:
-    """Return the error of an exporter for what it cannot take, with advice.
-
-    ``expected``: what it takes. ``fault``: what is wrong, if that is not the kind of the object alone.
+    """Return the error of an exporter for what it cannot take, with advice; ``fault``: what is wrong, if not the kind.
     """
     kind, name = type(source).__name__, getattr(source, "name", "")
     if kind == "SparseSystem":
@@ -255,10 +249,7 @@ def only_port(system: Any, name: str | None, kind: str, caller: str) -> str:
 
 
 def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:
-    """Return a system, loop, state space or what was read from a file with some of its outputs and inputs.
-
-    ``outputs``, ``inputs``: names or patterns; None: all.
-    """
+    """Return a source of an exporter with some of its outputs and inputs, by names or patterns; None: all."""
     if outputs is None and inputs is None:
         return source
     if isinstance(source, SystemData):
@@ -280,10 +271,7 @@ def _with_ports(data: SystemData, outputs: Names, inputs: Names) -> SystemData:
 def data_of(
     source: object, realization: str, caller: str, outputs: Names = None, inputs: Names = None
 ) -> SystemData | StateSpace:
-    """Return what a file keeps: second-order equations where there are any, else first-order equations alone.
-
-    ``realization``, ``outputs``, ``inputs``: as in ``state_space_of``.
-    """
+    """Return what a file keeps: second-order equations where there are any, else first-order equations alone."""
     source = with_ports(source, outputs, inputs)
     second = source if isinstance(source, System) else \
         getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None  # fmt: skip
@@ -303,10 +291,7 @@ def checked(space: Space) -> Space:
 
 
 def system_data_of(source: object, realization: str, caller: str, why: str) -> SystemData:
-    """Return the second-order equations of an exporter's source.
-
-    ``source``: a system, a loop with static gains, or what was read from a file. ``realization``: as in
-    ``state_space_of``. ``why``: for the error message: why there must be such equations, and what to do without them.
+    """Return the second-order equations of a source; ``why``: for the error: what they are for, and what to do without.
     """
     data = data_of(source, realization, caller)
     if isinstance(data, SystemData):

@@ -81,10 +81,7 @@ def to_op4(
 
 
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
-    """Return the matrices that ``to_op4`` wrote, by their names in mbsvib; matrices without entries are missing.
-
-    Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations.
-    """
+    """Return the matrices that ``to_op4`` wrote by their names in mbsvib; those without entries are missing."""
     with content_read(path, "OP4 file", "op4") as raw:
         matrices = read_op4_file(raw, (*NAMES, *SPACE_NAMES))
         result = {NAMES[name]: array for name, array in matrices.items() if name in NAMES} or \

@@ -80,9 +80,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 @contextmanager
 def content_read(path: str | os.PathLike[str], kind: str, target: str) -> Iterator[bytes]:
-    """Return a context that gives the content of a file, and in which all errors of a reader become ``ExportError``.
-
-    ``kind``: of file, in words. ``target``: what follows ``to_`` and ``from_`` in the names of writer and reader.
+    """Return a context that gives the content of a file of ``to_TARGET``, in which all errors become ``ExportError``.
     """
     file, writer = a_path(path, f"from_{target}", ExportError), f"to_{target}"
     content, name = content_of(file, ExportError, f"a file of {writer}"), os.fspath(file)

@@ -21,10 +21,7 @@ CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum
 
 
 def check_points(eigenvalues: Complex) -> Array:
-    """Return ascending angular frequencies [rad/s] that distinguish systems: near, below and above resonances.
-
-    ``eigenvalues`` (n,): poles [1/s]. No undamped pole is among the frequencies.
-    """
+    """Return ascending angular frequencies [rad/s] near, below and above resonances, none of them an undamped pole."""
     size = np.unique(np.abs(eigenvalues[np.abs(eigenvalues) > 1e-9 * np.abs(eigenvalues).max(initial=0.0)]))
     if not len(size):
         return np.array([1.0, 10.0])
@@ -74,8 +71,6 @@ def response_scale(response: Complex, model: System | SystemData | StateSpace, o
 
     Large terms may cancel in an output, by symmetry or above all resonances. The scale is at least ``CANCELLED`` times
     the size of these terms, as their rounding remains; it is 1 where all is zero.
-
-    ``response`` (outputs, inputs, n). ``omega`` (n,): angular frequencies [rad/s].
     """
     terms: Any = _terms_of_states if isinstance(model, StateSpace) else _terms_of_coordinates
     result = CANCELLED * np.stack([terms(model, w) for w in omega], axis=-1)
@@ -104,10 +99,7 @@ def _terms_of_coordinates(model: System | SystemData, w: float) -> Array:
 
 
 def response_error(actual: Complex, truth: Complex, model: System | SystemData | StateSpace, omega: Array) -> float:
-    """Return the largest difference [1] of two responses relative to ``response_scale``; infinity if not finite.
-
-    ``actual``, ``truth`` (outputs, inputs, n). ``model``: whose responses they should be. ``omega`` (n,): angular
-    frequencies [rad/s].
+    """Return the largest difference [1] of two responses by the ``response_scale`` of a model; infinity if not finite.
     """
     if actual.shape != truth.shape:
         raise ExportError(f"responses have shapes {actual.shape} and {truth.shape}; expected the same inputs, outputs "

@@ -78,10 +78,9 @@ def _scalar_key(port: Part) -> Hashable:
 
 
 def geometry_of(linear: Any) -> Ends:
-    """Return the nodes of a system that have a position, and the points of its inputs and of its outputs.
+    """Return the nodes of a system that have a position, those of bodies first, and the points of its ports.
 
-    Nodes of the bodies come first, in the order of ``system.bodies``, then those of the ports. A closed loop has the
-    geometry of its plant. Equations from a file or from matrices have none: each port gets a node of its own.
+    A closed loop has the geometry of its plant. Equations from files have none: each port gets a node of its own.
     """
     system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts, ports = (system.provenance.parts, system.provenance.ports) if isinstance(system, System) else ((), ())

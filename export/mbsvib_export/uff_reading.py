@@ -277,11 +277,7 @@ def _add_mode(
     data: DataSet, content: _Content, layout: list[int], name: str, normal: tuple[float, float], eigenvalue: Array,
     at: int,
 ) -> None:  # fmt: skip
-    """Add a mode whose nodes begin at line ``at``.
-
-    ``normal``: frequency [Hz] and damping ratio of a normal mode. ``eigenvalue`` (2,): real and imaginary part of a
-    complex one.
-    """
+    """Add a mode, its nodes from line ``at`` on; ``normal``: frequency [Hz], damping; ``eigenvalue`` (2,) of others."""
     _, analysis, characteristic, kind, values, per_node = layout
     if analysis not in _MODAL or kind != _DISPLACEMENT or characteristic not in (2, 3) \
             or values not in (*_REAL_VALUES, *_COMPLEX_VALUES) or per_node not in (3, 6):  # fmt: skip

@@ -196,7 +196,7 @@ def function_of(
 ) -> Function | str:
     """Return the function of a data set 58 in SI units, or a text that says what it is if its type is not ``wanted``.
 
-    ``length``, ``force``: units of the file per metre and per newton, from data set 164.
+    ``length``, ``force``: units of the file per metre and per newton.
     """
     function, *_ = data.integers(5, 5)
     response_node, response_direction, reference_node, reference_direction = data.integers(
@@ -231,10 +231,7 @@ def _direction(number: int) -> int:
 
 
 def _numbers(data: DataSet, layout: tuple[int, bool], count: int, even: bool) -> tuple[Array, Array | Complex]:
-    """Abscissas and real or complex values of the lines or bytes behind the head.
-
-    ``layout``: columns of the values, and whether they are of double precision.
-    """
+    """Abscissas and values; ``layout``: columns of the values, and whether they are of double precision."""
     first, step = data.reals(6, -30, 13, 13)
     if count < 1:
         raise ContentError(f"data set 58 at line {data.start} has {count} points")

@@ -48,10 +48,7 @@ class Connections:
 
 
 def connect(units: Sequence[UnitFile], wishes: Mapping[str, str | None] | None) -> Connections:
-    """Return the connections of a plant and a controller: signals of one name, and those that are given.
-
-    ``wishes``: output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
-    """
+    """Return the connections of a plant and a controller: signals of one name, and ``wishes``, output by input."""
     outputs = dict(_input_of(units, name, wish) for name, wish in (wishes or {}).items())
     pairs, free, notes = [], [], []
     i = 0  # inputs of the FMUs before
@@ -110,10 +107,7 @@ def _same_unit(out: Signal, into: Signal, side: str) -> None:
 
 
 def refuse_algebraic_loop(units: Sequence[UnitFile], links: Connections, through: Sequence[Array]) -> None:
-    """Refuse a loop in which signals depend on each other at once, which no master without iteration can solve.
-
-    ``through`` (outputs, inputs): matrix D of each FMU.
-    """
+    """Refuse a loop in which signals depend on each other at once; ``through``: D (outputs, inputs) of each FMU."""
     filled = block_diag(*(np.abs(d) > _TINY * np.abs(d).max(initial=0.0) for d in through))
     direct = filled @ links.coupling  # row depends on column
     names = [f"{signal.name} ({side})" for side, unit in zip(SIDES, units, strict=True) for signal in unit.outputs]

@@ -112,10 +112,7 @@ class Loop:
 
 
 def loop_of(units: Sequence[Equations], coupling: Array, outside: Array, h: float) -> Loop:
-    """Return the loop of a plant and a controller with the step ``h`` [s].
-
-    ``units``: A, B, C, D of both. ``coupling`` (inputs, outputs), ``outside`` (inputs, free inputs): what inputs take.
-    """
+    """Return the loop of a plant and a controller, A, B, C, D each, with the step ``h`` [s]."""
     held = [(phi, now, change * h) for phi, now, change in (first_order_hold(a, b, h) for a, b, _, _ in units)]
     a, b, c, d = (block_diag(*parts) for parts in zip(*units, strict=True))
     phi, g0, g1 = (block_diag(*parts) for parts in zip(*held, strict=True))
@@ -138,10 +135,8 @@ def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
 
 
 def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
-    """Return the largest step [s], to 0.1 %, such that a master is stable with this and all shorter steps.
-
-    ``make``: step [s] -> Loop. ``step``: requested step [s]. ``growth``: largest real part of the closed loop's poles
-    [1/s]. Returns infinity if 100 times the requested step is still stable, 0 if a millionth of it is not.
+    """Return the largest step [s], to 0.1 %, such that a master is stable with this and all shorter steps:
+    infinity if 100 times the requested ``step`` is, 0 if a millionth is not. ``growth``: of the loop itself [1/s].
     """
 
     def stable(h: float) -> bool:

@@ -28,12 +28,7 @@ _MET, _ROUNDING, _WITHOUT_PROGRESS = 1e-14, 1e-8, 10
 
 
 def run(method: str, units: Sequence[UnitFile], loop: Loop, x: Array, e: Array, count: int) -> tuple[Array, Array]:
-    """Simulate the FMUs of a closed loop, plant and controller, with a master.
-
-    ``method``: one of ``MASTERS``. ``loop``: connections and step; its matrices of the FMUs are not used. Returns
-    outputs at the beginning and after each step (count + 1, outputs), and inputs at the middle of each step (count,
-    inputs).
-    """
+    """Return what a master makes of FMUs: outputs (count + 1, o) at all times, inputs (count, i) in mid-steps."""
     sides: list[Side] = []
     with ExitStack() as stack:
         i = o = 0

@@ -229,9 +229,7 @@ class _Values:
 
 
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
-    """Return A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs) of an FMU.
-
-    They are its results for unit states and inputs in initialization mode, of model exchange where it has both kinds.
+    """Return A, B, C, D of an FMU, its results for unit states and inputs, of model exchange where it has that.
     """
     n, m = len(unit.states), len(unit.inputs)
     with ExitStack() as stack:
@@ -260,10 +258,7 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
 
 
 def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
-    """Return the state space of an FMU, from the answers of its binary and not from the numbers in its archive.
-
-    ``path``: a unit with model exchange, or one that lists its states, FMI 2.0 or 3.0. Names are those of mbsvib;
-    ``transform`` is the identity, as an FMU knows no coordinates.
+    """Return the state space of an FMU that lists its states, from the answers of its binary, with the names of mbsvib.
     """
     with open_unit(path, "state_space_of_unit") as unit:
         if unit.hides_states:

@@ -72,9 +72,7 @@ def source_hash() -> str:
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled binaries of this version of the source, below ``MBSVIB_CACHE`` or the user's cache.
-
-    It need not exist.
+    """Return the folder of compiled binaries of this source, below ``MBSVIB_CACHE`` or the user's cache.
     """
     configured = os.environ.get(CACHE_VARIABLE)
     if configured:
@@ -89,11 +87,7 @@ def cache_folder() -> Path:
 
 
 def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]:
-    """Return the platforms that an export is for, this one first if it is among them.
-
-    ``platforms``: names, ``"all"``, or None: this platform, all others that the wheel brought, and the ``COMMON`` ones
-    where zig is installed.
-    """
+    """Return platforms by names, ``"all"`` or None: this one, those of the wheel, with zig the ``COMMON`` ones."""
     if platforms is None:
         common = COMMON if find_spec("ziglang") else ()
         return tuple(dict.fromkeys((_known(this_platform()), *filter(_in_wheel, PLATFORMS), *common)))
@@ -148,10 +142,7 @@ def binary(name: str) -> bytes:
 
 
 def build(name: str, folder: Path, portable: bool = False) -> Path:
-    """Compile the binary for a platform of ``PLATFORMS``.
-
-    ``portable``: compile with zig, for old systems too, even if this machine has a compiler of its own.
-    """
+    """Compile the binary for a platform of ``PLATFORMS``; ``portable``: with zig, for old systems too."""
     goal = PLATFORMS[name]
     result = folder / f"{_NAME}{goal.suffix}"
     sources = sorted(path.name for path in SOURCE.glob("*.c"))

@@ -29,11 +29,7 @@ _ABLE = {
 
 
 def description(version: str, variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
-    """Return modelDescription.xml of a version of FMI.
-
-    ``head``: attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
-    ``token``: the text that the matrices file has too.
-    """
+    """Return modelDescription.xml; ``head``: attributes of both standards; ``token``: as in the file of numbers."""
     able, exchange, steps = _ABLE[version]
     if version == "2.0":
         top = attributes(fmiVersion=version, guid=token, **head, variableNamingConvention="flat",
@@ -57,8 +53,8 @@ def description(version: str, variables: Variables, head: dict[str, str], identi
 
 
 def _variables_2(variables: Variables) -> list[str]:
-    described = [item.described() for item in variables.listed]  # numbered from 1 in the order of their references
-    return [f"<ScalarVariable{common}><Real{number}/></ScalarVariable>" for common, number in described]
+    return [f"<ScalarVariable{common}><Real{number}/></ScalarVariable>"  # numbered from 1 in order of their references
+            for common, number in (item.described() for item in variables.listed)]  # fmt: skip
 
 
 def _variables_3(variables: Variables) -> list[str]:

@@ -24,9 +24,7 @@ MAGIC = b"MBSLTI02"
 
 
 def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
-    """Return the content of resources/model.lti and the token that ties it to its description.
-
-    ``described``: all that the description says except the token, which depends on it: equal content, equal token.
+    """Return resources/model.lti and the token that ties it to its description, ``described`` without the token.
     """
     blocks, space = plant.blocks, plant.space
     n, m = len(space.states), len(space.inputs)

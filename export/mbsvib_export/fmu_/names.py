@@ -23,8 +23,7 @@ def identifier(name: str) -> str:
 def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
     """Return names that differ from each other over all groups, changed as little as possible.
 
-    A name that an earlier group has gets its own group appended (``"x"`` and ``"x (output)"``); control characters,
-    which XML cannot hold, become spaces. Groups are in the order of priority.
+    A name that an earlier group has gets its own group appended (``"x (output)"``); control characters become spaces.
     """
     used: set[str] = set()
     result: dict[str, list[str]] = {}
@@ -48,9 +47,7 @@ def original_outputs(outputs: Iterable[str], inputs: Iterable[str]) -> tuple[str
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
-    """Return the exponents other than 0 of kg, m, s and rad in a unit of mbsvib, such as ``"N m/rad"``.
-
-    Returns None for other units (``"modal"``, ``""``).
+    """Return the exponents other than 0 of kg, m, s, rad in a unit, ``"N m/rad"``; None for ``"modal"`` and ``""``.
     """
     if not unit or unit == "-":
         return None

@@ -74,9 +74,7 @@ def _amplitudes(space: tuple[Array, Array, Array, Array], values: Complex) -> tu
 def experiment_times(values: Complex) -> tuple[float, float]:
     """Return stop time and step [s] of the default experiment, of one digit: 1, 2 or 5.
 
-    The stop time is some periods of the slowest rate that does not belong to a rigid-body motion, or less: as many
-    periods of the fastest oscillation as integrators can compute. ``values`` (n,): eigenvalues of the state matrix
-    [1/s].
+    Some periods of the slowest rate of no rigid-body motion, or as many of the fastest as integrators can compute.
     """
     rates = np.abs(values)
     if not rates.any():

@@ -42,8 +42,7 @@ class Tunable:
 class Plant:
     """E x' = A x + B u,  y = C x + F x' + D u; E and F are there only where parameters are ``tunable``.
 
-    ``space`` has A, B, C, D and the names of mbsvib, with an empty unit where none is known. ``nominal`` are sizes of
-    states, ``times`` stop time and step [s] of the default experiment.
+    ``space`` has A, B, C, D; ``nominal`` are sizes of states, ``times`` stop time and step [s] of the experiment.
     """
 
     space: StateSpace
@@ -56,10 +55,9 @@ class Plant:
     @property
     def blocks(self) -> NDArray[np.int64]:
         """First rows of the diagonal blocks of A, and the number of states."""
-        n = len(self.space.states)
+        n, coupled = len(self.space.states), self.space.A != 0
         if n == 0 or self.tunable:
             return np.unique(np.array([0, n], dtype=np.int64))
-        coupled = self.space.A != 0
         index = np.arange(n)
         last_index = np.maximum(index, np.where(coupled | coupled.T, index, -1).max(axis=1))
         ends = np.flatnonzero(np.maximum.accumulate(last_index) == index) + 1
@@ -127,8 +125,6 @@ def _first_order(
 
 def patterns(plant: Plant) -> dict[str, Mask]:
     """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero for any values of the parameters.
-
-    Arrays of bool by "A", "B", "C" and "D".
     """
     assert plant.E is not None
     assert plant.F is not None

@@ -47,11 +47,7 @@ def description_of(path: str | os.PathLike[str]) -> Element:
 
 
 def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str, ...]]:
-    """Return the state space that stands in an FMU of mbsvib, and the folders of its binaries, which are not touched.
-
-    ``path``: a unit of ``to_fmu``, FMI 2.0 or 3.0. Names are those of mbsvib, parameters at their start values;
-    ``transform`` is the identity; platforms, as the archive names them.
-    """
+    """Return the state space in an FMU of ``to_fmu``, parameters at start values, and the folders of its binaries."""
     file = os.fspath(path)
     top, text, content, platforms = _opened(path)
     if content is None:

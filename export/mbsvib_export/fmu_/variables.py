@@ -51,9 +51,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """All variables of an FMU, and the references that each output and derivative depends on, parameters among them;
-    ``times`` are stop time and step [s] of the default experiment.
-    """
+    """All variables of an FMU, the references that each output and derivative depends on, and ``Plant.times``."""
 
     listed: tuple[Variable, ...]
     depends: dict[int, list[int]]
