@@ -32,7 +32,7 @@ from mbsvib_export.responses import (
 from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Complex
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.measurement.data import Measurement
     from mbsvib_export.neutral import Source
 
@@ -148,30 +148,35 @@ def _model(system: object, suffix: str) -> Model:
     return data_of(system, states, "check_export")
 
 
-def _of_equations(data: SystemData | StateSpace, model: Model | None, limit: float) -> tuple[Comparison, ...]:
-    if isinstance(data, SystemData) and not isinstance(model, StateSpace):
-        return _of_system(data, model, limit)
-    if model is None:
+def _of_equations(
+    data: SystemData | StateSpace, model: Model | None, limit: float, source: str = "A B C D"
+) -> tuple[Comparison, ...]:
+    """Equations of a file against the model, or without one the two forms that the file has against each other."""
+    of_bodies = data if isinstance(data, SystemData) and not isinstance(model, StateSpace) else None
+    reference, against = (model, "the model") if model is not None else (of_bodies, "its second-order equations")
+    if reference is None:
         raise ExportError(f"'{data.name}' is a state space, and its file has nothing to compare it with; give the loop "
                           f"or state space that it came from as well.")  # fmt: skip
-    return _of_space(data.state_space if isinstance(data, SystemData) else data, "A B C D", model, limit)
-
-
-def _of_system(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
-    reference, against = (data, "its second-order equations") if model is None else (model, "the model")
     _same_names(data, reference)
-    values = poles_of(reference)
+    space, values = data.state_space if isinstance(data, SystemData) else data, poles_of(reference)
     omega = check_points(values)
-    truth = response_of(reference, omega)
+    truth, errors = response_of(reference, omega), {}
 
-    def compared(source: str, response: Complex) -> Comparison:
-        return Comparison(f"response of {source}", against, response_error(response, truth, reference, omega), limit)
+    def compare(form: str, response: Complex) -> None:
+        errors[f"response of {form}"] = response_error(response, truth, reference, omega)
 
-    result = [compared("A B C D", state_space_response(data.state_space, omega))]
+    compare(source, state_space_response(space, omega))
     if model is not None:
-        result += [compared("M C K", second_order_response(data, omega)),
-                   Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit)]  # fmt: skip
-    # displacements of the bodies (6 bodies, inputs, n), recovered from the states
+        if of_bodies is not None:
+            compare("M C K", second_order_response(of_bodies, omega))
+        errors["poles"] = pole_error(poles(space.A), values)
+    if of_bodies is not None and not isinstance(reference, StateSpace):
+        errors["displacements of the bodies"] = _body_error(of_bodies, reference, omega)
+    return tuple([Comparison(quantity, against, error, limit) for quantity, error in errors.items()])
+
+
+def _body_error(data: SystemData, reference: System | SystemData, omega: Array) -> float:
+    """Error of the displacements of the bodies (6 bodies, inputs, n), recovered from the states."""
     space, m = data.state_space, len(data.coordinates)
     direct = np.zeros((m, len(data.inputs))) if space.through is None else space.through[:m]
     rows = data.body_motion.reshape(6 * len(data.bodies), m)
@@ -179,8 +184,7 @@ def _of_system(data: SystemData, model: System | SystemData | None, limit: float
     rows = reference.body_motion.reshape(6 * len(reference.bodies), len(reference.coordinates))
     exact = np.stack([rows @ motions(reference, w) for w in omega], axis=-1)
     scale = np.abs(exact).max(axis=(0, 2), keepdims=True, initial=0.0)
-    error = float(np.max(np.abs(actual - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
-    return (*result, Comparison("displacements of the bodies", against, error, limit))
+    return float(np.max(np.abs(actual - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
 
 
 def _of_responses(data: Measurement, model: Model, limit: float) -> tuple[Comparison, ...]:
@@ -212,25 +216,13 @@ def _of_unit(path: Path, model: Model, limit: float, run: bool) -> ExportCheck:
     if run:
         from mbsvib_export.cosimulation.unit import state_space_of_unit
 
-        return ExportCheck(path, _of_space(state_space_of_unit(path), "its derivatives", model, limit))
+        return ExportCheck(path, _of_equations(state_space_of_unit(path), model, limit, "its derivatives"))
     space, platforms = state_space_in(path)
     return ExportCheck(
-        path, _of_space(space, "A B C D", model, limit),
+        path, _of_equations(space, model, limit),
         (f"Not run: its binaries for {', '.join(platforms) or 'no platform'}. Where you trust the file: "
          "check_export(..., run=True), or --run.",),
     )  # fmt: skip
-
-
-def _of_space(space: StateSpace, source: str, model: Model, limit: float) -> tuple[Comparison, ...]:
-    _same_names(space, model)
-    values = poles_of(model)
-    omega = check_points(values)
-    truth = response_of(model, omega)
-    error = response_error(state_space_response(space, omega), truth, model, omega)
-    return (
-        Comparison(f"response of {source}", "the model", error, limit),
-        Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
-    )
 
 
 def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> None:

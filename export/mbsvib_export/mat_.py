@@ -97,10 +97,7 @@ def to_mat(
     plant: Any = system if is_uncertain(system) else None
     system = with_ports(system, outputs, inputs) if plant is None else with_channels(plant, outputs, inputs)
     data = data_of(system, realization, "to_mat")
-    if isinstance(data, SystemData):
-        content = _content(data, system if isinstance(system, System) else None)
-    else:
-        content = _space_content(data)
+    content = _content(data, system if isinstance(system, System) and isinstance(data, SystemData) else data)
     if plant is not None:
         content["uncertain"] = matlab_parameters(plant, _Words().cells)
     from scipy.io import savemat
@@ -169,46 +166,30 @@ def title(content: bytes) -> bytes:
     return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(content):08x}".encode().ljust(TITLE)
 
 
-def _content(data: SystemData, system: System | None) -> dict[str, Any]:
-    space, words = data.state_space, _Words()
-    first, rate, through = _mechss(data)
-    mech = {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
-            "CoordinateName": words.cells(data.coordinates),
-            "CoordinateUnit": words.cells(data.coordinate_units)}  # fmt: skip
-    extra = {"transform": space.transform, "bodies": words.cells(data.bodies),
-             "body_motion": data.body_motion, **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")},
-             **({} if space.through is None else {THROUGH: space.through})}  # fmt: skip
-    return _variables(data, space, words, mech, _checks(data if system is None else system), extra)
-
-
-def _space_content(space: FirstOrder) -> dict[str, Any]:
-    """First-order equations alone: what belongs to the equations of motion is empty."""
-    words = _Words()
-    mech = {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), np.zeros((0, 0))),
-            **dict.fromkeys(("CoordinateName", "CoordinateUnit"), words.cells(()))}  # fmt: skip
-    extra = {} if space.error_bound is None else {ERROR_BOUND: space.error_bound}
-    return _variables(space, space, words, mech, _checks(space), extra)
-
-
-def _checks(system: Any) -> dict[str, Any]:
-    """What the script compares the frequency response of the file with."""
-    omega = check_points(poles_of(system))
-    response = response_of(system, omega)
-    return {"omega": omega[:, None], "response": response, "scale": response_scale(response, system, omega)}
-
-
-def _variables(
-    data: SystemData | FirstOrder, space: FirstOrder, words: _Words, mech: dict[str, Any],
-    check: dict[str, Any], extra: dict[str, Any],
-) -> dict[str, Any]:  # fmt: skip
-    """All variables of the file."""
+def _content(data: SystemData | FirstOrder, source: System | SystemData | FirstOrder) -> dict[str, Any]:
+    """All variables of the file; what belongs to equations of motion is empty where there are none."""
+    words, omega = _Words(), check_points(poles_of(source))
+    response = response_of(source, omega)
+    if isinstance(data, SystemData):
+        space, (first, rate, through) = data.state_space, _mechss(data)
+        mech = {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
+                "CoordinateName": words.cells(data.coordinates),
+                "CoordinateUnit": words.cells(data.coordinate_units)}  # fmt: skip
+        extra = {"format": FORMAT, "transform": space.transform, "bodies": words.cells(data.bodies),
+                 "body_motion": data.body_motion, **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")},
+                 **({} if space.through is None else {THROUGH: space.through})}  # fmt: skip
+    else:
+        space = data
+        mech = {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), np.zeros((0, 0))),
+                **dict.fromkeys(("CoordinateName", "CoordinateUnit"), words.cells(()))}  # fmt: skip
+        extra = {"format": SPACE_FORMAT, **({} if space.error_bound is None else {ERROR_BOUND: space.error_bound})}
     result: dict[str, Any] = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
         "Name": words.plain(data.name),
         **{f"{signal}{kind}": words.cells(getattr(space, f"{signal.lower()}{end}")) for signal, kind, end in SIGNALS},
-        "mech": mech, "check": check,
-        "mbsvib": {"format": FORMAT if isinstance(data, SystemData) else SPACE_FORMAT, "version": float(VERSION),
-                   "realization": space.realization, **extra},
+        "mech": mech,
+        "check": {"omega": omega[:, None], "response": response, "scale": response_scale(response, source, omega)},
+        "mbsvib": {"version": float(VERSION), "realization": space.realization, **extra},
     }  # fmt: skip
     if words.changed:
         result["mbsvib"]["mapped"] = _cells(tuple(words.changed.values()))
