@@ -1,8 +1,12 @@
 """FMUs read as data: the same equations as their binaries have, and nothing of the archive is run."""
 
+import hashlib
+import re
 import shutil
+import struct
 import subprocess
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -101,3 +105,90 @@ def test_archives_that_were_changed(tmp_path):
     ):
         with pytest.raises(mv.ExportError, match=rf"y\.fmu: .*{message}"):
             mx.check_export(rewritten(path, tmp_path / "y.fmu", change), slider())
+
+
+def forged(path, goal, change):
+    """The archive with numbers changed as if they had been written so: checksum and token are those of the new ones."""
+    with zipfile.ZipFile(path) as archive:
+        text, content = archive.read("modelDescription.xml").decode(), archive.read("resources/model.lti")
+    sizes, body = change([*struct.unpack("<6q", content[16:64])], content[128:])
+    sizes = struct.pack("<6q", *sizes)
+    old = re.search(r'instantiationToken="([^"]*)"', text)[1]
+    digest = hashlib.sha256(sizes + body + text.replace(f'="{old}"', '=""', 1).encode()).hexdigest()
+    new = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+    rest = sizes + new.encode().ljust(64, b"\0") + body
+    numbers = content[:8] + struct.pack("<Q", zlib.crc32(rest)) + rest
+    return rewritten(path, goal, lambda name, old_content: numbers if name.endswith(".lti") else
+                     text.replace(old, new).encode() if name.endswith(".xml") else old_content)  # fmt: skip
+
+
+def changed(place, value, kind="<q"):
+    """The change of one number of 8 bytes; a negative place counts from the end."""
+    def change(sizes, body):
+        at = 8 * place % len(body)
+        return sizes, body[:at] + struct.pack(kind, value) + body[at + 8 :]
+
+    return change
+
+
+# quarter_car with 2 tunable parameters: 4 states, 3 inputs, 6 outputs, 1 block of A; with E and F behind D
+FORGERIES = {
+    "another number of inputs": (lambda sizes, body: ([4, 4, *sizes[2:]], body), "has 4 inputs, 6 outputs, 4 states"),
+    "half a number": (lambda sizes, body: (sizes, body + b"1234"), "sizes in .* do not fit its bytes"),
+    "blocks below zero": (lambda sizes, body: ([*sizes[:4], -1, sizes[5]], body), "sizes in .* do not fit its bytes"),
+    "entries below zero": (lambda sizes, body: ([*sizes[:5], -2], body), "sizes in .* do not fit its bytes"),
+    "more entries than bytes": (lambda sizes, body: ([*sizes[:5], 2**40], body), "sizes in .* do not fit its bytes"),
+    "a number more": (lambda sizes, body: (sizes, body + bytes(8)), r"\d+ numbers in .* do not fit its sizes"),
+    "a number less": (lambda sizes, body: (sizes, body[:-8]), r"\d+ numbers in .* do not fit its sizes"),
+    "no number": (changed(-1, np.nan, "<d"), "holds NaN or infinity"),
+    "first row of A": (changed(0, 1), "the blocks of .* do not fit 4 states"),
+    "last row of A": (changed(1, 5), "the blocks of .* do not fit 4 states"),
+    "first entry": (changed(2, 1), "the parameters of .* do not fit their entries"),
+    "last entry": (changed(4, 2), "the parameters of .* do not fit their entries"),
+    "entries backwards": (changed(3, 99), "the parameters of .* do not fit their entries"),
+    "a place before A": (changed(5, -1), "entries of parameters lie outside"),
+    "a place behind F": (changed(5, 16 + 12 + 24 + 18 + 16 + 24), "entries of parameters lie outside"),
+}
+
+
+@pytest.mark.parametrize("case", FORGERIES)
+def test_numbers_that_contradict_each_other(case, tmp_path):
+    change, message = FORGERIES[case]
+    path = mx.to_fmu(library.quarter_car().linearize(), tmp_path / "x.fmu", platforms=this_platform(),
+                     tunable=("suspension.stiffness", "body.mass")).path  # fmt: skip
+    same = forged(path, tmp_path / "y.fmu", lambda sizes, body: (sizes, body))
+    assert state_space_in(same)[0].B.shape == (4, 3)
+    with pytest.raises(mv.ExportError, match=rf"y\.fmu: .*{message}"):
+        state_space_in(forged(path, tmp_path / "y.fmu", change))
+
+
+def test_masses_and_start_values_that_contradict_the_description(tmp_path):
+    path = mx.to_fmu(library.quarter_car().linearize(), tmp_path / "x.fmu", platforms=this_platform(),
+                     tunable=("suspension.stiffness",)).path  # fmt: skip
+    masses = (-30, -29, -26, -25)  # before the 24 numbers of F, in the last two rows of E
+    for values, message in (((1.0, 1.0, 1.0, 1.0), "Singular matrix"),
+                            ((5e-324, 0.0, 0.0, 1.0), "its mass matrix cannot be inverted")):
+        def change(sizes, body, values=values):
+            for place, value in zip(masses, values, strict=True):
+                sizes, body = changed(place, value, "<d")(sizes, body)
+            return sizes, body
+
+        with pytest.raises(mv.ExportError, match=rf"y\.fmu: {message}"):
+            state_space_in(forged(path, tmp_path / "y.fmu", change))
+    start = 2 + 2 + 1 + 4 + 4 + 3  # edges, first entries, a place, then two numbers of each state and one of each input
+    with pytest.raises(mv.ExportError, match="start values of parameters differ"):
+        state_space_in(forged(path, tmp_path / "y.fmu", changed(start, 22001.0, "<d")))
+
+
+def test_blocks_of_modal_states_stand_one_after_the_other(tmp_path):
+    """Modes of unlike sizes: two states each of those that oscillate, one each of those that do not."""
+    a = np.zeros((5, 5))
+    a[:2, :2], a[2, 2], a[3:, 3:] = [[0.0, 1.0], [-4.0, -0.3]], -7.0, [[0.0, 1.0], [-9.0, -0.1]]
+    b, c = np.arange(1.0, 11.0).reshape(5, 2), np.arange(3.0, 18.0).reshape(3, 5)
+    d = np.arange(6.0).reshape(3, 2)
+    space = mv.StateSpace.from_arrays(a, b, c, d)
+    found, platforms = state_space_in(mx.to_fmu(space, tmp_path / "x.fmu", platforms=this_platform()).path)
+    for key, matrix in zip("ABCD", (a, b, c, d), strict=True):
+        np.testing.assert_array_equal(getattr(found, key), matrix)
+    assert platforms == (this_platform(),)
+    assert found.states == space.states
