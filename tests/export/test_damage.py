@@ -60,3 +60,18 @@ def test_a_changed_number_is_found(tmp_path):
         path.write_bytes(raw[:at] + np.float64(2e4).tobytes() + raw[at + 8 :])
         with pytest.raises(mv.ExportError, match=name):
             read(path)
+
+
+@pytest.mark.parametrize("suffix", ["mat", "h5", "npz"])
+def test_a_changed_letter_is_found(suffix, tmp_path):
+    """A name or unit that is another one contradicts nothing in the file but its checksum."""
+    write, read, package = KINDS.get(suffix, (mx.to_npz, mx.from_npz, "numpy"))
+    pytest.importorskip(package)
+    path = tmp_path / f"x.{suffix}"
+    write(slider(outputs=("height",)), path)
+    raw = path.read_bytes()
+    letters = "".join(f"{letter}\0\0\0" for letter in "height").encode() if suffix == "npz" else b"height"
+    assert letters in raw
+    path.write_bytes(raw.replace(letters, letters.replace(b"g", b"x")))
+    with pytest.raises(mv.ExportError, match=rf"x\.{suffix}: .*(damaged|CRC)"):
+        read(path)

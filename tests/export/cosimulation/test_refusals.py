@@ -131,6 +131,15 @@ def test_units_that_were_tampered_with(version, tmp_path):
             state_space_of_unit(path)
 
 
+def test_units_of_the_first_version(tmp_path):
+    """A whole description of FMI 1.0 is refused for its version, not for what else it lacks."""
+    text = ('<fmiModelDescription fmiVersion="1.0" modelName="m" modelIdentifier="m" guid="g" '
+            'numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/></fmiModelDescription>')
+    with zipfile.ZipFile(tmp_path / "old.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", text)
+    refused(r"old\.fmu: is an FMU of FMI 1\.0; expected 2\.0 or 3\.0", tmp_path / "old.fmu", speed_feedback(), H)
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("lacks", "message"), [
     (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),

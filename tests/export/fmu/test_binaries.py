@@ -118,6 +118,12 @@ def test_platforms_are_checked(given, words, tmp_path):
         mx.to_fmu(slider(), tmp_path / "unit.fmu", platforms=given)
 
 
+@pytest.mark.skipif("linux" not in HERE, reason="other platforms have their mathematics elsewhere")
+def test_a_binary_brings_the_mathematics_that_it_calls():
+    """Else it loads in programs only that have loaded them, as Python has."""
+    assert b"libm.so" in binaries.binary(HERE)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", binaries.PLATFORMS)
 def test_zig_compiles_for_every_platform(name, tmp_path):

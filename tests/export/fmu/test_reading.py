@@ -7,6 +7,7 @@ import struct
 import subprocess
 import zipfile
 import zlib
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -192,3 +193,40 @@ def test_blocks_of_modal_states_stand_one_after_the_other(tmp_path):
         np.testing.assert_array_equal(getattr(found, key), matrix)
     assert platforms == (this_platform(),)
     assert found.states == space.states
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_what_the_description_says_of_each_variable(version, tmp_path):
+    """Causality, variability, units and start values; of FMI 3, which may change within a step: inputs and outputs."""
+    path = mx.to_fmu(slider(inputs=("F", "time")), tmp_path / "x.fmu", version, tunable="k.stiffness",
+                     platforms=this_platform()).path  # fmt: skip
+    with zipfile.ZipFile(path) as archive:
+        top = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    result = []
+    for item in top.find("ModelVariables"):
+        words = {**item.attrib, **(item[0].attrib if version == "2.0" else {})}
+        result.append([words.get(key) for key in ("name", "valueReference", "causality", "variability", "initial",
+                                                  "unit", "start", "derivative", "intermediateUpdate")])  # fmt: skip
+    new = version == "3.0"
+    during = "true" if new else None
+    clock = [["time_", "0", "independent", "continuous", *[None] * 5]] if new else []
+    assert result == [
+        *clock,
+        ["F", "1", "input", "continuous", None, "N", "0.0", None, during],
+        ["time", "2", "input", "continuous", None, "N", "0.0", None, during],
+        ["z", "3", "output", "continuous", "calculated", "m", None, None, during],
+        ["guide.z", "4", "local", "continuous", "exact", "m", "0.0", None, None],
+        ["d(guide.z)/dt", "5", "local", "continuous", "exact", "m/s", "0.0", None, None],
+        ["der(guide.z)", "6", "local", "continuous", "calculated", "m/s", None, "4", None],
+        ["der(d(guide.z)/dt)", "7", "local", "continuous", "calculated", "m/s^2", None, "5", None],
+        ["k.stiffness", "8", "parameter", "tunable", "exact", "N/m", "10000.0", None, None],
+    ]
+    # z depends on the position alone, the rates on velocity, and on all with the parameter
+    word = "valueReference" if new else "index"
+    listed = [(item.tag if new else group.tag, item.get(word), item.get("dependencies"))
+              for group in top.findall("ModelStructure" if new else "ModelStructure/*") for item in group]  # fmt: skip
+    knowns = [("3", "4 8"), ("6", "5 8"), ("7", "1 2 4 5 8")]
+    kinds = [("Output", 0), ("ContinuousStateDerivative", 1), ("ContinuousStateDerivative", 2)] if new else [
+        ("Outputs", 0), ("Derivatives", 1), ("Derivatives", 2)]  # fmt: skip
+    kinds += [("InitialUnknown" if new else "InitialUnknowns", k) for k in range(3)]
+    assert listed == [(kind, *knowns[k]) for kind, k in kinds]
