@@ -149,7 +149,7 @@ class Model(
             As of ``linearize``.
         pose : str or sequence of str, optional
             Names or patterns of joint coordinates (``"leg*.slide.z"``): behind those of the parameters, values are then
-            their displacements from the described pose [m, rad], as of ``moved``. Without derivatives.
+            their displacements from the described pose [m, rad], as of ``moved``.
         relaxed : bool
             As of ``moved``: whether springs and bushings keep the forces of the described pose.
         align : float, optional

@@ -181,7 +181,7 @@ class Plant(Displayed):
         values : array-like, shape (p,) or (n, p)
             Values in the order of ``names``.
         gradient : bool
-            True: return the derivatives to all parameters, too; not for plants with pose coordinates.
+            True: return the derivatives to all parameters and pose coordinates, too.
 
         Returns
         -------
@@ -197,10 +197,8 @@ class Plant(Displayed):
         ModelError, SingularPoseError, EquilibriumError
             As of ``plant(values)``.
         """
-        if gradient:
-            self._refuse_pose("eigenvalues")
         array, single = self._checked(values)
-        batch = self._batch(array)
+        batch = self._differentiable(array, "eigenvalues") if gradient else self._batch(array)
         modes = batch.basis.modal if gradient else batch.modes()
         eigenvalues = modes.eigenvalues[0] if single else modes.eigenvalues
         if not gradient:
@@ -232,11 +230,10 @@ class Plant(Displayed):
         Raises
         ------
         ModelError, SingularPoseError, EquilibriumError
-            As of ``plant(values)``, and if the plant has pose coordinates.
+            As of ``plant(values)``, and if poses vary and are computed one by one, as where parameters move joints.
 
         Source: Martins, Sturdza & Alonso, ACM Trans. Math. Softw. 29 (2003) 245, for complex steps.
         """
-        self._refuse_pose("tangent")
         array, single = self._checked(values)
         rates = self._array(direction, "direction", "tangent")
         if rates.ndim not in (1, 2) or rates.shape[-1] != len(self.names):
@@ -244,7 +241,7 @@ class Plant(Displayed):
                              f"of each parameter, or several of these.", field="direction")  # fmt: skip
         from mbsvib.sensitivities.plant_slopes import tangents
 
-        slopes = tangents(self._plan, self._batch(array), np.atleast_2d(rates).T)
+        slopes = tangents(self._plan, self._differentiable(array, "tangent"), np.atleast_2d(rates).T)
         one = 0 if rates.ndim == 1 else slice(None)
         return Tangent(**{key: slope[0, one] if single else slope[:, one] for key, slope in slopes.items()})
 
@@ -289,13 +286,16 @@ class Plant(Displayed):
         values = with_checked_parts(Values.of(slots, columns[:count]))
         return replace(values, displacements=dict(zip(self.names[count:], columns[count:], strict=True)))
 
-    def _refuse_pose(self, caller: str) -> None:
-        """Refuse derivatives where values are displacements of joint coordinates, too."""
-        moving = self.names[len(self._plan.slots.names) :]
-        if moving:
-            raise ModelError(f"{caller}: the plant has the pose coordinate '{moving[0]}', and no derivatives in poses "
-                             f"that vary. Compile the model of one pose, model.moved(...), without pose= for "
-                             f"derivatives to its parameters.", element=moving[0], field="pose")  # fmt: skip
+    def _differentiable(self, array: Array, caller: str) -> Batch:
+        """The batch, refused where poses vary and variants are computed one by one: these have no derivatives."""
+        plan, batch = self._plan, self._batch(array)
+        if plan.posed is not None and (batch.provenances is not None or not plan.at_once(batch.values)):
+            moving = self.names[len(plan.slots.names)]
+            raise ModelError(f"{caller}: no derivatives to the pose coordinate '{moving}': poses are computed one by "
+                             f"one, as a parameter moves joints or points, or an element has no closed form in other "
+                             f"poses. Compile the model of one pose, model.moved(...), without pose= for "
+                             f"derivatives to its parameters.", element=moving, field="pose")  # fmt: skip
+        return batch
 
     def _checked(self, values: ArrayLike) -> tuple[Array, bool]:
         """Values (n, p), and whether they are those of a single variant."""

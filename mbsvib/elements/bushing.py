@@ -191,7 +191,7 @@ def about(k: Array, c: Array, preload: Array, d: Array, rho: Array) -> tuple[Arr
     """
     wrench = preload - (k @ np.concatenate((d, rho), axis=-1)[..., None])[..., 0]
     has_moment = rho.any(axis=-1) & (wrench[..., 3:].any(axis=-1) | k[..., 3:, :].any(axis=(-1, -2)))
-    jacobian = np.zeros((*rho.shape[:-1], 6, 6))  # d(d, rho) / d(displacement, rotation)
+    jacobian = np.zeros((*rho.shape[:-1], 6, 6), rho.dtype)  # d(d, rho) / d(displacement, rotation)
     jacobian[..., :3, :3], jacobian[..., 3:, 3:] = _SIX[:3, :3], inverse_jacobian(rho)
     transposed = jacobian.swapaxes(-1, -2)
     tangent = transposed @ k @ jacobian

@@ -28,6 +28,7 @@ from mbsvib.elements.part import ParameterField, Part
 from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
+from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
@@ -138,8 +139,8 @@ def about(
     """
     w, vector = quaternion(relative)
     x, y, z = np.moveaxis(vector, -1, 0)
-    square, swing = w * w + z * z, np.hypot(x, y)
-    angle = 2.0 * np.arctan2(z, w)
+    square, swing = w * w + z * z, np.hypot(x.real, y.real)
+    angle = 2.0 * arctan2(z, w)
     lost = np.argwhere((square < LARGEST_SWING) | (np.abs(angle) > bushing.LARGEST_ANGLE))
     if len(lost):
         at = tuple(lost[0].tolist())
@@ -148,13 +149,14 @@ def about(
                          f"{across:.0f} across it, where its angle is not unique. Describe the model in a nearer "
                          f"pose.", element=who, field="stiffness")  # fmt: skip
     moment = preload - stiffness * angle
-    g, h = np.zeros((2, *relative.shape[:-1]))
+    g, h = np.zeros((2, *relative.shape[:-1]), relative.dtype)
     g[..., 2] = 1.0
     swings = swing > SWING
-    g[..., 0], g[..., 1] = (np.where(swings, entry / square, 0.0) for entry in (w * y + z * x, z * y - w * x))
+    tilts = (w * y + z * x, z * y - w * x)
+    g[..., 0], g[..., 1] = (np.where(swings, entry, entry - entry.real) / square for entry in tilts)
     h[..., 0], h[..., 1] = g[..., 1], -g[..., 0]
     squares, mixed = (a[..., :, None] * b[..., None, :] for a, b in ((g, g), (g, h)))
-    result = np.zeros((2, *np.shape(moment), 6, 6))
+    result = np.zeros((2, *np.shape(moment), 6, 6), moment.dtype)
     result[0, ..., 3:, 3:] = np.asarray(stiffness)[..., None, None] * squares
     result[0, ..., 3:, 3:] += 0.5 * moment[..., None, None] * (mixed + mixed.swapaxes(-1, -2))
     result[1, ..., 3:, 3:] = np.asarray(damping)[..., None, None] * squares

@@ -65,6 +65,8 @@ def closure_along(
 def _moved(values: Values, length: float) -> Array:
     """The largest motion or rotation of a body or joint, and change of a ratio, of steps (variants,) per ``length``."""
     result = np.zeros(values.count)
+    for name, array in values.displacements.items():
+        result = np.maximum(result, np.abs(array.imag) / (1.0 if name.rpartition(".")[2][0] == "r" else length))
     for part, fields in values.fields.items():
         for field, array in fields.items():
             if field in ("position", "start", "end", "pitch"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -82,10 +82,13 @@ class Values:
         """Return imaginary steps along directions (k,), by name, from all variants, as values of parts in the
         equations: k of each variant, one variant behind the other.
         """
-        names = self.slots.names
+        names = (*self.slots.names, *self.displacements)
         rates = np.array([directions[name] for name in names])
-        values: Any = self.numbers[self.slots.rows][:, :, None] + 1j * STEP * rates[:, None]
-        return Values.of(self.slots, values.reshape(len(names), -1)).in_equations
+        before = np.array([*self.numbers[self.slots.rows], *self.displacements.values()])
+        values: Any = (before[:, :, None] + 1j * STEP * rates[:, None]).reshape(len(names), -1)
+        count = len(self.slots.names)
+        displacements = dict(zip(self.displacements, values[count:], strict=True))
+        return replace(Values.of(self.slots, values[:count]), displacements=displacements).in_equations
 
     @property
     def stepped(self) -> bool:

@@ -79,14 +79,15 @@ class Bushings:
         matrices = [bushing.symmetric_part(array[..., at, :, :]) for array in (stiffness, damping)]
         values, units = (np.concatenate(arrays, axis=-2) for arrays in zip(
             *[(value[..., None, :], unit) for value, unit in map(signed_rows, matrices)], strict=True))  # fmt: skip
-        lead, count = units.shape[:-3], 12 * len(at)
+        lead, each = units.shape[:-3], units.shape[-2]
+        count = each * len(at)
         zero = np.zeros_like(values[..., 0, :])
         k, c = (np.concatenate(pair, axis=-1).reshape(*lead, count) for pair in (
             (values[..., 0, :], zero), (zero, values[..., 1, :])))  # fmt: skip
         turned = units.reshape(*units.shape[:-1], 2, 3) @ axes.swapaxes(-1, -2)[..., None, :, :]
         force, moment = (components_first(turned[..., i, :].reshape(*lead, count, 3)) for i in (0, 1))
-        place = np.repeat(pose.points(self.second[at], self.at[at]), 12, axis=-2)
-        ends = [np.repeat(array[at], 12) for array in (self.first, self.second, self.owner)]
+        place = np.repeat(pose.points(self.second[at], self.at[at]), each, axis=-2)
+        ends = [np.repeat(array[at], each) for array in (self.first, self.second, self.owner)]
         rows = Rows(ends[0], ends[1], components_first(place), force, moment)
         return ElementRows(rows, k, c, ends[2], units.reshape(*lead, count, 6))
 
@@ -112,14 +113,15 @@ class PosedForces:
         stiffness, bushings = self.stiffness, self.bushings
         for k, name in enumerate(names[: applied.lines]):
             if "stiffness" in values.fields.get(name, {}):
-                stiffness = np.array(np.broadcast_to(stiffness, (values.count, applied.lines)))
+                stiffness = np.array(np.broadcast_to(stiffness, (values.count, applied.lines)), values.numbers.dtype)
                 stiffness[:, k] = values.fields[name]["stiffness"]
         changes: dict[str, Any] = {}
         for k, name in enumerate(names[applied.lines :]):
             for key in ("stiffness", "damping"):
                 if key in values.fields.get(name, {}):
                     matrix = changes.get(key, getattr(bushings, key))
-                    changes[key] = matrix = np.array(np.broadcast_to(matrix, (values.count, *matrix.shape[-3:])))
+                    changes[key] = matrix = np.array(
+                        np.broadcast_to(matrix, (values.count, *matrix.shape[-3:])), values.numbers.dtype)
                     array = np.moveaxis(values.fields[name][key], -1, 0)
                     matrix[:, k] = array if array.ndim == 3 else array[..., None] * np.eye(6)
         return replace(self, applied=applied, stiffness=stiffness, bushings=replace(bushings, **changes))
@@ -134,7 +136,8 @@ class PosedForces:
         start, stop = pose.points(pairs.first, pairs.start.T), pose.points(pairs.second, pairs.end.T)
         start[..., :n, :], start[..., end:, :] = stop[..., :n, :], stop[..., end:, :]
         lead = pose.centre.shape[:-2]
-        force, torque = (np.array(np.broadcast_to(components_last(array), (*lead, len(applied.names), 3)))
+        shape = (*lead, len(applied.names), 3)
+        force, torque = (np.array(np.broadcast_to(components_last(array), shape), pose.centre.dtype)
                          for array in (pairs.force, pairs.torque))  # fmt: skip
         follows = applied.follower.nonzero()[0]
         for array in (force, torque):
@@ -163,7 +166,8 @@ class PosedForces:
         length = np.sqrt(np.square(line).sum(axis=-1))
         if not relaxed:
             tension = tension + self.stiffness * (length - before)
-            tension = np.where(np.abs(tension) < ROUNDING * np.abs(self.stiffness) * before, 0.0, tension)
+            none = np.abs(tension) < ROUNDING * np.abs(self.stiffness) * before
+            tension = np.where(none, tension - tension.real, tension)
         return np.asarray(-(tension / length)[..., None] * line)
 
 

@@ -100,7 +100,8 @@ class PosedScene:
         """The rows of connections as they go with their bodies."""
         springs, rows, lead = scene.springs, scene.springs.rows, pose.centre.shape[:-2]
         described = [components_last(array) for array in (rows.force, rows.moment, rows.point)]
-        force, moment, point = (np.array(np.broadcast_to(array, (*lead, *array.shape[-2:]))) for array in described)
+        force, moment, point = (np.array(np.broadcast_to(array, (*lead, *array.shape[-2:])), pose.centre.dtype)
+                                for array in described)
         straight = self.straight[springs.owner]
         lines, others = straight.nonzero()[0], (~straight).nonzero()[0]
         first, second, owner = rows.first, rows.second, springs.owner[lines]

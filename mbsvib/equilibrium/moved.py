@@ -113,8 +113,11 @@ class Poses:
     def at(self, values: Array, caller: str = "moved", first: int | None = None) -> Pose:
         """Return the poses for displacements (v, p) [m, rad], of which all are reached, or a ``ModelError``.
 
-        ``caller`` is named in messages, with the number of the pose from ``first``, if given.
+        ``caller`` is named in messages, with the number of the pose from ``first``, if given. Complex displacements are
+        steps from those that their real parts are.
         """
+        if np.iscomplexobj(values):
+            return self._along(values)
         target = np.zeros((len(values), len(self.closing.kinematics.coordinates.names)))
         target[:, self.places] = values
         reached, lost, done = self.closing.poses(target)
@@ -123,6 +126,14 @@ class Poses:
             raise self._unreachable(values[i], float(done[i]), float(reached.opening[i]),
                                     caller if first is None else f"{caller} {first + i}")  # fmt: skip
         return reached.pose
+
+    def _along(self, values: Array) -> Pose:
+        """Return steps from poses that are reached, each pose computed once."""
+        some, which = np.unique(values.real, axis=0, return_inverse=True)
+        target, change = np.zeros((2, len(values), len(self.closing.kinematics.coordinates.names)))
+        target[: len(some), self.places], change[:, self.places] = some, values.imag
+        reached, _, _ = self.closing.poses(target[: len(some)])
+        return self.closing.along(reached[which.reshape(-1)], change)
 
     def _unreachable(self, values: Array, done: float, gap: float, caller: str) -> ModelError:
         upto = ", ".join(f"{name} = {done * value:.6g}" for name, value in zip(self.names, values, strict=True))

@@ -155,14 +155,27 @@ class Closing:
         Returns the poses, and a mask of those without dependent motions many times larger than the step, which
         indicate a jump or a dead point.
         """
-        scale = self.kinematics.scale
-        by = np.where(self.depends, 0.0, change / scale)
-        right = (before.closure @ by[..., None])[..., 0]
-        for rows, dependent in self.blocks:
-            by[:, dependent] = -_solved(before.closure, rows, dependent, right)
+        scale, by = self.kinematics.scale, self._with_dependent(before.closure, change)
         small = np.abs(by).max(axis=1, initial=0.0) <= 10.0 * LONGEST
         q = np.where(self.depends, before.q + scale * np.where(small[:, None], by, 0.0), values)
         return self.closed(q, before, enough), small
+
+    def _with_dependent(self, closure: Array, change: Array) -> Array:
+        """The changes of all coordinates, in their units, where the independent ones change by ``change`` (v, n)."""
+        by = np.where(self.depends, 0.0, change / self.kinematics.scale)
+        right = (closure @ by[..., None])[..., 0] if self.blocks else by
+        for rows, dependent in self.blocks:
+            by[:, dependent] = -_solved(closure, rows, dependent, right)
+        return by
+
+    def along(self, reached: Reached, change: Array) -> Pose:
+        """Return imaginary steps from poses (v) with closed loops: the independent coordinates change by ``change``
+        (v, n), the others such that loops stay closed.
+        """
+        kinematics = self.kinematics
+        at = reached if kinematics.cuts is None else self._with_closure(reached)
+        q = at.q + 1j * kinematics.scale * self._with_dependent(at.closure, change)
+        return kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
 
     def closed(self, q: Array, before: Reached | None, enough: float) -> Reached:
         """Return the poses for values (v, n) with the dependent ones changed such that loops are closed.

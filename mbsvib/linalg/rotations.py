@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.components import arctan2
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
@@ -80,10 +82,13 @@ def exponential(w: Array) -> Array:
 
 
 def logarithm(rotation: Array) -> Array:
-    """Return the rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), at most half a turn long."""
+    """Return the rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), at most half a turn long.
+
+    Complex matrices are steps from the rotations that their real parts are.
+    """
     w = axial(rotation)
     sine, cosine = np.sqrt(np.add.reduce(w * w, axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
+    angle = arctan2(sine, cosine)
     straight = cosine <= HALF_TURN
     if not np.count_nonzero(straight):
         angle = np.maximum(angle, LEAST)
@@ -93,7 +98,7 @@ def logarithm(rotation: Array) -> Array:
     # close to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
     symmetric = 0.5 * (rotation + rotation.T) - cosine * _IDENTITY
     axis = symmetric[:, int(np.argmax(np.diagonal(symmetric)))]
-    axis = axis / np.linalg.norm(axis)
+    axis = axis / np.sqrt(axis @ axis)
     return np.asarray(angle * (axis if axis @ w >= 0.0 else -axis))
 
 

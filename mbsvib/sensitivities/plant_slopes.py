@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.equations.terms import MATRICES
 from mbsvib.mechanism.changes import to_angular_velocities
+from mbsvib.mechanism.parameters import Parameter
 from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
@@ -74,7 +75,7 @@ class PoseBasis(SensitivityBasis):
 
 def steps(plan: BatchPlan, batch: BatchEquations, directions: Array) -> dict[str, Array]:
     """Return derivatives (n, k, ...) of the matrices along the columns of directions (p, k), by complex steps."""
-    known = plan.derivatives(batch, dict(zip(plan.slots.names, directions, strict=True)))
+    known = plan.derivatives(batch, dict(zip(batch.parameters, directions, strict=True)))
     return {key: array for key in MATRICES if (array := known[key]) is not None}
 
 
@@ -85,7 +86,8 @@ def eigenvalue_slopes(plan: BatchPlan, batch: BatchEquations, modes: BatchModes)
     """
     names, coordinates = plan.slots.names, len(plan.scene.coordinates.names)
     at_once, worth = plan.at_once(batch.values), WORTH_ADJOINT_LOADED if plan.own_decisions else WORTH_ADJOINT
-    if at_once and (len(names) * (coordinates**2 + OWN**2) <= worth or plan.nominal.provenance.separation is not None):
+    many = len(names) * (coordinates**2 + OWN**2) > worth and plan.nominal.provenance.separation is None
+    if plan.posed is not None or (at_once and not many):
         return _by_steps(plan, batch, modes)
     result = []
     for i in range(len(batch)):
@@ -97,9 +99,11 @@ def eigenvalue_slopes(plan: BatchPlan, batch: BatchEquations, modes: BatchModes)
 
 def _by_steps(plan: BatchPlan, batch: BatchEquations, modes: BatchModes) -> Complex:
     """Derivatives of the eigenvalues of all variants by complex steps along all parameters."""
-    parameters, names, every = plan.slots.parameters, plan.slots.names, np.arange(len(plan.slots.names))
+    parameters, names = plan.slots.parameters, tuple(batch.parameters)
+    every = np.arange(len(names))
     network, slopes = bare_network(batch.nominal), steps(plan, batch, np.eye(len(names)))
-    entries = ListedLater(len(names), lambda: [parameters.entry(name) for name in names])
+    entries = ListedLater(len(names), lambda: [
+        parameters.entry(name) if name in parameters else _displacement(name) for name in names])  # fmt: skip
     requested = Variables(names, entries, parameters.parts, every, every, np.ones(len(names)))
     result = []
     for i in range(len(batch)):
@@ -111,9 +115,15 @@ def _by_steps(plan: BatchPlan, batch: BatchEquations, modes: BatchModes) -> Comp
     return np.array(result)
 
 
+def _displacement(name: str) -> Parameter:
+    """A joint coordinate of the pose as a parameter."""
+    joint, _, direction = name.rpartition(".")
+    return Parameter(name, joint, "displacement", (), 0.0, "rad" if direction[0] == "r" else "m")
+
+
 def tangents(plan: BatchPlan, batch: BatchEquations, directions: Array) -> dict[str, Array]:
     """Return the derivatives (n, k, ...) of the matrices of all variants along directions (p, k)."""
-    if plan.at_once(batch.values):
+    if plan.posed is not None or plan.at_once(batch.values):
         return steps(plan, batch, directions)
     result = []
     for i in range(len(batch)):

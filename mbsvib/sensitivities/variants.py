@@ -204,6 +204,8 @@ class Variants:
         ``scale_of`` says.
         """
         known = self._model.parameters
+        if name not in known:  # a joint coordinate
+            return 1.0 if name.rpartition(".")[2][0] == "r" else self._size
         field, scale = known.entry(name).field, scale_of(known, name)
         if field in PLACES:
             return self._size

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from mpmath import mp
 
 import mbsvib as mv
 from mbsvib import beams
@@ -187,13 +188,74 @@ def test_joints_that_no_pose_can_say_are_refused_in_plants_too():
             refused()
 
 
+def along(plant, x, k, step):
+    """Derivatives of the matrices along number k of x, by differences of sixth order."""
+    change = np.zeros(len(x))
+    change[k] = step
+    batch = plant([x + i * change for i in (-3, -2, -1, 1, 2, 3)])
+    weights = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0 / step
+    return {key: np.tensordot(weights, getattr(batch, key), 1) for key in MATRICES}
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name not in ANEW])
+def test_derivatives_to_parameters_and_pose_coordinates(name):
+    make, pose, parameters, relaxed = MODELS[name]
+    model = make()
+    pose = pose or first_coordinate(model)
+    plant = model.compile(parameters, pose=pose, relaxed=relaxed)
+    x, rng = np.array(plant.nominal), np.random.default_rng(5)
+    x[-len(pose) :] = 0.02 * rng.normal(size=len(pose))
+    which = [*range(min(3, len(x) - len(pose))), *range(len(x) - len(pose), len(x))]
+    tangent = plant.tangent(x, np.eye(len(x))[which])
+    here = plant(x)
+    for i, k in enumerate(which):
+        step = 3e-4 if k >= len(x) - len(pose) else 1e-2 * (abs(x[k]) or 1.0)
+        for key, expected in along(plant, x, k, step).items():
+            size = np.abs(getattr(here, key)).max(initial=1e-300) / step
+            np.testing.assert_allclose(getattr(tangent, key)[i], expected, rtol=1e-9, atol=1e-12 * size)
+
+
+def test_derivatives_over_the_angle_of_a_loaded_pendulum():
+    plant = swinging().compile(["line.stiffness", "block.preload.y", "rod.mass"], pose="pin.rz")
+    # off the poses in balance, K is still the second derivative of the energy, here of gravity and of the line
+    found = plant.tangent([[30.0, 2.0, 1.0, 0.0], [30.0, 2.0, 1.0, np.pi]], [0.0, 0.0, 0.0, 1.0]).K[:, 0, 0]
+
+    def third(angle):
+        def energy(a):
+            line = mp.sqrt(4 + mp.mpf("0.49") + mp.mpf("2.8") * mp.cos(a)) - 2
+            bushing = 20 * (mp.mpf("0.4") * mp.sin(a)) ** 2 + 30 * (mp.mpf("0.4") * (1 - mp.cos(a))) ** 2
+            return mp.mpf("-4.905") * mp.cos(a) + 15 * line**2 + bushing
+
+        return float(mp.diff(energy, angle, 3))
+
+    np.testing.assert_allclose(found, [third(0), third(mp.pi)], rtol=0, atol=1e-10)
+
+
+def test_gradients_of_eigenvalues_over_poses_and_parameters():
+    plant = mv.library.stewart().compile("leg*.k.stiffness", pose="leg*.slide.z", relaxed=True)
+    x = np.array(plant.nominal)
+    x[6:] = [0.01, -0.04, 0.03, 0.0, 0.02, -0.01]
+    values, slopes = plant.eigenvalues(x, gradient=True)
+    several = plant.eigenvalues([plant.nominal, x], gradient=True)
+    np.testing.assert_allclose(several[1][1], slopes, rtol=1e-9, atol=1e-9 * np.abs(slopes).max())
+    for k in (0, 7, 8):
+        step = 1e-3 * x[k] if k < 6 else 1e-4
+        change = np.zeros(len(x))
+        change[k] = step
+        rows = plant.eigenvalues([x + i * change for i in (-3, -2, -1, 1, 2, 3)])
+        expected = np.tensordot(np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0 / step, rows, 1)
+        np.testing.assert_allclose(slopes[:, k], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    assert np.isfinite(values).all()
+
+
 def test_poses_and_derivatives_that_there_are_none_of_are_refused_by_name():
     model = hanging_crank()
     plant = model.compile("spring.stiffness.rz", pose="D.*", relaxed=True)
     with pytest.raises(mv.ModelError, match=r"^variant 1: the loops closed by .* up to D\.rz = 0\.\d+ and no further"):
         plant([[10.0, -0.1], [10.0, 1.5]])
-    for asked in (lambda: plant.tangent([10.0, 0.0], [1.0, 0.0]), lambda: plant.eigenvalues([10.0, 0.0], True)):
-        with pytest.raises(mv.ModelError, match=r"pose coordinate 'D\.rz', and no derivatives in poses that vary"):
+    moves = model.compile("A.position.x", pose="D.*", relaxed=True)
+    for asked in (lambda: moves.tangent([0.0, 0.0], [1.0, 0.0]), lambda: moves.eigenvalues([0.0, 0.0], True)):
+        with pytest.raises(mv.ModelError, match=r"derivatives to the pose coordinate 'D\.rz': poses are computed one"):
             asked()
     with pytest.raises(mv.ModelError, match=r"pose = 'D\.rx' matches no joint coordinate of model .* 'D\.rz'"):
         model.compile("spring.*", pose="D.rx")
