@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from mbsvib.api.connecting import Connecting
+from mbsvib.api.sensitivities import SensitiveVerbs
 from mbsvib.api.state_space import StateSpace
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import port_numbers
@@ -16,18 +18,20 @@ from mbsvib.responses.driven import Drive, driven_response, driven_space, feedth
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
+    from mbsvib.uncertain.plant import UncertainPlant
 
 # What a system tells of the mechanism without its inputs; asked of a system with motions, its equations answer.
 WITHOUT_INPUTS = frozenset((
     "M", "C", "K", "mass", "damping", "stiffness", "Cq", "Cv", "Ca", "dof", "coordinates", "coordinate_units", "bodies",
     "body_motion", "inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "row_owner", "gyroscopic",
     "circulatory", "massless", "null_inertia", "tree", "cut_joints", "redundant", "parameters", "displacements",
-    "provenance", "eigenvalue_sensitivities", "mode_sensitivities", "stiffness_shares", "linear_range", "explain",
-    "reactions",
+    "provenance", "sensitivity_basis", "stiffness_shares", "linear_range", "explain", "reactions",
 ))  # fmt: skip
 
 
@@ -82,7 +86,7 @@ class Driven(Displayed):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
+class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven):
     """M q'' + C q' + K q = B0 u + B1 u' + B2 u'',  y = Cq q + Cv q' + Ca q'' + D u: a system with motions as inputs.
 
     Its matrices, modes and coordinates are those of ``ends``, the equations whose inputs are the displacements
@@ -118,28 +122,6 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
         """Direct response of outputs to inputs (outputs, inputs) of the state space."""
         return self.state_space().D
 
-    def feedback(self, controller: Any, *args: Any, **kwargs: Any) -> Any:
-        """Return the closed loop of the state space with a controller; see ``System.feedback``.
-
-        Parameters
-        ----------
-        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-            From sensors to actuators.
-        *args, **kwargs
-            Those of ``System.feedback``.
-
-        Returns
-        -------
-        ClosedLoop or SampledLoop
-            With the inputs and outputs of this system.
-
-        Raises
-        ------
-        ResponseError
-            As of ``state_space`` and ``System.feedback``.
-        """
-        return self.state_space().feedback(controller, *args, **kwargs)
-
     def modes(self, *args: Any, **kwargs: Any) -> Any:
         """Return the modes of the mechanism, as if its ends stood still.
 
@@ -166,26 +148,7 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
         poles: Complex = self.ends.poles()
         return poles
 
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns, in the order in which they are wanted; default: all.
-
-        Returns
-        -------
-        DrivenSystem
-            The same equations.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
-        if outputs is None and inputs is None:
-            return self
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
         drives = tuple([self.drives[k] for k in i])
         columns = [column for drive in drives for column in drive.columns]
@@ -286,63 +249,36 @@ class DrivenSystem(RandomVerbs, LinearVerbs, Driven):
                 part = replace(part, drives=raised)
         return first_order_zeros(space.A, space.B, space.C, space.D)
 
-    def frequency_grid(
-        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
-        f_max: float | None = None,
-    ) -> Array:  # fmt: skip
-        """Return angular frequencies that resolve every resonance and antiresonance by the motions of the ends.
+    def uncertain(self, limits: Mapping[str, Any]) -> UncertainPlant:
+        """Return the system with parameters that lie within limits; see ``System.uncertain``.
 
         Parameters
         ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-        n : int, optional
-            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
-        f_min, f_max : float, optional
-            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency.
+        limits : mapping of str to float or (float, float)
+            By name or pattern, half the width relative to the nominal value, or (lower, upper).
 
         Returns
         -------
-        array, shape (points,)
-            Ascending angular frequencies [rad/s].
+        UncertainPlant
+            With the same inputs.
 
         Raises
         ------
-        ResponseError
-            As of ``System.frequency_grid``.
+        ModelError
+            As of ``System.uncertain``.
         """
-        grid: Array = self.with_ports(outputs, inputs).ends.frequency_grid(None, None, n, f_min=f_min, f_max=f_max)
-        return grid
+        plant = self.ends.uncertain(limits)
+        count = sum(plant.blocks.values())
+        added = zip(plant.linear.inputs[:count], plant.linear.input_units[:count], strict=True)
+        channels = tuple([Drive(name, unit, (name,)) for name, unit in added])
+        linear = DrivenSystem(plant.linear, (*channels, *self.drives))
+        uncertain: UncertainPlant = replace(plant, nominal=self, linear=linear, _origin=self)
+        return uncertain
 
-    def frequency_response_sensitivities(
-        self, omega: ArrayLike, parameters: Any = None, outputs: Names = None, inputs: Names = None
-    ) -> Complex:
-        """Return the derivatives of the frequency response to parameters.
+    def _slopes(self, question: str, *arguments: Any) -> Any:
+        from mbsvib.api import driven_slopes
 
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        parameters : str, iterable of str or mapping, optional
-            As of ``System.frequency_response_sensitivities``.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (parameters, outputs, inputs, n)
-            Derivatives [output unit / input unit per unit of the parameter].
-
-        Raises
-        ------
-        ModelError, ResponseError
-            As of ``System.frequency_response_sensitivities`` and ``frequency_response``.
-        """
-        part = self.with_ports(outputs, inputs)
-        columns = [column for drive in part.drives for column in drive.columns]
-        slopes = self.ends.frequency_response_sensitivities(omega, parameters, list(part.outputs), columns)
-        result: Complex = driven_response(slopes, columns, part.drives, omega)
-        return result
+        return getattr(driven_slopes, question)(self, *arguments)
 
     def state_space(self, realization: str | None = None, **kwargs: Any) -> StateSpace:
         """Return proper first-order equations; no derivative of an input is needed.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, cast, overload
+from typing import TYPE_CHECKING, Literal, TypeVar, overload
 
+from mbsvib.api.driven import DrivenSystem
+from mbsvib.api.driven_batch import DrivenBatch
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
 from mbsvib.equations.assembly import is_small
@@ -12,13 +14,19 @@ from mbsvib.equations.self_stress import warn
 from mbsvib.responses.driven import differ, drives
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
+    from mbsvib.api.rolling_system import RollingSystem
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.responses.driven import Drive
+
+
+E = TypeVar("E")
+D = TypeVar("D")
 
 
 @overload
@@ -45,7 +53,7 @@ def linearize(
 def linearize(
     model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
     values: Mapping[str, ArrayLike] | None = None, method: str | None = None, align: float | None = None,
-) -> System | Batch | SparseSystem:  # fmt: skip
+) -> System | Batch | SparseSystem | DrivenSystem | DrivenBatch | RollingSystem:  # fmt: skip
     """Return the minimal linear equations of motion about the model's pose.
 
     M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
@@ -100,8 +108,8 @@ def linearize(
     if model.rolling:
         from mbsvib.api.rolling_system import rolling_system
 
-        result: Any = rolling_system(model, independent, cut, values, method)
-        return result  # type: ignore[no-any-return]
+        rolling: RollingSystem = rolling_system(model, independent, cut, values, method)
+        return rolling
     if model.composed:
         from mbsvib.equilibrium.search import check_displacements
 
@@ -116,25 +124,20 @@ def linearize(
             wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
-        return cast("Batch", _with_motions(model, batch, several=True))
+        return _with_motions(model, batch, DrivenBatch)
     if method is None and is_small(model):
         system = dense_equations(model, independent, cut, System)
         warn(model.name, system.provenance.undetermined)
-        return cast("System", _with_motions(model, system))
+        return _with_motions(model, system, DrivenSystem)
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.sparse.choice import linearized
 
     large = linearized(model, independent, cut, method, System, SparseSystem)
     warn(model.name, large.undetermined if isinstance(large, SparseSystem) else large.provenance.undetermined)
-    return cast("SparseSystem", _with_motions(model, large))
+    return _with_motions(model, large, DrivenSystem)
 
 
-def _with_motions(model: Mechanism, equations: Any, several: bool = False) -> Any:
+def _with_motions(model: Mechanism, equations: E, form: Callable[[E, tuple[Drive, ...]], D]) -> E | D:
     """The equations, or those with motions as inputs where the model has such inputs."""
     known = drives(model)
-    if not differ(known):
-        return equations
-    from mbsvib.api.driven import DrivenSystem
-    from mbsvib.api.driven_batch import DrivenBatch
-
-    return (DrivenBatch if several else DrivenSystem)(equations, known)
+    return form(equations, known) if differ(known) else equations

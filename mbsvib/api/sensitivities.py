@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
-from mbsvib.common.selection import key_ports
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.selection import with_ports
+from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -26,71 +26,14 @@ if TYPE_CHECKING:
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
-class Sensitive(Equations):
-    """Sensitivities of everything that a system answers, to every number that it was made of."""
+class SensitiveVerbs:
+    """Derivatives of what linear equations of a mechanism answer, to every number that it was made of."""
 
-    @cached_property
-    def basis(self) -> Basis:
-        """Cached modes and derived quantities, computed on first access."""
-        from mbsvib.api.modes import Modes
-        from mbsvib.responses.basis import Basis
+    if TYPE_CHECKING:
+        sensitivity_basis: Any
 
-        return Basis(self, Modes)
-
-    @cached_property
-    def sensitivity_basis(self) -> SensitivityBasis:
-        """Cached data of all sensitivities: the network of connections and the vectors of eigenvalues."""
-        from mbsvib.sensitivities.basis import SensitivityBasis
-
-        return SensitivityBasis(self.basis)
-
-    def __getitem__(self, key: Any) -> Self:
-        """Return the system with some of its outputs and inputs, ``system[outputs, inputs]``.
-
-        y_selected = G(outputs, inputs) u_selected; the coordinates and modes stay the same, and modes are shared.
-
-        Parameters
-        ----------
-        key : pair of str, sequence of str or slice
-            Names or patterns of outputs, then of inputs: ``system["tilt", "motor"]``,
-            ``system[["x", "y"], "leg*.F"]``; ``:`` takes all. The order of the names is kept; what a pattern picks is
-            in the order of the system.
-
-        Returns
-        -------
-        System
-            The same equations with these ports.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing; the nearest name is suggested.
-        """
-        return self.with_ports(*key_ports(key, self.name))
-
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns, in the order in which they are wanted; default: all.
-
-        Returns
-        -------
-        System
-            The same equations with these ports.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
-        if outputs is None and inputs is None:
-            return self
-        selection = with_ports(self, outputs, inputs)
-        selection.__dict__["basis"] = self.basis.with_equations(selection)
-        return selection
+        def _slopes(self, question: str, *arguments: Any) -> Any:
+            """The derivatives that a function of ``mbsvib.sensitivities`` returns."""
 
     def uncertain(self, limits: Mapping[str, Any]) -> UncertainPlant:
         """Return the system with parameters that lie within limits, as an exact linear fractional map of these.
@@ -181,9 +124,7 @@ class Sensitive(Equations):
         ResponseError
             If a frequency is not finite or is an undamped pole, or a port is unknown.
         """
-        from mbsvib.sensitivities import frequency_response_sensitivities
-
-        return frequency_response_sensitivities(self.sensitivity_basis, omega, parameters, outputs, inputs)
+        return self._slopes("frequency_response_sensitivities", omega, parameters, outputs, inputs)  # type: ignore[no-any-return]
 
     def matrix_derivatives(self, parameters: Requested = None) -> MatrixDerivatives:
         """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
@@ -203,7 +144,8 @@ class Sensitive(Equations):
         ModelError
             If a parameter is unknown, or the system does not change smoothly with it.
         """
-        return self.sensitivity_basis.matrix_derivatives(parameters)
+        result: MatrixDerivatives = self.sensitivity_basis.matrix_derivatives(parameters)
+        return result
 
     def mode_sensitivities(self, parameters: Requested = None) -> ModeSensitivities:
         """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.
@@ -252,9 +194,7 @@ class Sensitive(Equations):
         ResponseError
             If the mechanism is free to move, or a port is unknown.
         """
-        from mbsvib.sensitivities import frequency_response_sensitivities
-
-        derivatives = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, outputs, inputs)
+        derivatives: Complex = self._slopes("frequency_response_sensitivities", [0.0], parameters, outputs, inputs)
         return derivatives[..., 0].real
 
     def time_response_sensitivities(
@@ -288,9 +228,7 @@ class Sensitive(Equations):
         ResponseError
             If times do not ascend, shapes do not match, or the hold is unknown.
         """
-        from mbsvib.sensitivities import time_response_sensitivities
-
-        return time_response_sensitivities(self.sensitivity_basis, t, u, parameters, hold, initial)
+        return self._slopes("time_response_sensitivities", t, u, parameters, hold, initial)  # type: ignore[no-any-return]
 
     def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
@@ -317,9 +255,7 @@ class Sensitive(Equations):
         ResponseError
             If the norm is infinite, or a port is unknown.
         """
-        from mbsvib.sensitivities import h2_norm
-
-        return h2_norm(self.sensitivity_basis, outputs, inputs, parameters)
+        return self._slopes("h2_norm", outputs, inputs, parameters)  # type: ignore[no-any-return]
 
     def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
         """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
@@ -346,6 +282,33 @@ class Sensitive(Equations):
         ResponseError
             If the peak is infinite, or a port is unknown.
         """
-        from mbsvib.sensitivities import hinf_norm
+        return self._slopes("hinf_norm", outputs, inputs, parameters)  # type: ignore[no-any-return]
 
-        return hinf_norm(self.sensitivity_basis, outputs, inputs, parameters)
+
+class Sensitive(SensitiveVerbs, StepVerbs, Equations):
+    """Sensitivities of everything that a system answers, to every number that it was made of."""
+
+    @cached_property
+    def basis(self) -> Basis:
+        """Cached modes and derived quantities, computed on first access."""
+        from mbsvib.api.modes import Modes
+        from mbsvib.responses.basis import Basis
+
+        return Basis(self, Modes)
+
+    @cached_property
+    def sensitivity_basis(self) -> SensitivityBasis:
+        """Cached data of all sensitivities: the network of connections and the vectors of eigenvalues."""
+        from mbsvib.sensitivities.basis import SensitivityBasis
+
+        return SensitivityBasis(self.basis)
+
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
+        selection = with_ports(self, outputs, inputs)
+        selection.__dict__["basis"] = self.basis.with_equations(selection)
+        return selection
+
+    def _slopes(self, question: str, *arguments: Any) -> Any:
+        from mbsvib import sensitivities
+
+        return getattr(sensitivities, question)(self.sensitivity_basis, *arguments)

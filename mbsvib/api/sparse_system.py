@@ -11,6 +11,7 @@ from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
+from mbsvib.responses.linear import PortedVerbs
 from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SparseSystem(SparseEquations, Displayed):
+class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
 
     Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
@@ -46,33 +47,10 @@ class SparseSystem(SparseEquations, Displayed):
     are neither bodies nor rows.
     """
 
-    def __getitem__(self, key: Any) -> Self:
-        """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
-        from mbsvib.common.selection import key_ports
-
-        return self.with_ports(*key_ports(key, self.name))
-
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns, in the order in which they are wanted; default: all.
-
-        Returns
-        -------
-        SparseSystem
-            The same equations with these ports.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         from mbsvib.sparse.selection import with_ports
 
-        return self if outputs is None and inputs is None else with_ports(self, outputs, inputs)
+        return with_ports(self, outputs, inputs)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
         """Return some of the modes: the lowest ones, or those nearest to a frequency.

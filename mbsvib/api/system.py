@@ -13,11 +13,9 @@ from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.random.verbs import RandomVerbs
-from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
 
 @fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Connecting, ReducibleSystem, RandomVerbs, StepVerbs, Sensitive, Equations):
+class System(Connecting, ReducibleSystem, RandomVerbs, Sensitive):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are

@@ -116,27 +116,7 @@ class Loop(Displayed, ABC):
         """Units of the inputs."""
         return tuple([self.plant.system.input_units[k] for k in self.selected_ports[1]])
 
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns, in the order in which they are wanted; default: all. Sensors and actuators stay
-            connected.
-
-        Returns
-        -------
-        FeedbackLoop
-            The same loop.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
-        if outputs is None and inputs is None:
-            return self
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
         return replace(self, selection=(tuple([self.outputs[k] for k in o]), tuple([self.inputs[k] for k in i])))
 

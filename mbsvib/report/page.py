@@ -7,7 +7,7 @@ from base64 import b64encode
 from gzip import compress
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.system import System
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
 
-    Source = Model | System | StateSpace | ClosedLoop | Controller
+    Source: TypeAlias = Model | System | StateSpace | ClosedLoop | Controller
 
 SCRIPTS = ("page", "motion", "compass", "curves", "responses", "panels", "keys")
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.

@@ -125,7 +125,7 @@ def driven_response(response: Any, inputs: Sequence[str], known: Sequence[Drive]
     return result
 
 
-def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) -> S:
+def driven_space(space: S, known: Sequence[Drive], through: Array | None, name: str) -> S:
     """Return first-order equations with motions as inputs.
 
     Parameters
@@ -135,7 +135,7 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
     known : sequence of Drive
         The inputs.
     through : array, shape (outputs, columns)
-        D of these equations, 0 where it is rounding of its terms.
+        D of these equations, 0 where it is rounding of its terms; None where no output needs a derivative.
     name : str
         Name of the system.
 
@@ -165,10 +165,11 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
         for order in reversed(range(drive.order, len(columns))):
             column = columns[order]
             if order > drive.order:
-                _check_proper(space, drive, through[:, column], shift)
+                if through is not None:
+                    _check_proper(space, drive, through[:, column], shift)
                 lost |= bool((direct_rates[:, column] + space.transform @ shift).any())
             else:
-                d[:, k] = space.D[:, column] + space.C @ shift
+                d[:, k] = _direct(space.C, space.D[:, column], shift)
                 moved[:, k] = direct_rates[:, column] + space.transform @ shift
             shift = space.B[:, column] + space.A @ shift
         b[:start, k] = shift
@@ -194,9 +195,7 @@ def driven_space(space: S, known: Sequence[Drive], through: Array, name: str) ->
 
 def _check_proper(space: StateSpace, drive: Drive, through: Array, shift: Array) -> None:
     """Refuse outputs that need a derivative of an input, by ``through`` (outputs,) and what states are shifted by."""
-    terms = space.C * shift
-    direct, size = through + terms.sum(axis=1), np.abs(through) + np.abs(terms).sum(axis=1)
-    needs = np.flatnonzero(np.abs(direct) > ZERO_SUM * len(shift) * size)
+    needs = np.flatnonzero(_direct(space.C, through, shift))
     if len(needs):
         joint = len(drive.columns) > 2
         higher = QUANTITIES[max(drive.order + 1, len(drive.columns) - 1)]
@@ -206,6 +205,14 @@ def _check_proper(space: StateSpace, drive: Drive, through: Array, shift: Array)
             f"{QUANTITIES[drive.order]} whose {higher} {how}, so that there is no proper state space. "
             f"Give the input quantity='{higher}', or leave this output out; the frequency response exists."
         )  # fmt: skip
+
+
+def _direct(c: Array, d: Array, shift: Array) -> Array:
+    """D + C s (outputs,) by the shift s of the states (n,), 0 where it is rounding of its terms."""
+    terms = np.concatenate((d[:, None], c * shift), axis=1)
+    result = terms.sum(axis=1)
+    result[np.abs(result) <= ZERO_SUM * len(shift) * np.abs(terms).sum(axis=1)] = 0.0
+    return np.asarray(result)
 
 
 def feedthrough_of(linear: Any, space: StateSpace) -> Array:

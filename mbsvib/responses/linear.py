@@ -16,13 +16,62 @@ if TYPE_CHECKING:
     from mbsvib.responses.step_info import StepInfo
 
 
-class StepVerbs:
-    """Measures of step responses, of systems as of all other linear equations."""
+class PortedVerbs:
+    """Selection of outputs and inputs by name."""
 
     if TYPE_CHECKING:
+        name: Any
 
-        def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-            """Return the equations with some outputs and inputs."""
+        def _with_ports(self, outputs: Names, inputs: Names) -> Self:
+            """The equations with some outputs and inputs."""
+
+    def __getitem__(self, key: Any) -> Self:
+        """Return the equations with some of their outputs and inputs, ``system[outputs, inputs]``.
+
+        y_selected = G(outputs, inputs) u_selected; coordinates, states and modes stay the same.
+
+        Parameters
+        ----------
+        key : pair of str, sequence of str or slice
+            Names or patterns of outputs, then of inputs: ``system["tilt", "motor"]``,
+            ``system[["x", "y"], "leg*.F"]``; ``:`` takes all. The order of the names is kept; what a pattern picks is
+            in the order of the system.
+
+        Returns
+        -------
+        System, StateSpace, ...
+            The same equations with these ports.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing; the nearest name is suggested.
+        """
+        return self.with_ports(*key_ports(key, self.name))
+
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
+        """Return the equations with some of their outputs and inputs, as ``system[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all.
+
+        Returns
+        -------
+        System, StateSpace, ...
+            The same equations with these ports; sensors and actuators of a loop stay connected.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        return self if outputs is None and inputs is None else self._with_ports(outputs, inputs)
+
+
+class StepVerbs(PortedVerbs):
+    """Measures of step responses, of systems as of all other linear equations."""
 
     def step_info(self, outputs: Names = None, inputs: Names = None, band: float = 0.02) -> StepInfo:
         """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
@@ -53,7 +102,6 @@ class LinearVerbs(StepVerbs):
     """Methods of linear equations with named inputs and outputs."""
 
     if TYPE_CHECKING:
-        name: Any
         inputs: Any
         outputs: Any
 
@@ -65,10 +113,6 @@ class LinearVerbs(StepVerbs):
 
         def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
             """Return the frequency response."""
-
-    def __getitem__(self, key: Any) -> Self:
-        """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
-        return self.with_ports(*key_ports(key, self.name))
 
     @property
     def equations(self) -> Any:

@@ -186,28 +186,9 @@ class StateSpace(LinearVerbs, Displayed):
                                 f"states are {self.realization!r}. Ask the system for other states.")  # fmt: skip
         return self
 
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the state space with some of its outputs and inputs, as ``space[outputs, inputs]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns, in the order in which they are wanted; default: all.
-
-        Returns
-        -------
-        StateSpace
-            The same states.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         from mbsvib.common.selection import port_numbers
 
-        if outputs is None and inputs is None:
-            return self
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
         return replace(
             self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)],

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.selection import port_numbers
 from mbsvib.equations.assembly import assembled, linearized
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_equations import BatchEquations
@@ -109,8 +110,9 @@ class Variants:
                 slopes = plan.derivatives(plan.equations(values, BatchEquations), {
                     name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names})  # fmt: skip
                 for k, direction in enumerate(directions):
-                    parts: Any = [slopes[key] for key in MATRICES]
-                    self._slopes[direction.rates] = np.concatenate([part[0, k].reshape(-1) for part in parts])
+                    parts: Any = {key: slopes[key] for key in MATRICES}
+                    self._slopes[direction.rates] = self._in_one_row(
+                        {key: part[0, k] for key, part in parts.items()}, plan.nominal)
 
     @cached_property
     def unreduced(self) -> Equations | None:
@@ -278,7 +280,14 @@ class Variants:
             variant.provenance.reduction.independent, provenance.reduction.independent
         ):
             raise _OtherMobility
-        return np.concatenate([getattr(variant, key).reshape(-1) for key in MATRICES])
+        return self._in_one_row({key: getattr(variant, key) for key in MATRICES}, variant)
+
+    def _in_one_row(self, matrices: Mapping[str, Array], whole: Equations) -> Array:
+        """The entries of matrices of ``whole`` equations, with the ports of the system only."""
+        system = self.system
+        o, i = port_numbers(list(system.outputs), list(system.inputs), (whole.outputs, whole.inputs), system.name)
+        picked = {"B": (slice(None), i), "D": np.ix_(o, i)} | dict.fromkeys(("Cq", "Cv", "Ca"), (o, slice(None)))
+        return np.concatenate([matrices[key][picked.get(key, ...)].reshape(-1) for key in MATRICES])
 
 
 def not_held(name: str, system: str) -> ModelError:

@@ -265,10 +265,13 @@ def uncertain(system: Any, limits: Mapping[str, Any]) -> UncertainPlant:
 
 
 def _vary(system: Any, values: Mapping[str, float]) -> Any:
-    """The system with other values of parameters, with the same coordinates and ports.
+    """The system with other values of parameters, with the same coordinates and ports, also of motions as inputs.
 
     What the system has beside that of its model, such as actuators in measured forces, stays as it is.
     """
+    ends = getattr(system, "ends", None)
+    if ends is not None:
+        return replace(system, ends=_vary(ends, values))
     there, here = (_linearized(system, changed) for changed in (values, {}))
     own = {key: getattr(system, key) - getattr(here, key) for key in ("B", "Cq", "Cv", "Ca", "D")}
     return replace(there, **{key: getattr(there, key) + more for key, more in own.items() if more.any()})
@@ -280,4 +283,4 @@ def _linearized(system: Any, values: Mapping[str, float]) -> Any:
     result = changed.linearize(method="dense")
     if result.coordinates != system.coordinates:
         result = changed.linearize(method="dense", independent=system.coordinates)
-    return result.with_ports(list(system.outputs), list(system.inputs))
+    return getattr(result, "ends", result).with_ports(list(system.outputs), list(system.inputs))
