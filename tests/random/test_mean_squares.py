@@ -1,11 +1,14 @@
 """Root mean squares under noise against closed forms, extended precision and integrals by mpmath."""
 
+import re
+
 import mpmath
 import numpy as np
 import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
+from mbsvib.random.budget import random
 from tests.random.scenes import oscillator, two_masses
 
 M, C, K = 2.0, 3.0, 800.0
@@ -239,3 +242,75 @@ def test_undamped_modes_that_coincide():
     np.testing.assert_allclose(
         below, np.sqrt(np.trapezoid(1e-6 * (mass / (stiffness - (W * f) ** 2)) ** 2, f)), rtol=1e-6)
     assert beyond == np.inf
+
+
+def under(system, noise, outputs="x", band=None, correlation=None, weighting=None):
+    return random(system, noise, outputs, band, correlation, weighting)
+
+
+@pytest.mark.parametrize("first", [0.0, 2.0])
+@pytest.mark.parametrize("correlation", [None, [[1.0, 0.6], [0.6, 1.0]]])
+def test_integrals_up_to_frequencies(first, correlation):
+    """Of each source and of the correlation, times a factor; nothing below the first frequency and beyond the last."""
+    system, table = oscillator().linearize(), [(1.0, 1.0), (9.0, 0.2)]
+    known = under(system, {"F": table, "base": [(0.5, 0.1), (4.0, 0.3)]}, ["x", "v"], correlation=correlation)
+    f = np.array([0.3, 1.5, 3.0, 5.0, 20.0])
+    got = known.below(f, lambda f: 1.0 / (1.0 + f), first)
+    grid = np.linspace(0.3, 20.0, 400_001)
+    density = known.densities(grid) / (1.0 + grid) * (grid >= first)
+    middle = 0.5 * (density[..., 1:] + density[..., :-1])
+    step = np.concatenate((np.zeros((2, 3, 1)), np.cumsum(middle, axis=-1)), axis=-1)
+    expected = step[..., np.searchsorted(grid, f - 1e-9)] * (grid[1] - grid[0])
+    np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+    assert (np.abs(got[:, 2]).max() > 0.0) is (correlation is not None)
+
+
+@pytest.mark.parametrize(("c", "noise", "band", "words"), [
+    (0.0, {"F": 1.0}, None, "the mode of 'oscillator' at 3.1831 Hz is not damped"),
+    (0.0, {"F": [(1.0, 1.0), (3.0, 1.0)]}, None, None),
+    (0.0, {"F": 1.0}, (3.5, 9.0), None),
+    (0.0, {"F": 1.0}, (1.0, 9.0), "at 3.1831 Hz is not damped"),
+    (3.0, {"F": 1.0}, None, "noise comes from 'F' to 'a' at all frequencies"),
+    (3.0, {"F": [(1.0, 1.0), (3.0, 1.0)], "F2": 1.0}, None, "noise comes from 'F2' to 'a'"),
+    (3.0, {"F": 1.0}, (1.0, 9.0), None),
+    (3.0, {"F": isolation.shaped([5.0], [1.0, 5.0])}, None, None),
+])  # fmt: skip
+def test_what_makes_a_mean_square_infinite_is_named(c, noise, band, words):
+    known = under(oscillator(c=c).linearize(), noise, ["x", "a"], band)
+    finite = np.isfinite(known.mean_squares().total).all()
+    assert finite == (words is None)
+    if words is None:
+        known.check_finite()
+    else:
+        with pytest.raises(mv.ResponseError, match=re.escape(words)):
+            known.check_finite()
+
+
+@pytest.mark.parametrize(("noise", "words"), [({"F": 1.0}, "a band that starts above 0 Hz"),
+                                              ({"F": [(1.0, 1.0), (9.0, 1.0)]}, None)])  # fmt: skip
+def test_rigid_bodies_move_away_without_bound(noise, words):
+    free = mv.System.from_matrices([[2.0]], [[0.0]], [[0.0]], B=[[1.0]], Cq=[[1.0]], inputs=["F"], outputs=["x"])
+    known = under(free, noise)
+    assert np.isinf(known.mean_squares().total[0]) == (words is not None)
+    if words is None:
+        known.check_finite()
+        w = W * np.array([1.0, 9.0])
+        expected = (w[0] ** -3 - w[1] ** -3) / (3.0 * W * 4.0)
+        np.testing.assert_allclose(known.mean_squares().total, expected, rtol=1e-9)  # a pole of fourth order
+    else:
+        with pytest.raises(mv.ResponseError, match=words):
+            known.check_finite()
+
+
+TABLE = [(1.0, 1.0), (9.0, 0.2)]
+
+
+@pytest.mark.parametrize(("noise", "weighting", "exact"), [
+    (TABLE, None, True), (TABLE, "Wk", True), (1.0, "Wk", True), (TABLE, isolation.moving_average(0.1), True),
+    (TABLE, isolation.integrated(1), True), (TABLE, lambda f: 1.0 / (1.0 + f), False),
+    (lambda f: 1.0 / (1.0 + f**4), None, False),
+])  # fmt: skip
+def test_only_integrals_over_functions_have_an_error(noise, weighting, exact):
+    budget = oscillator().linearize().budget({"base": noise}, "x", weighting=weighting)
+    assert (budget.error == 0.0) is exact
+    assert budget.error < 1e-9

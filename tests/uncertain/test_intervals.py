@@ -205,6 +205,9 @@ def test_the_parameter_that_does_most_is_halved():
         d[:3, :3] = np.outer(size, size)
         channels = Channels(-np.eye(1), np.zeros((1, 4)), np.zeros((4, 1)), d, sizes, 1)
         assert Proof((channels.a, channels.b, channels.c, d), sizes, 1.0)._most(channels, 1.0) == k
+        for one, other in ((100.0, 0.01), (0.01, 100.0)):  # only drives the others, or is only driven
+            d[:3, :3] = np.outer(np.where(owner == k, 5.0, one), np.where(owner == k, 5.0, other))
+            assert Proof((channels.a, channels.b, channels.c, d), sizes, 1.0)._most(replace(channels, d=d), 1.0) == k
 
 
 @pytest.mark.parametrize(("at", "direct"), [([0], False), ([0, 1], False), ([0], True)])
