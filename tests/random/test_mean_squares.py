@@ -262,7 +262,7 @@ def test_integrals_up_to_frequencies(first, correlation):
     step = np.concatenate((np.zeros((2, 3, 1)), np.cumsum(middle, axis=-1)), axis=-1)
     expected = step[..., np.searchsorted(grid, f - 1e-9)] * (grid[1] - grid[0])
     np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
-    assert (np.abs(got[:, 2]).max() > 0.0) is (correlation is not None)
+    assert bool(got[:, 2].any()) is (correlation is not None)
 
 
 @pytest.mark.parametrize(("c", "noise", "band", "words"), [

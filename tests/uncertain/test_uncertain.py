@@ -10,7 +10,7 @@ import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.uncertain.certain import Proof, RobustStability
 from mbsvib.uncertain.intervals import Channels, cover, least
-from mbsvib.uncertain.scalings import best_scalings
+from mbsvib.uncertain.scalings import _Problem, bases, best_scalings
 from mbsvib.uncertain.search import gain, growth, perturbed, values_at
 from tests.random.scenes import oscillator, two_masses
 
@@ -111,6 +111,8 @@ def test_worst_peak_in_closed_form():
     z = 0.5 * c / np.sqrt(k * M)
     np.testing.assert_allclose(worst.lower, 1.0 / (k * 2.0 * z * np.sqrt(1.0 - z * z)), rtol=1e-8)
     assert worst.lower < worst.upper < 1.005 * worst.lower
+    np.testing.assert_allclose(worst.omega, np.sqrt(k / M * (1.0 - 2.0 * z * z)), rtol=1e-6)
+    assert f"at {worst.omega:.6g} rad/s" in str(worst)
     assert worst.values == {"s.stiffness": pytest.approx(k), "s.damping": pytest.approx(c)}
 
 
@@ -200,6 +202,27 @@ def test_scalings_of_a_repeated_parameter():
     for a, expected in ((0.9, True), (1.1, False), (0.5 + 3.0j, True), (1.05 + 0.01j, True)):
         matrix = a * np.eye(3, dtype=complex)
         assert (best_scalings(matrix, (3,), 0, 0.0)[1] > 0.0) is expected, a
+
+
+@pytest.mark.parametrize(("sizes", "ports"), [((1,), (0, 0)), ((2, 1), (0, 0)), ((1, 1), (1, 2)), ((3,), (2, 1))])
+def test_no_other_scalings_are_better(sizes, ports):
+    """The least eigenvalue of Phi is concave: what no small change with the same trace improves is the best."""
+    rng, (inputs, outputs), n = np.random.default_rng(sum(sizes)), ports, sum(sizes)
+    for size in (0.05, 0.1, 0.2):
+        m = size * (rng.normal(size=(n + outputs, n + inputs)) + 1j * rng.normal(size=(n + outputs, n + inputs)))
+        problem = _Problem(m, bases(sizes), n, inputs)
+        x, s = problem.solved(np.inf)
+        assert s > 0.0  # else the search ends as soon as this is known
+        assert np.linalg.eigvalsh(problem._phi(x))[0] >= s - 1e-9
+        assert np.linalg.eigvalsh(problem._d(x))[0] > 0.0
+        assert problem.trace @ x == pytest.approx(n + bool(inputs))
+        for step in np.geomspace(1e-3, 0.3, 4):
+            for change in rng.normal(size=(40, len(x))):
+                change -= problem.trace * (problem.trace @ change) / (problem.trace @ problem.trace)
+                there = x + step * change
+                values = np.linalg.eigvalsh(problem._phi(there))
+                if np.linalg.eigvalsh(problem._d(there))[0] > 0.0 and values[-1] < problem.bound:
+                    assert values[0] < s + 1e-3
 
 
 def test_a_cover_finds_a_single_frequency():
