@@ -19,7 +19,7 @@ from mbsvib.fitting.minimizing import STEPS, STEPS_FAR, minimized
 from mbsvib.fitting.problem import Problem
 from mbsvib.fitting.response_data import ResponseData
 from mbsvib.fitting.result import Fit
-from mbsvib.fitting.variables import variables
+from mbsvib.fitting.variables import limited, variables
 from mbsvib.measurement.data import Measurement
 from mbsvib.mechanism.changes import to_angular_velocities
 
@@ -76,9 +76,8 @@ def fitted(
     if set(kinds) - set(KINDS):
         raise refuse("fit", "channels", channels, f"some of {', '.join(map(repr, KINDS))}")
     count(starts, "fit", "starts", 1)
-    chosen = variables(model.parameters, free, tied, prior, bounds)
     measured = conditioned(data)
-    problem = _started(_problem(model, measured, chosen, kinds))
+    problem = _started(_problem(model, measured, variables(model.parameters, free, tied), kinds, (prior, bounds)))
     most = starts * (STEPS_FAR + STEPS) + REWEIGHTED * STEPS
     with counting(progress, most, "fit") as tell:
         found = _best(problem, starts, seed, lambda cost: tell(1))
@@ -87,9 +86,10 @@ def fitted(
 
 
 def _problem(
-    model: Any, data: Sequence[tuple[dict[str, float], Any]], chosen: Variables, kinds: Sequence[str]
-) -> Problem:
-    """All data, one scene for each condition in which they were measured."""
+    model: Any, data: Sequence[tuple[dict[str, float], Any]], chosen: Variables, kinds: Sequence[str],
+    known: tuple[Any, Any] = (None, None),
+) -> Problem:  # fmt: skip
+    """All data, one scene for each condition in which they were measured; ``known``: prior and bounds of values."""
     conditions: list[dict[str, float]] = []
     scenes: list[Scene] = []
     parts: list[ResponseData | ModeData] = []
@@ -105,7 +105,7 @@ def _problem(
             parts.append(part)
         else:
             parts.append(mode_data(measured, name, number, scene))
-    problem = Problem(chosen, tuple(scenes), tuple(parts))
+    problem = Problem(limited(chosen, *known), tuple(scenes), tuple(parts))
     if problem.numbers < len(chosen.names):
         raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers} numbers were measured; give "
                          f"more data, fix values or tie them.", field="free")  # fmt: skip

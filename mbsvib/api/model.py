@@ -235,7 +235,7 @@ class Model(
         tied : str or sequence of str
             Names or patterns with one value for all parameters that each matches.
         prior : dict of str to (value, standard deviation), optional
-            What is known of values before, in their own units.
+            What is known of values before, in their own units; also of channels, {"x.delay": (1e-3, 1e-4)}.
         bounds : dict of str to (lowest, highest), optional
             Limits of values; None: no limit. Positive values, such as masses and stiffnesses, stay within a factor of a
             million of the model's.

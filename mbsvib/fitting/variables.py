@@ -86,14 +86,14 @@ class Variables:
 
     def starting(self, values: Array) -> Variables:
         """Return these with another start."""
-        return replace(self, start=values)
+        return replace(self, start=np.clip(values, self.low, self.high))
 
 
-def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: Any) -> Variables:
+def variables(parameters: Parameters, free: Any, tied: Any, prior: Any = None, bounds: Any = None) -> Variables:
     """Return the values of parameters that a fit may change.
 
     ``free``: names or patterns, a value for each name; ``tied``: names or patterns, one value for all that each
-    matches; ``prior``: {name: (value, standard deviation)}; ``bounds``: {name: (lowest, highest)}, None: no limit.
+    matches; ``prior`` and ``bounds``: as in ``limited``.
     """
     groups: dict[str, tuple[str, ...]] = {
         name: (name,) for pattern in _patterns(free, "free") for name in parameters.matching(pattern)}  # fmt: skip
@@ -110,6 +110,20 @@ def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: 
             owner[member] = name
     names, rows = tuple(groups), [_row(parameters, name, group) for name, group in groups.items()]
     units, start, size, positive = zip(*rows, strict=True)
+    every, none, mask, begin = tuple(owner), np.full(len(names), np.inf), np.array(positive), np.array(start)
+    to_parameters = np.array([[float(owner[member] == name) for name in names] for member in every])
+    return limited(Variables(
+        names, units, begin, np.array(size), np.where(mask, begin / FARTHEST, -none),
+        np.where(mask, begin * FARTHEST, none), mask, np.full((len(names), 2), np.nan), every, to_parameters,
+    ), prior, bounds)  # fmt: skip
+
+
+def limited(free: Variables, prior: Any, bounds: Any) -> Variables:
+    """Return values with what is known of them; those of channels start within their limits.
+
+    ``prior``: {name: (value, standard deviation)}; ``bounds``: {name: (lowest, highest)}, None: no limit.
+    """
+    names, mask = free.names, free.positive
     known = _by_name(names, prior, "prior", "(value, standard deviation)")
     for name, (_, deviation) in known.items():
         if not deviation or not deviation > 0.0:
@@ -118,18 +132,15 @@ def variables(parameters: Parameters, free: Any, tied: Any, prior: Any, bounds: 
     limits = _by_name(names, bounds, "bounds", "(lowest, highest), None for no limit")
     least = np.array([-np.inf if limits.get(name, (None,))[0] is None else limits[name][0] for name in names])
     most = np.array([np.inf if limits.get(name, (None, None))[1] is None else limits[name][1] for name in names])
-    mask, begin = np.array(positive), np.array(start)
-    low, most = np.where(mask, np.maximum(least, begin / FARTHEST), least), np.where(
-        mask, np.minimum(most, begin * FARTHEST), most)  # fmt: skip
+    low, most = np.maximum(least, free.low), np.minimum(most, free.high)
+    begin = np.where(free.map.any(axis=0), free.start, np.clip(free.start, low, most))
     for name, a, b, c in zip(names, low, begin, most, strict=True):
         if not a <= b <= c or not a < c:
             raise ModelError(f"fit: bounds of '{name}' are {a:g} to {c:g}, and its start is {b:g}; expected a start "
                              f"within ascending bounds.", element=name, field="bounds")  # fmt: skip
-    width = np.where(np.isfinite(most - low) & ~mask & (begin == 0.0), most - low, np.array(size))
-    every = tuple(owner)
-    to_parameters = np.array([[float(owner[member] == name) for name in names] for member in every])
-    return Variables(names, units, begin, width, low, most, mask,
-                     np.array([known.get(name, (np.nan, np.nan)) for name in names]), every, to_parameters)  # fmt: skip
+    width = np.where(np.isfinite(most - low) & ~mask & (begin == 0.0), most - low, free.size)
+    return replace(free, start=begin, size=width, low=low, high=most,
+                   prior=np.array([known.get(name, was) for name, was in zip(names, free.prior, strict=True)]))
 
 
 def _patterns(given: Any, field: str) -> list[str]:

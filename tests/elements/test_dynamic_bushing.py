@@ -223,8 +223,9 @@ def test_in_another_pose_the_relaxations_turn_along_and_are_relaxed():
     assert (relaxed.stiffness, relaxed.dynamic_stiffness, relaxed.preload) == (SIX, None, None)
 
 
-def test_copies_turn_along_and_mirror():
-    model, whole = mounted("matrix"), mv.Model("whole")
+@pytest.mark.parametrize("kind", ["matrix", "part of it"])
+def test_copies_turn_along_and_mirror(kind):
+    model, whole = mounted(kind), mv.Model("whole")
     whole.add_model("left", model, position=(1, 2, 3), orientation=(0.3, -0.2, 0.5))
     whole.add_model("right", model, mirror="y")
     found = whole.linearize().frequency_response(OMEGA)

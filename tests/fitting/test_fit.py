@@ -103,6 +103,27 @@ def test_channels_are_found_with_signs():
     np.testing.assert_array_equal(drawn[1].get_ydata(), np.abs(fit.responses()[0, 0]))
 
 
+def test_what_is_known_of_channels_counts_as_measured():
+    """A prior of one value changes all as a Kalman update does: x + C e (p - x_k) / (C_kk + s^2); a bound holds it."""
+    model = chain()
+    data = measured(model, OMEGA, 0.01, 1, change=lambda w: np.exp(-2e-3j * w))
+    start, words = away(model, ["k*.stiffness"], 0.3, 1), {"free": ["k*.stiffness"], "channels": ["delay"]}
+    alone = start.fit(data, **words)
+    names = list(alone.values)
+    k, values, spread = names.index("z0.delay"), np.array(list(alone.values.values())), alone.covariance
+    deviation = np.sqrt(spread[k, k])
+    prior = values[k] + 0.5 * deviation, deviation
+    told = start.fit(data, **words, prior={"z0.delay": prior})
+    gain = spread[:, k] / (spread[k, k] + prior[1] ** 2)
+    moved = (np.array([told.values[name] for name in names]) - values) / np.sqrt(spread.diagonal())
+    np.testing.assert_allclose(moved, gain * (prior[0] - values[k]) / np.sqrt(spread.diagonal()), atol=5e-3)
+    assert told.covariance[k, k] == pytest.approx(0.5 * spread[k, k], rel=1e-2)
+    held = start.fit(data, **words, bounds={"z0.delay": (1e-4, 1.9e-3)})
+    assert held.values["z0.delay"] == pytest.approx(1.9e-3, rel=1e-12)
+    with pytest.raises(ModelError, match=r"prior has 'z9\.delay', which is not fitted"):
+        start.fit(data, **words, prior={"z9.delay": prior})
+
+
 def test_gains_come_from_the_inputs_that_were_measured():
     """An amplifier of another sign whose response to the first input is missing."""
     model = chain()
