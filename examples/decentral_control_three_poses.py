@@ -26,14 +26,14 @@ plants = dict(zip(POSES, [one.system for one in active], strict=True))
 legs = active[0].legs
 
 floor = isolation.shaped([TURN * 30], [1, TURN * 30], 1e-7)  # (m/s^2)^2/Hz
-noise = {"base.[xyz]": floor, "leg*.tension.noise": 1e-6, "leg*.actuator.noise": 1e-7}  # N^2/Hz
+noise = {"base.[xyz]": floor, "leg*.force.noise": 1e-6, "leg*.actuator.noise": 1e-7}  # N^2/Hz
 
 
 def controllers(shared):
     """Integrators with a leak behind each force sensor, and six gains, or one for all legs."""
     laws = []
     for leg in legs:
-        integrator = mv.StateSpace.from_arrays([[-LEAK]], [[1.0]], [[1.0]], [[0.0]], inputs=[f"{leg}.tension"],
+        integrator = mv.StateSpace.from_arrays([[-LEAK]], [[1.0]], [[1.0]], [[0.0]], inputs=[f"{leg}.force"],
                                                outputs=[f"{leg}.integral"])  # fmt: skip
         gain = mv.tunable.gain(f"{leg}.actuator", f"{leg}.integral", name="all legs" if shared else leg)
         laws.append(gain * integrator)

@@ -20,7 +20,7 @@ plant = active.system
 floor = isolation.vc_spectrum("VC-C")  # (m/s^2)^2/Hz
 amplifier = isolation.shaped([TURN * 1000], [1, TURN * 1000], 1e-8)  # N^2/Hz, a low-pass filter at 1 kHz
 open_noise = {"base.[xyz]": floor, "leg*.actuator": amplifier}
-noise = {"base.[xyz]": floor, "leg*.tension.noise": 1e-6, "leg*.actuator.noise": amplifier}
+noise = {"base.[xyz]": floor, "leg*.force.noise": 1e-6, "leg*.actuator.noise": amplifier}
 
 
 def budget_at(gain):
@@ -42,7 +42,7 @@ assert all(after.rms["z"] < budget_at(factor * best).rms["z"] for factor in (0.9
 assert np.isclose(sum(part**2 for part in after.contributions["z"].values()), after.rms["z"] ** 2)
 
 gains = np.geomspace(10.0, 1000.0, 25)
-parts = {"floor": "base", "force sensors": "tension.noise", "amplifiers": "actuator.noise"}
+parts = {"floor": "base", "force sensors": "force.noise", "amplifiers": "actuator.noise"}
 curves: dict[str, list[float]] = {name: [] for name in ("all", *parts)}
 for gain in gains:
     each = budget_at(gain)

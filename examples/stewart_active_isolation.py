@@ -26,7 +26,7 @@ assert np.isclose(single.with_gains(isolation.force_feedback(single, gain)).damp
 stiff = library.stewart_isolator(leg_stiffness=20e6, leg_damping=20.0, payload_mass=1.0, torsion_stiffness=20.0,
                                  torsion_damping=5e-5)  # fmt: skip
 plant = isolation.actuated(stiff, "platform", length=0.1)
-pairs = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.tension"), ("leg1.k.actuator", "leg2.k.tension")])
+pairs = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force"), ("leg1.k.actuator", "leg2.k.force")])
 assert pairs.pairs[0].passive  # its own force
 assert not pairs.pairs[1].passive  # its neighbour's
 gains = np.linspace(0.0, 2.5e4, 60)

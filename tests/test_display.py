@@ -116,7 +116,7 @@ def results():
     law = isolation.force_feedback(plant, 100.0)
     yield from (plant, law, plant.with_gains(law), isolation.passive(hexapod, "platform"))
     yield isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 100.0, 5))
-    yield isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.tension")])
+    yield isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force")])
     yield campbell(library.rotor_stator(), np.linspace(0.0, 10.0, 3))
     yield library.chain(800).linearize()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from mbsvib.mechanism.unit_warnings import unit_warnings
 from mbsvib.modes import result
 
 if TYPE_CHECKING:
@@ -32,15 +33,16 @@ class Modes(result.Modes):
         return with_modes(self, self._provenance)
 
     def remarks(self) -> tuple[str, ...]:
-        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy, and of small mechanisms
-        outputs whose ``linear_range`` is small.
+        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy, values that suggest wrong
+        units, and of small mechanisms outputs whose ``linear_range`` is small.
 
         Returns
         -------
         tuple of str
             One sentence each.
         """
-        return (*super().remarks(), *self._range_notes)
+        doubts = () if self._provenance is None else unit_warnings(self._provenance.parts)
+        return (*super().remarks(), *(f"Doubtful: {text}" for text in doubts), *self._range_notes)
 
     def animate(
         self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from contextlib import contextmanager
@@ -27,6 +28,16 @@ if TYPE_CHECKING:
 
 DEBUG = "--debug"
 FAILED, MISUSED, INTERRUPTED = 1, 2, 130
+# What messages of the library name, and the command line has in its place.
+COMMANDS = [(re.compile(call), command) for call, command in (
+    (r"(?:model\.)?equilibrium\(preload=(\S*?)\)", r"'mbsvib equilibrium MODEL --preload \1 -o FILE.yaml'"),
+    (r"model\.equilibrium\(\)(?:\.linearize\(\))?", "'mbsvib equilibrium MODEL -o FILE.yaml'"),
+    (r"(?:model\.)?linearize\(align=([^()]*)\)", r"--align \1"),
+    (r"system\.explain\(\)|print\(system\.explain\(\)\)", "'mbsvib check MODEL'"),
+    (r"outputs=\[\.\.\.\]", "--output NAME"),
+    (r"inputs=\[\.\.\.\]", "--input NAME"),
+    (r"add_(input|output|force_output|base_motion)\(\)", r"an entry of \1s in the model file"),
+)]  # fmt: skip
 
 
 class UsageProblem(MbsvibError):
@@ -69,7 +80,7 @@ def as_messages(debug: bool) -> Iterator[Status]:
         except (MbsvibError, OSError) as error:
             if debug:
                 raise
-            complain(f"error: {error}")
+            complain(f"error: {in_commands(str(error))}")
             status.value = MISUSED if isinstance(error, (UsageProblem, ResponseError)) else FAILED
         except SystemExit as end:  # --help of a command
             status.value = int(end.code or 0)
@@ -113,6 +124,13 @@ def _finite(content: Any) -> Any:
     return None if isinstance(content, float) and not isfinite(content) else content
 
 
+def in_commands(words: str) -> str:
+    """Return a message that names calls of Python with the commands and options that do the same."""
+    for call, command in COMMANDS:
+        words = call.sub(command, words)
+    return words
+
+
 def complain(words: str) -> None:
     """Print a message on standard error."""
     print(words if tables.encodable(words, sys.stderr.encoding) else tables.to_ascii(words), file=sys.stderr)
@@ -129,4 +147,4 @@ def shown(path: Path) -> str:
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    complain(f"warning: {message}")
+    complain(f"warning: {in_commands(str(message))}")

@@ -36,7 +36,7 @@ class Active(Plant, Displayed):
     """A mechanism whose ``legs`` have actuators, ready for control: its figures, and its loops closed.
 
     ``system`` has, in addition to the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends
-    of the leg apart, and the outputs ``LEG.tension`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and
+    of the leg apart, and the outputs ``LEG.force`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and
     ``LEG.acceleration`` [m/s^2]. Inputs and outputs of the model itself come first and keep their names.
     """
 
@@ -166,25 +166,26 @@ def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> N
         model.add_output(f"{leg.name}.stroke", leg.second, leg.axis, *ends)
     model.add_output(f"{leg.name}.rate", leg.second, leg.axis, *ends, quantity="velocity")
     for name, direction, _ in leg.forces:
-        model.add_force_output(_part(leg, name), name, direction)
+        if _part(leg, name) not in model.outputs:  # else the study of the passive leg has it
+            model.add_force_output(_part(leg, name), name, direction)
     away = leg.first in attached and leg.second not in attached
     end, outward = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
     model.add_output(f"{leg.name}.acceleration", body, outward, end, quantity="acceleration")
 
 
 def _part(leg: ActiveLeg, element: str) -> str:
-    return f"{leg.name}.tension" if len(leg.forces) == 1 else f"{leg.name}.tension.{element}"
+    return f"{leg.name}.force" if len(leg.forces) == 1 else f"{leg.name}.force.{element}"
 
 
 def _with_tensions(system: System, legs: Sequence[ActiveLeg]) -> System:
-    """The system whose outputs ``LEG.tension`` are the force of the whole leg, as a sensor in series measures it: the
+    """The system whose outputs ``LEG.force`` are the force of the whole leg, as a sensor in series measures it: the
     sum over its elements less the force of its actuator.
     """
-    outputs = tuple(dict.fromkeys([*system.outputs, *(f"{leg.name}.tension" for leg in legs)]))
+    outputs = tuple(dict.fromkeys([*system.outputs, *(f"{leg.name}.force" for leg in legs)]))
     units = dict.fromkeys(outputs, "N") | dict(zip(system.outputs, system.output_units, strict=True))
     sums, direct = np.eye(len(outputs), len(system.outputs)), np.zeros((len(outputs), len(system.inputs)))
     for leg in legs:
-        row = outputs.index(f"{leg.name}.tension")
+        row = outputs.index(f"{leg.name}.force")
         sums[row] = 0.0
         for name, _, factor in leg.forces:
             sums[row, system.outputs.index(_part(leg, name))] = factor

@@ -79,7 +79,7 @@ def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) ->
     plant : Plant
         The mechanism.
     pairs : iterable of (str, str), optional
-        Names of an actuator and a sensor each; default: tension, rate and acceleration of each leg with its actuator.
+        Names of an actuator and a sensor each; default: force, rate and acceleration of each leg with its actuator.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) ->
     system = plant.system
     if pairs is None:
         pairs = [(f"{leg}.actuator", f"{leg}.{sensor}") for leg in plant.legs
-                 for sensor in ("tension", "rate", "acceleration")]  # fmt: skip
+                 for sensor in ("force", "rate", "acceleration")]  # fmt: skip
     port_pairs = list(pairs)
     if not port_pairs:
         raise ResponseError("collocation: no pairs; give at least one (actuator, sensor).")
@@ -113,7 +113,7 @@ def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> 
     b, row = system.B[:, i], rows[order]
     size = np.linalg.norm(b) * np.linalg.norm(row)
     dual = bool(size > 0.0 and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)
-    leg = sensor.removesuffix(".tension")
+    leg = sensor.removesuffix(".force")
     if leg != sensor and actuator == f"{leg}.actuator":
         dual = True  # in series
     free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \

@@ -47,7 +47,7 @@ def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controll
     Source: A. Preumont, Vibration control of active structures, chapter on integral force feedback.
     """
     gains = np.diag(_gains(plant, gain, "force_feedback", "rad/s"))
-    law = integrators("IFF", gains, plant.names("tension"), plant.names("actuator"), leak)
+    law = integrators("IFF", gains, plant.names("force"), plant.names("actuator"), leak)
     return law.for_plant(plant.system)
 
 

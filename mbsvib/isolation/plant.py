@@ -24,7 +24,7 @@ class Plant(LoopPlant):
     """A mechanism whose ``legs`` have actuators and sensors.
 
     ``system`` has the ports of an isolation study, and the inputs ``LEG.actuator`` [N], which push the ends of the leg
-    apart, and the outputs ``LEG.tension`` [N], the force in the leg as measured by a sensor in series with spring and
+    apart, and the outputs ``LEG.force`` [N], the force in the leg as measured by a sensor in series with spring and
     actuator, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
     of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
     """
@@ -39,7 +39,7 @@ class Plant(LoopPlant):
         Parameters
         ----------
         port : str
-            actuator, tension, stroke, rate or acceleration.
+            actuator, force, stroke, rate or acceleration.
 
         Returns
         -------

@@ -194,7 +194,7 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     first = close(plant, law(float(g[-1])))
     system = plant.system
     tensions = [name.removesuffix(".actuator") for name in first.actuators]
-    force_feedback = set(first.sensors) == {f"{leg}.tension" for leg in tensions} and removable(plant, tensions)
+    force_feedback = set(first.sensors) == {f"{leg}.force" for leg in tensions} and removable(plant, tensions)
     zeros = without(system, tensions).poles() if force_feedback else system.transmission_zeros(
         first.sensors, first.actuators)  # fmt: skip
     start = table[0]

@@ -51,20 +51,28 @@ def decaying_part(space: Any, question: str, answer: str) -> Separation:
     Others are refused, as are poles that grow. ``question``, ``answer``: what is asked for, and why there is none.
     """
     parts = separated(space.A, space.B, space.C)
+    shown = [group for group in parts.lasting if group.shown.any()]
+    if shown:
+        o, i = (int(k) for k in np.argwhere(shown[0].shown)[0])
+        words = [f"{pole_words(group.pole)}{_origin(space, group)}" for group in shown]
+        which = f"the poles {'; '.join(word.removeprefix('the pole ') for word in words)} do" if len(words) > 1 else \
+            f"{words[0]} does"
+        raise ResponseError(f"{question}: {which} not decay, and '{space.outputs[o]}' shows what '{space.inputs[i]}' "
+                            f"does to it, so that {answer}. Give it damping, change the controller, or choose other "
+                            f"outputs or inputs.")  # fmt: skip
     for group in parts.lasting:
         pole, errors = group.pole, group.part.errors[0]
-        if group.shown.any():
-            o, i = (int(k) for k in np.argwhere(group.shown)[0])
-            names = {space.states[k].rstrip("'") for k in np.flatnonzero(group.part.right.any(axis=1))}
-            mode = names.pop() if space.realization == "modal" and len(names) == 1 else ""
-            origin = f" of mode {mode[4:]}" if mode.startswith("mode") else ""
-            raise ResponseError(f"{question}: {pole_words(pole)}{origin} does not decay, and '{space.outputs[o]}' "
-                                f"shows what '{space.inputs[i]}' does to it, so that {answer}. Give it damping, change "
-                                f"the controller, or choose other outputs or inputs.")  # fmt: skip
         if (group.part.poles.real > errors).any():
             raise ResponseError(f"{question}: {pole_words(pole)} grows, although no output shows what inputs do to it. "
                                 f"Change the controller, or leave these states out.")  # fmt: skip
     return parts
+
+
+def _origin(space: Any, group: Any) -> str:
+    """The mode of a group of poles in words, where it is known."""
+    names = {space.states[k].rstrip("'") for k in np.flatnonzero(group.part.right.any(axis=1))}
+    mode = names.pop() if space.realization == "modal" and len(names) == 1 else ""
+    return f" of mode {mode[4:]}" if mode.startswith("mode") else ""
 
 
 def h2(space: Any) -> Norm:

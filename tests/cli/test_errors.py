@@ -139,3 +139,24 @@ def test_ascii_where_the_terminal_knows_nothing_else(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(io.BytesIO(), encoding="ascii", write_through=True))
     shell.complain("90°")
     assert sys.stderr.buffer.getvalue() == b"90 deg\n"
+
+
+def test_errors_name_commands_and_not_calls(run, tmp_path):
+    model = mv.Model("falling", gravity=(0, 0, -9.81))
+    model.add_body("b", 1.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_joint("r", "revolute", "ground", "b", position=(0.3, 0, 0), axis=(0, 1, 0))
+    mv.save(model, tmp_path / "falling.yaml")
+    result = run("modes falling.yaml")
+    assert result.exit_code == 1
+    assert "Find the pose with 'mbsvib equilibrium MODEL -o FILE.yaml'" in result.stderr
+    assert "()" not in result.stderr
+
+
+@pytest.mark.parametrize(("call", "command"), [
+    ("call linearize(align=1e-3).", "call --align 1e-3."),
+    ("model.equilibrium().linearize()", "'mbsvib equilibrium MODEL -o FILE.yaml'"),
+    ("outputs=[...].", "--output NAME."),
+    ("add some by add_input().", "add some by an entry of inputs in the model file."),
+])  # fmt: skip
+def test_calls_have_their_commands(call, command):
+    assert shell.in_commands(call) == command

@@ -122,7 +122,7 @@ def test_outputs_that_feel_the_actuator_in_both_forms():
     loop, w = p.system.feedback(law), np.array([0.5, 30.0, 200.0])
     first, second = loop.state_space().frequency_response(w), loop.second_order.frequency_response(w)
     np.testing.assert_allclose(second, first, rtol=1e-9, atol=1e-12 * np.abs(first).max())
-    tension = loop.outputs.index("lower.tension"), loop.inputs.index("base.z")
+    tension = loop.outputs.index("lower.force"), loop.inputs.index("base.z")
     np.testing.assert_allclose(second[tension], first[tension], rtol=1e-9)
 
 
@@ -338,3 +338,16 @@ def test_realizations_respond_alike(plant):
     names = loop.state_space("physical" if plant.kind == "system" else "modal").states
     assert names[:-1] == plant.state_space().states
     assert names[-1] == "controller1"
+
+
+def test_norms_name_all_poles_that_do_not_decay():
+    model = mv.Model("pair")
+    for name, stiffness in (("a", 100.0), ("b", 400.0)):
+        model.add_body(name, 1.0, (1, 1, 1))
+        model.add_joint(f"{name}.rail", "prismatic", "ground", name, axis=(1, 0, 0))
+        model.add_spring(f"{name}.k", "ground", name, (-1, 0, 0), (0, 0, 0), stiffness=stiffness, damping=0.1)
+        model.add_input(f"{name}.F", name, "x")
+        model.add_output(f"{name}.v", name, "x", quantity="velocity")
+    loop = model.linearize().feedback(3.0 * np.eye(2), ["a.v", "b.v"], ["a.F", "b.F"])
+    with pytest.raises(mv.ResponseError, match=r"poles 1\.45\+.* of mode 1; 1\.45\+.* of mode 2 do not decay"):
+        loop.hinf_norm()

@@ -137,7 +137,7 @@ def test_noncollocated_feedback_drives_a_mode():
     report = isolation.collocation(plant)
     by_sensor = {pair.sensor.split(".")[1]: pair for pair in report.pairs}
     assert by_sensor["rate"].passive
-    assert by_sensor["tension"].passive
+    assert by_sensor["force"].passive
     assert by_sensor["rate"].interlaced
     assert not by_sensor["acceleration"].dual
     assert not by_sensor["acceleration"].passive
@@ -151,7 +151,7 @@ def test_poles_and_zeros_interlace_in_closed_form():
     m1, m2, k1, k2 = 4.0, 9.0, 3e4, 1e4
     plant = isolation.actuated(two_masses(c1=0.0, c2=0.0), "payload", "lower", directions="z")
     poles = np.sqrt(np.linalg.eigvals(np.diag([1 / m1, 1 / m2]) @ [[k1 + k2, -k2], [-k2, k2]])) / (2 * np.pi)
-    rate, tension = isolation.collocation(plant, [("lower.actuator", f"lower.{x}") for x in ("rate", "tension")]).pairs
+    rate, tension = isolation.collocation(plant, [("lower.actuator", f"lower.{x}") for x in ("rate", "force")]).pairs
     assert np.allclose(rate.poles, np.sort(poles), rtol=1e-12)
     stroke = isolation.collocation(plant, [("lower.actuator", "lower.stroke")]).pairs[0]
     assert (stroke.dual, stroke.interlaced, stroke.passive) == (rate.dual, rate.interlaced, rate.passive) == (True,) * 3
@@ -164,7 +164,7 @@ def test_poles_and_zeros_interlace_in_closed_form():
 @pytest.mark.slow
 def test_symmetric_legs_are_collocated():
     plant = isolation.actuated(stiff_isolator(), "platform")
-    for pair in isolation.collocation(plant, [("leg2.k.actuator", f"leg2.k.{x}") for x in ("tension", "rate")]).pairs:
+    for pair in isolation.collocation(plant, [("leg2.k.actuator", f"leg2.k.{x}") for x in ("force", "rate")]).pairs:
         assert pair.dual
         assert pair.interlaced
         assert pair.passive
@@ -180,7 +180,7 @@ def test_relaxation_legs_may_be_active():
     assert loop.stable
     assert loop.isolation().amplification < plant.isolation().amplification
     assert "platform rz" in str(loop).splitlines()[-2]  # not what creeps
-    pair = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.tension")]).pairs[0]
+    pair = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force")]).pairs[0]
     assert (pair.dual, pair.interlaced, pair.passive) == (True, None, True)
     space, s = loop.state_space(), 300.0j
     flat = space.C @ np.linalg.solve(s * np.eye(len(space.A)) - space.A, space.B) + space.D
@@ -216,7 +216,7 @@ def test_laws_are_checked():
         isolation.force_feedback(plant, 1.0, leak=-1.0)
     with pytest.raises(mv.ResponseError, match="'legs' or 'modal'"):
         isolation.skyhook(plant, 1.0, "sky")
-    loop = plant.with_gains(isolation.controller([[-1.0]], ["leg.tension"], ["leg.actuator"]))
+    loop = plant.with_gains(isolation.controller([[-1.0]], ["leg.force"], ["leg.actuator"]))
     with pytest.raises(mv.ResponseError, match="algebraic loop"):
         loop.poles()
     with pytest.raises(mv.ResponseError, match="ascending"):

@@ -37,11 +37,11 @@ def test_a_strut_in_closed_form(model, leg, k, c):
     s = 1j * W
     way = 1.0 / (MASS * s**2 + c * s + k + beside)
     g = {name: plant.system.frequency_response(W, f"{leg}.{name}", f"{leg}.actuator")[0, 0]
-         for name in ("stroke", "rate", "tension", "acceleration")}  # fmt: skip
+         for name in ("stroke", "rate", "force", "acceleration")}  # fmt: skip
     np.testing.assert_allclose(g["stroke"], way, rtol=1e-11)
     np.testing.assert_allclose(g["rate"], s * way, rtol=1e-11)
     np.testing.assert_allclose(g["acceleration"], s**2 * way, rtol=1e-11)
-    np.testing.assert_allclose(g["tension"], (k + c * s) * way - 1.0, rtol=1e-9)
+    np.testing.assert_allclose(g["force"], (k + c * s) * way - 1.0, rtol=1e-9)
     loop = plant.with_gains(isolation.force_feedback(plant, 30.0))
     exact = np.roots([MASS, c + 30.0 * MASS, k + beside, 30.0 * beside])
     for value in exact[np.abs(exact) > 0.0]:
@@ -73,7 +73,7 @@ def test_legs_of_a_platform_by_their_joints():
     springs, slides = (isolation.actuated(model, "platform", legs) for legs in ("leg*.k", "leg*.slide"))
     assert slides.legs == tuple(f"leg{i}.slide" for i in range(1, 7))
     w = np.geomspace(100.0, 3e4, 9)
-    for port in ("tension", "stroke", "rate", "acceleration"):
+    for port in ("force", "stroke", "rate", "acceleration"):
         one, other = (plant.system.frequency_response(w, plant.names(port), plant.names("actuator"))
                       for plant in (springs, slides))  # fmt: skip
         np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9 * np.abs(one).max(axis=(0, 1)).min())
@@ -88,11 +88,11 @@ def test_springs_beside_a_joint_add_up():
     model = bushed(turn=True)
     model.add_spring("against", "payload", "ground", (0.1, 0, 0.2), (0.1, 0, 0), 3e4)
     plant = isolation.actuated(model, "payload", "guide", directions="z")
-    assert "guide.tension" in plant.system.outputs
-    assert not [name for name in plant.system.outputs if name.startswith("guide.tension.")]
+    assert "guide.force" in plant.system.outputs
+    assert not [name for name in plant.system.outputs if name.startswith("guide.force.")]
     s = 1j * W
     way = 1.0 / (MASS * s**2 + 20.0 * s + 1.2e5)
-    found = plant.system.frequency_response(W, "guide.tension", "guide.actuator")[0, 0]
+    found = plant.system.frequency_response(W, "guide.force", "guide.actuator")[0, 0]
     np.testing.assert_allclose(found, (1.2e5 + 20.0 * s) * way - 1.0, rtol=1e-9)
 
 

@@ -79,15 +79,15 @@ def test_shares_are_those_of_gramians_by_lyapunov_equations():
 def test_modes_of_one_frequency_count_together():
     hexapod = isolation.actuated(library.cubic_hexapod(damping=1.0), "platform").system
     with pytest.raises(mv.ResponseError, match="modes 1, 2, 3 have one frequency"):
-        isolation.placement(hexapod, "leg*.tension", sensors=3, modes=1)
-    best = isolation.placement(hexapod, "leg*.tension", sensors=3, modes=[1, 2, 3], best=20).sets
+        isolation.placement(hexapod, "leg*.force", sensors=3, modes=1)
+    best = isolation.placement(hexapod, "leg*.force", sensors=3, modes=[1, 2, 3], best=20).sets
     assert list(best[0].values) == ["modes 1, 2, 3"]
     # the legs are edges of a cube, two in each direction: 2^3 sets of orthogonal ones have half of the information
     assert np.allclose([one.score for one in best[:8]], 0.5, rtol=1e-9)
     assert [one.sensors for one in best[:8]] == sorted(one.sensors for one in best[:8])
     assert {one.score for one in best[8:]} == {0.0}
     with pytest.raises(mv.ResponseError, match="no set of 2 sensors tells modes 1, 2, 3 apart"):
-        isolation.placement(hexapod, "leg*.tension", sensors=2, modes=[1, 2, 3])
+        isolation.placement(hexapod, "leg*.force", sensors=2, modes=[1, 2, 3])
 
 
 def lqg_by_hand(system, sensors, actuators, noise, effort):

@@ -41,3 +41,22 @@ def test_materials_in_other_units(modulus, density, doubted):
     stated = model.linearize().explain()
     assert ("beam 'tube': E = " in stated) is doubted
     assert ("N/m^2 and kg/m^3?" in stated) is doubted
+
+
+def in_metres(scale):
+    model = mv.Model("arm")
+    model.add_body("b", 2.0, (0.01, 0.01, 0.01), position=(0.0, 0.0, 0.25 * scale))
+    model.add_joint("r", "revolute", "ground", "b", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("k", "ground", "b", (0.1 * scale, 0, 0), (0, 0, 0.25 * scale), stiffness=1e3)
+    return model
+
+
+def test_positions_in_millimetres_are_doubted_where_modes_are_read():
+    doubt = "Doubtful: a mechanism of 269 m, in which no body has a radius of gyration above 0.0707 m; are positions"
+    assert doubt in str(in_metres(1e3).linearize().modes())
+    assert "Doubtful" not in str(in_metres(1.0).linearize().modes())
+
+
+def test_inertia_in_gram_square_millimetres_is_doubted_where_modes_are_read():
+    model = in_metres(1.0).with_values({"b.inertia.yy": 1e4, "b.inertia.xx": 1e4, "b.inertia.zz": 1e4})
+    assert "is its inertia in kg m^2?" in str(model.linearize().modes())

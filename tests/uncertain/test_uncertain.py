@@ -60,7 +60,7 @@ def test_measured_forces_keep_their_actuators():
     plant = active.system.uncertain({"leg*.k.stiffness": 0.1})
     there = plant.at({"leg1.k.stiffness": 1.05e6})
     row, column = (names.index(name) for names, name in
-                   ((there.outputs, "leg1.k.tension"), (there.inputs, "leg1.k.actuator")))  # fmt: skip
+                   ((there.outputs, "leg1.k.force"), (there.inputs, "leg1.k.actuator")))  # fmt: skip
     assert there.D[row, column] == active.system.D[row, column] != 0.0
     delta, w = np.array([0.5, 0, 0, 0, 0, 0]), np.array([100.0, 600.0])
     size = np.abs(there.frequency_response(w)).max()
