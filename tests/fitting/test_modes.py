@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.api.fitting import _problem
 from mbsvib.errors import ResponseError
+from mbsvib.fitting.data import conditioned
+from mbsvib.fitting.variables import variables
 from tests.fitting.scenes import away, chain, measured
 
 
@@ -59,3 +62,17 @@ def test_more_modes_than_the_model_has_are_refused():
     many = mv.MeasuredModes([1.0, 2.0, 3.0, 4.0])
     with pytest.raises(ResponseError, match="has 4 modes, and the model 3"):
         model.fit(many, "k0.stiffness")
+
+
+@pytest.mark.parametrize("unit", [1e-20, 1e20])
+def test_units_of_force_do_not_change_slopes_of_modes(unit):
+    """Masses, springs and dampers times one factor have the same modes, and slopes to relative changes."""
+    free = ["k*.stiffness", "k*.damping", "b*.mass"]
+    normal = []
+    for factor in (1.0, unit):
+        model = chain(*(tuple(factor * one for one in group) for group in ((1e4, 2e4, 3e4), (2, 4, 6), (1, 2, 3))))
+        problem = _problem(model, conditioned(modes_of(chain())), variables(model.parameters, free, (), None, None), ())
+        x = problem.variables.unknowns(problem.variables.start)
+        x[1] += 0.1
+        normal.append(problem.sums(x, far=False).normal)
+    np.testing.assert_allclose(normal[1], normal[0], rtol=1e-8, atol=1e-8 * np.abs(normal[0]).max())
