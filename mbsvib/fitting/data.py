@@ -103,12 +103,13 @@ def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> Mo
     """Return measured modes as data."""
     n = len(measured.frequencies)
     ratios = np.full(n, np.nan) if measured.damping_ratios is None else measured.damping_ratios
-    shapes, rows, sign = np.full((0, n), np.nan + 0j), np.zeros(0, dtype=np.intp), np.zeros(0)
+    shapes, rows, sign, powers = np.full((0, n), np.nan + 0j), *[np.zeros(0, dtype=np.intp)] * 3
     if measured.shapes is not None:
         match, shapes = measured.matched(scene.model), np.asarray(measured.shapes, dtype=complex)
         rows = np.array([scene.plant.outputs.index(one) for one in match.output_names], dtype=np.intp)
-        sign = np.array([partner.sign for partner in match.outputs], dtype=float)
-    return ModeData(name, number, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign)
+        sign, powers = np.array([(partner.sign, partner.derivatives) for partner in match.outputs]).T
+    return ModeData(name, number, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign,
+                    powers)  # fmt: skip
 
 
 def _deviations(measured: MeasuredModes, shapes: Complex) -> tuple[Array, Array, Array]:

@@ -20,18 +20,20 @@ from mbsvib.linalg.matching import mac
 from mbsvib.modes import modes as modes_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Complex, Index
 
 # A mode as far off as this factor in frequency loses as much as a correlation of shapes of 1 is worth.
 FAR_APART = 4.0
+SENSING = ("Cq", "Cv", "Ca")
 
 
 @dataclass(frozen=True, eq=False)
 class ModeData:
     """Natural ``frequencies`` (n,) [Hz], ``damping_ratios`` (n,) and ``shapes`` (outputs, n), NaN where not measured,
-    with standard deviations: relative ones of the first two, and of the shapes in their own unit (outputs, n).
+    with standard deviations: relative ones of the first two, and of the shapes in their own unit (outputs, n). They are
+    displacements: ``sign`` lambda^``powers`` (outputs,) times what the ``rows`` of the model have.
     """
 
     name: str
@@ -44,6 +46,7 @@ class ModeData:
     shape_deviation: Array
     rows: Index
     sign: Array
+    powers: Index
     known: bool = True
 
     @property
@@ -57,12 +60,14 @@ class ModeData:
         """Yield the residuals of all modes with their derivatives."""
         eigenvalues = self._oscillating(equations)
         vectors = [_null_vector(equations, value) for value in eigenvalues]
-        sensing = [equations.Cq + value * equations.Cv + value**2 * equations.Ca for value in eigenvalues]
-        shapes = np.array([self.sign * (h[self.rows] @ x) for h, x in zip(sensing, vectors, strict=True)])
+        sensing = [getattr(equations, key)[self.rows] for key in SENSING]
+        shapes = np.array([self.sign * (_sensed(sensing, value, self.powers) @ x)
+                           for value, x in zip(eigenvalues, vectors, strict=True)])  # fmt: skip
         pairs = self.paired(np.abs(eigenvalues) / (2.0 * np.pi), shapes)
         residuals, changes = [], []
         for k, at in enumerate(pairs):
-            change = None if slopes is None else _changes(equations, slopes, eigenvalues[at], vectors[at], self.rows)
+            change = None if slopes is None else _changes(
+                equations, slopes, eigenvalues[at], vectors[at], (self.rows, self.powers))  # fmt: skip
             for r, dr in self._residuals(k, eigenvalues[at], shapes[at], change):
                 residuals.append(r)
                 changes.append(dr)
@@ -130,7 +135,7 @@ def _null_vector(equations: Any, value: complex) -> Complex:
 
 
 def _changes(
-    equations: Any, slopes: Mapping[str, Array], value: complex, x: Complex, rows: Index
+    equations: Any, slopes: Mapping[str, Array], value: complex, x: Complex, ends: tuple[Index, Index]
 ) -> tuple[Complex, Complex]:
     """Derivatives of the eigenvalue (v,) and of the shape at the outputs (v, outputs)."""
     m = len(x)
@@ -143,7 +148,13 @@ def _changes(
         slopes["K"], slopes["C"], slopes["M"], strict=True)])  # fmt: skip
     solution = np.linalg.solve(bordered, np.pad(force, ((0, 0), (0, 1))).T).T
     d_value = solution[:, m] * (scale / np.linalg.norm(rate))
-    sensing = (equations.Cq + value * equations.Cv + value**2 * equations.Ca)[rows]
-    moved = (equations.Cv + 2.0 * value * equations.Ca)[rows] @ x
-    turned = sum(slopes[key][:, rows] @ x * value**k for k, key in enumerate(("Cq", "Cv", "Ca")))
-    return d_value, solution[:, :m] @ sensing.T + d_value[:, None] * moved + turned
+    rows, powers = ends
+    sensing = [getattr(equations, key)[rows] for key in SENSING]
+    moved = _sensed([(k + powers)[:, None] * matrix for k, matrix in enumerate(sensing)], value, powers - 1) @ x
+    turned = _sensed([slopes[key][:, rows] for key in SENSING], value, powers) @ x
+    return d_value, solution[:, :m] @ _sensed(sensing, value, powers).T + d_value[:, None] * moved + turned
+
+
+def _sensed(matrices: Sequence[Any], value: complex, powers: Index) -> Any:
+    """sum_k lambda^(k + powers) C_k of Cq, Cv, Ca (..., outputs, m)."""
+    return sum(value ** (k + powers)[:, None] * matrix for k, matrix in enumerate(matrices))

@@ -5,14 +5,14 @@ import numpy as np
 import mbsvib as mv
 
 
-def chain(stiffness=(1e4, 2e4, 3e4), damping=(2.0, 4.0, 6.0), masses=(1.0, 2.0, 3.0)):
+def chain(stiffness=(1e4, 2e4, 3e4), damping=(2.0, 4.0, 6.0), masses=(1.0, 2.0, 3.0), quantities=("displacement",) * 3):
     """Three masses that move along z, each held to the one before."""
     model, below = mv.Model("chain"), "ground"
     for i, (k, d, m) in enumerate(zip(stiffness, damping, masses, strict=True)):
         model.add_body(f"b{i}", m, (1, 1, 1), position=(0, 0, i + 1.0))
         model.add_joint(f"rail{i}", "prismatic", "ground", f"b{i}", axis=(0, 0, 1))
         model.add_spring(f"k{i}", below, f"b{i}", (0, 0, float(i)), (0, 0, i + 1.0), stiffness=k, damping=d)
-        model.add_output(f"z{i}", f"b{i}", "z")
+        model.add_output(f"z{i}", f"b{i}", "z", quantity=quantities[i])
         below = f"b{i}"
     model.add_input("F", "b2", "z")
     model.add_input("F0", "b0", "z")

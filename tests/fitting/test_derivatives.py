@@ -9,7 +9,7 @@ from mbsvib.fitting.data import conditioned
 from mbsvib.fitting.problem import real_rows
 from mbsvib.fitting.variables import variables
 from tests.fitting.scenes import chain, measured
-from tests.fitting.test_modes import modes_of
+from tests.fitting.test_modes import MIXED, modes_of
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 17)
 
@@ -53,8 +53,10 @@ def scene(kind):
     if kind == "springs":
         return springs(), measured(springs(), OMEGA, 0.02, 1), ["k*.stiffness", "damper.damping"], ()
     model = chain()
-    if kind == "modes":
-        return model, modes_of(model, (1, 0, 2)), ["k*.stiffness", "k*.damping", "b*.mass"], ()
+    if kind in ("modes", "quantities"):
+        data = modes_of(model, (1, 0, 2))
+        model = chain(quantities=MIXED) if kind == "quantities" else model
+        return model, data, ["k*.stiffness", "k*.damping", "b*.mass"], ()
     data = measured(model, OMEGA, 0.02, 1)
     if kind == "shared":
         power = np.einsum("in,jn,ij->ijn", *[1e-6 * np.ones((3, 17))] * 2, np.eye(3) + 0.5)
@@ -63,7 +65,7 @@ def scene(kind):
 
 
 @pytest.mark.parametrize("far", [False, True])
-@pytest.mark.parametrize("kind", ["chain", "shared", "modes", "rotor", "springs"])
+@pytest.mark.parametrize("kind", ["chain", "shared", "modes", "quantities", "rotor", "springs"])
 def test_derivatives_of_residuals(kind, far):
     model, data, free, channels = scene(kind)
     chosen = variables(model.parameters, free, (), {free[-1]: (1.0, 0.1)} if kind == "rotor" else None, None)

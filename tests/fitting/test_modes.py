@@ -10,6 +10,8 @@ from mbsvib.fitting.data import conditioned
 from mbsvib.fitting.variables import variables
 from tests.fitting.scenes import away, chain, measured
 
+MIXED = ("acceleration", "displacement", "velocity")
+
 
 def modes_of(model, order=(0, 1, 2), damping=True, factors=(1.0, -2.0, 3.0j)):
     system = model.linearize()
@@ -26,6 +28,20 @@ def test_modes_in_any_order_give_exact_values():
     for name, value in fit.values.items():
         assert value == pytest.approx(model.parameters[name], rel=1e-5), name
     assert fit.residual_test.passed
+
+
+def test_shapes_are_displacements_whatever_the_outputs_of_the_model_are():
+    """Of outputs of three quantities, in any units of the mode, one with the other direction by its place."""
+    model = chain(quantities=MIXED)
+    plain = modes_of(chain())
+    shapes = plain.shapes * np.array([[1.0], [-1.0], [1.0]])
+    points = [((0, 0, k + 1.0), (0, 0, -1.0 if k == 1 else 1.0)) for k in range(3)]
+    data = mv.MeasuredModes(plain.frequencies, plain.damping_ratios, shapes, plain.outputs, output_points=points)
+    free = ["k*.stiffness", "k*.damping"]
+    fit = away(model, free, 0.05, 1).fit(data, free)
+    for name, value in fit.values.items():
+        assert value == pytest.approx(model.parameters[name], rel=1e-6), name
+    assert fit.residual_test.ratio < 1e-9
 
 
 def test_modes_alone_do_not_tell_the_scale():
