@@ -17,7 +17,6 @@ from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.differences import Difference, differences
 from mbsvib.measurement.matching import ORDERS, Matching, matching_of
 from mbsvib.measurement.modes import MeasuredModes
-from mbsvib.measurement.points import Point
 from mbsvib.responses.frequency_grid import resonant_grid
 
 if TYPE_CHECKING:
@@ -244,17 +243,8 @@ def _matched(a: Any, b: Any, inputs: bool) -> tuple[Matching, bool]:
     """Return the partners in b of the channels of a, or in a of those of b, which is True for the second."""
     back = _is_measured(b) and not _is_measured(a)
     first, second = (b, a) if back else (a, b)
-    channels = [_channels(first, kind) for kind in ("output", "input")[: 2 if inputs else 1]]
-    return matching_of(channels, getattr(first, "nodes", ()), second, {}, LIMITS, partial=True), back
-
-
-def _channels(side: Any, kind: str) -> Any:
-    names = getattr(side, f"{kind}s")
-    units = getattr(side, f"{kind}_units", ("",) * len(names))
-    points = getattr(side, f"{kind}_points", (Point(0, 0),) * len(names))
-    quantities = None if kind == "input" or not _is_measured(side) else \
-        getattr(side, "quantity", ("displacement",) * len(names))  # fmt: skip
-    return f"{kind}s", names, units, points, quantities
+    kinds = ("output", "input") if inputs else ("output",)
+    return matching_of(first, second, {}, LIMITS, kinds, partial=True), back
 
 
 def _modes(side: Any) -> _Modes | None:

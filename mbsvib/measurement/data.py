@@ -325,9 +325,7 @@ class Measurement(Doors, Displayed):
         ResponseError
             If a channel has no partner, or its unit, place or direction is another one.
         """
-        channels = [("outputs", self.outputs, self.output_units, self.output_points, self.quantity),
-                    ("inputs", self.inputs, self.input_units, self.input_points, None)]  # fmt: skip
-        return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+        return matching_of(self, linear, names or {}, (distance, angle))
 
     def plot(
         self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None

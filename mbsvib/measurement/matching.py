@@ -10,13 +10,13 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, an, nearest
-from mbsvib.measurement.points import model_places, place_of, point_of
+from mbsvib.measurement.points import Point, model_places, place_of, point_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.measurement.points import Node, Place, Point
+    from mbsvib.measurement.points import Place
 
 # What a unit measures, and the number of its time derivatives.
 ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad": ("angle", 0),
@@ -114,28 +114,25 @@ class Matching(Displayed):
 
 
 def matching_of(
-    channels: Sequence[tuple[str, Sequence[str], Sequence[str], Sequence[Point], Sequence[str] | None]],
-    nodes: Sequence[Node], linear: Any, names: Mapping[str, str], limits: tuple[float, float], partial: bool = False,
+    measured: Any, linear: Any, names: Mapping[str, str], limits: tuple[float, float],
+    kinds: Sequence[str] = ("output", "input"), partial: bool = False,
 ) -> Matching:  # fmt: skip
-    """Return the partners of channels, each given by kind, names, units, points and quantities.
-
-    ``limits``: largest distance [m] and angle [rad]. ``partial``: leave out channels without partner.
+    """Return the partners of channels; ``limits``: largest distance [m] and angle [rad]; ``partial``: leave others out.
     """
-    known = {node.number: node for node in nodes}
+    known = {node.number: node for node in getattr(measured, "nodes", ())}
     places = model_places(linear)
-    unknown = [name for name in names if not any(name in listed for _, listed, *_ in channels)]
+    every = [name for kind in kinds for name in getattr(measured, f"{kind}s")]
+    unknown = [name for name in names if name not in every]
     if unknown:
-        given = ", ".join(name for _, listed, *_ in channels for name in listed)
         raise ResponseError(f"matched: names has {', '.join(map(repr, unknown))}, which the measurement has not. Its "
-                            f"channels are {given}.")  # fmt: skip
+                            f"channels are {', '.join(every)}.")  # fmt: skip
     results: dict[str, tuple[Partner, ...]] = {}
     missing: list[str] = []
-    for kind, listed, units, points, quantities in channels:
-        candidates = _candidates(linear, kind, places)
-        partners = []
-        for k, name in enumerate(listed):
-            measured = (name, units[k], quantities[k] if quantities else "", place_of(points[k], known))
-            partner = _partner(measured, names.get(name), candidates, limits, kind[:-1])
+    for kind in kinds:
+        candidates, partners = _candidates(linear, f"{kind}s", places), []
+        for name, unit, quantity, point in _channels(measured, kind):
+            channel = (name, unit, quantity, place_of(point, known))
+            partner = _partner(channel, names.get(name), candidates, limits, kind)
             if isinstance(partner, str):
                 missing.append(partner)
             else:
@@ -144,7 +141,17 @@ def matching_of(
     if missing and not partial:
         raise ResponseError(f"matched: {' '.join(missing)} Give names={{measured: name in the model}}, add the channel "
                             f"to the model, or leave it out: data[outputs, inputs].")  # fmt: skip
-    return Matching(results["outputs"], results.get("inputs", ()), tuple(missing))
+    return Matching(results["output"], results.get("input", ()), tuple(missing))
+
+
+def _channels(side: Any, kind: str) -> Iterator[tuple[str, str, str, Point]]:
+    """Name, unit, quantity and point of each; measured shapes are displacements, models say these by their units."""
+    names = getattr(side, f"{kind}s")
+    units = getattr(side, f"{kind}_units", ("",) * len(names))
+    points = getattr(side, f"{kind}_points", (Point(0, 0),) * len(names))
+    quantities = getattr(side, "quantity", ("displacement",) * len(names)) \
+        if kind == "output" and hasattr(side, "output_points") else ("",) * len(names)  # fmt: skip
+    return zip(names, units, quantities, points, strict=True)
 
 
 def _candidates(linear: Any, kind: str, places: Mapping[tuple[str, str], Place]) -> dict[str, tuple[str, Place | None]]:

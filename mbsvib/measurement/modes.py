@@ -134,9 +134,7 @@ class MeasuredModes(Columnar, Displayed):
         Matching
             A partner of each output, printed as a table.
         """
-        channels = [("outputs", self.outputs, ("",) * len(self.outputs), self.output_points,
-                     ("displacement",) * len(self.outputs))]  # fmt: skip
-        return matching_of(channels, self.nodes, linear, names or {}, (distance, angle))
+        return matching_of(self, linear, names or {}, (distance, angle), kinds=("output",))
 
     _index = "mode"
 

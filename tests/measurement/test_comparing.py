@@ -184,7 +184,8 @@ def test_record_table_and_figure():
     assert record["pairs"][0]["b"] == 1
     assert record["differences"][0]["values"] == [3e4, 2e4]
     figure = result.plot()
-    assert figure.axes[0].get_title(loc="left") == "chain (up), chain (right)"
+    assert figure.axes[0].get_title(loc="left") == "MAC"
+    assert figure.axes[0].get_xlabel() == "mode of chain"
     with pytest.raises(mv.ResponseError, match="no modes were compared"):
         replace(result, pairs=()).plot()
 
