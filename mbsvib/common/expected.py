@@ -112,6 +112,13 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     return float(array)
 
 
+def positive(caller: str, field: str, value: Any, expected: str) -> float:
+    """Return a finite number above 0."""
+    if not 0.0 < (number := real(value, caller, field, expected)) < np.inf:
+        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}, finite and above 0.")
+    return number
+
+
 def near_frequency(value: Any) -> float:
     """Return the frequency [Hz] around which modes are wanted, whose square must not overflow."""
     expected = f"a frequency [Hz] from 0, for the lowest modes, to {HIGHEST:g}"

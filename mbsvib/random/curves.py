@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import positive, reals
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses.densities import Table
 
@@ -79,7 +79,7 @@ def strictest(middle: Array, velocity: Array) -> str:
 
 
 # How often displacements are differentiated
-_ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
+ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _UNITS = ("m", "m/s", "m/s^2")
 # Periods T [s] from which 10 log10 of the density in (m/s^2)^2/Hz is A + B log10 T, until the next period
 _LAST_PERIOD = 1e5
@@ -160,7 +160,7 @@ def seismic_spectrum(name: str, quantity: str = "acceleration") -> Table:
 
     Source: J. Peterson, Observations and modeling of seismic background noise, USGS Open-File Report 93-322 (1993).
     """
-    period, constant, slope = np.array(_PETERSON[_one_of(name, _PETERSON, "seismic_spectrum", "name")]).T
+    period, constant, slope = np.array(_PETERSON[one_of(name, _PETERSON, "seismic_spectrum", "name")]).T
     period, last = np.append(period, _LAST_PERIOD), np.minimum(np.arange(len(period) + 1), len(period) - 1)
     level = constant[last] + slope[last] * np.log10(period)
     return _as(1.0 / period[::-1], 10.0 ** (0.1 * level[::-1]), "acceleration", quantity, "seismic_spectrum")
@@ -193,24 +193,23 @@ def road_spectrum(name: str, speed: float, quantity: str = "displacement") -> Ta
     Source: ISO 8608:2016, table C.2.
     """
     roughness = road_roughness(name, "road_spectrum")
-    if not isinstance(speed, (int, float, np.number)) or not 0.0 < speed < np.inf:
-        raise ResponseError(f"road_spectrum: speed = {check.shown(speed)}; expected a positive number [m/s].")
-    n = np.array(ROAD_SPAN)
+    speed, n = positive("road_spectrum", "speed", speed, "a speed [m/s]"), np.array(ROAD_SPAN)
     return _as(n * speed, roughness * (n / ROAD_REFERENCE) ** -2.0 / speed, "displacement", quantity, "road_spectrum")
 
 
 def road_roughness(name: str, who: str) -> float:
     """Return the displacement density G(0.1) [m^3] of a class of roads; ``who`` asks for it, in messages."""
-    return _ROADS[_one_of(name, _ROADS, who, "name")]
+    return _ROADS[one_of(name, _ROADS, who, "name")]
 
 
 def _as(f: Array, values: Array, given: str, quantity: str, who: str) -> Table:
     """A table of another quantity: densities are times (2 pi f)^2 for each derivative."""
-    order = _ORDER[_one_of(quantity, _ORDER, who, "quantity")]
-    return Table(f, values * (2.0 * np.pi * f) ** (2.0 * (order - _ORDER[given])), _UNITS[order])
+    order = ORDER[one_of(quantity, ORDER, who, "quantity")]
+    return Table(f, values * (2.0 * np.pi * f) ** (2.0 * (order - ORDER[given])), _UNITS[order])
 
 
-def _one_of(value: Any, known: Iterable[str], who: str, field: str) -> str:
+def one_of(value: Any, known: Iterable[str], who: str, field: str) -> str:
+    """Return a name that is one of those known, refused otherwise."""
     if not isinstance(value, str) or value not in known:
         raise ResponseError(f"{who}: {field} = {check.shown(value)}; expected one of {', '.join(known)}."
                             f"{nearest(str(value), list(known))}")  # fmt: skip

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import real, reals
+from mbsvib.common.expected import positive, real, reals
 from mbsvib.common.memory import BATCH_BYTES
-from mbsvib.errors import ResponseError, nearest
-from mbsvib.random.curves import ROAD_REFERENCE, ROAD_SPAN, road_roughness
+from mbsvib.errors import ResponseError
+from mbsvib.random.curves import ORDER, ROAD_REFERENCE, ROAD_SPAN, one_of, road_roughness
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-
-_ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -96,11 +93,8 @@ class RoadProfile(Displayed):
         ResponseError
             If the speed is not positive, or the quantity is another one.
         """
-        v = _positive("under", "speed", speed, "a speed [m/s]")
-        if not isinstance(quantity, str) or quantity not in _ORDER:
-            raise ResponseError(f"under: quantity = {check.shown(quantity)}; expected one of {', '.join(_ORDER)}."
-                                f"{nearest(str(quantity), list(_ORDER))}")  # fmt: skip
-        order = _ORDER[quantity]
+        v = positive("under", "speed", speed, "a speed [m/s]")
+        order = ORDER[one_of(quantity, ORDER, "under", "quantity")]
         x = v * reals(t, "under", "t", "times [s]") - real(behind, "under", "behind", "a distance [m]")
         return np.asarray(v**order * self.at(x, order))
 
@@ -136,7 +130,7 @@ def road_profile(name: str, length: float = 500.0, seed: int = 0) -> RoadProfile
     """
     roughness = road_roughness(name, "road_profile")
     low, high = ROAD_SPAN
-    size = _positive("road_profile", "length", length, f"a length of at least {1.0 / low:.1f} m, the longest wave")
+    size = positive("road_profile", "length", length, f"a length of at least {1.0 / low:.1f} m, the longest wave")
     if size * low < 1.0:
         raise ResponseError(f"road_profile: length = {size:g} m; expected at least {1.0 / low:.1f} m, the longest wave "
                             f"of the class.")  # fmt: skip
@@ -169,15 +163,8 @@ def road_bump(height: float, length: float, start: float = 0.0) -> RoadProfile:
     ResponseError
         If a value is not a number, or the length is not positive.
     """
-    size = _positive("road_bump", "length", length, "a length [m]")
+    size = positive("road_bump", "length", length, "a length [m]")
     half = 0.5 * real(height, "road_bump", "height", "a height [m]")
     begin = real(start, "road_bump", "start", "a distance [m]")
     return RoadProfile("bump", np.array([0.0, 1.0 / size]), np.array([half, -half]),
                        np.array([0.0, -2.0 * np.pi * begin / size]), begin, begin + size)  # fmt: skip
-
-
-def _positive(who: str, field: str, value: Any, expected: str) -> float:
-    number = real(value, who, field, expected)
-    if number <= 0.0:
-        raise ResponseError(f"{who}: {field} = {check.shown(value)}; expected {expected}, above 0.")
-    return number

@@ -182,14 +182,14 @@ def mean_square_gradient(under: Random, one: Equations, which: list[int]) -> Arr
     """
     whole = under.behind_filters(which, one)
     a, b, c, _ = whole.all
-    weight = np.eye(len(which)) if under.cross is None else np.eye(len(which)) + under.cross
+    weight = _weight(under, which)
     parts = separated(a, b, c)
     if parts.lasting:
         p, q = gramians(parts, weight)
     else:
         solver = Lyapunov(a)
         p, q = solver.controlled(b @ weight @ b.T), solver.observed(c.T @ c)
-    return _before_filters(whole, 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p)
+    return _before_filters(whole, p, q, weight)
 
 
 def stable_squares(under: Random, equations: Equations) -> tuple[float, Callable[[], Array]]:
@@ -202,20 +202,20 @@ def stable_squares(under: Random, equations: Equations) -> tuple[float, Callable
     a, b, c, d = whole.all
     if d.any():
         return np.inf, lambda: np.zeros((len(equations.a) + len(c), len(equations.a) + b.shape[1]))
-    weight = np.eye(b.shape[1]) if under.cross is None else np.eye(b.shape[1]) + under.cross
-    solver = Lyapunov(a)
+    weight, solver = _weight(under, under.rational), Lyapunov(a)
     p = solver.controlled(b @ weight @ b.T)
-
-    def slope() -> Array:
-        q = solver.observed(c.T @ c)
-        return _before_filters(whole, 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p)
-
-    return float((c @ p * c).sum()), slope
+    return float((c @ p * c).sum()), lambda: _before_filters(whole, p, solver.observed(c.T @ c), weight)
 
 
-def _before_filters(whole: Filtered, to_a: Array, to_b: Array, to_c: Array) -> Array:
-    """The gradient to the entries of the plant among filters, (states + outputs, states + sources)."""
+def _weight(under: Random, which: list[int]) -> Array:
+    """The correlation of white noises of some sources."""
+    return np.eye(len(which)) if under.cross is None else np.eye(len(which)) + under.cross
+
+
+def _before_filters(whole: Filtered, p: Array, q: Array, weight: Array) -> Array:
+    """The gradient by Gramians to the entries of the plant among filters, (states + outputs, states + sources)."""
     (x, f, z), source, output = whole.slices, whole.sources, whole.outputs
+    to_a, to_b, to_c = 2.0 * q @ p, 2.0 * q @ whole.all.b @ weight, 2.0 * whole.all.c @ p
     n, count = len(whole.plant.a), len(whole.plant.c)
     result = np.zeros((n + count, n + to_b.shape[1]))
     result[:n, :n] = to_a[x, x]

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import positive
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses.densities import Shaped, shaped
@@ -68,7 +69,7 @@ def moving_average(time: float) -> Window:
 
     Source: Lucke, Sirlin & San Martin, J. Astronautical Sci. 40 (1992) 557: displacement, smear and jitter.
     """
-    return Window(_time(time, "moving_average"), True)
+    return Window(positive("moving_average", "time", time, "a time [s]"), True)
 
 
 def moving_deviation(time: float) -> Window:
@@ -92,7 +93,7 @@ def moving_deviation(time: float) -> Window:
 
     Source: Lucke, Sirlin & San Martin, J. Astronautical Sci. 40 (1992) 557: displacement, smear and jitter.
     """
-    return Window(_time(time, "moving_deviation"), False)
+    return Window(positive("moving_deviation", "time", time, "a time [s]"), False)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -148,12 +149,6 @@ def integrated(times: int = 2) -> Integrated:
     if times not in (1, 2) or isinstance(times, bool):
         raise ResponseError(f"integrated: times = {check.shown(times)}; expected 1 or 2.")
     return Integrated(int(times))
-
-
-def _time(value: Any, who: str) -> float:
-    if not isinstance(value, (int, float, np.number)) or not 0.0 < value < np.inf:
-        raise ResponseError(f"{who}: time = {check.shown(value)}; expected a positive number [s].")
-    return float(value)
 
 
 @dataclass(frozen=True, eq=False)

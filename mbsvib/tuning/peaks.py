@@ -125,14 +125,14 @@ def eigen(a: Array) -> Eigen:
 
     values, vectors = np.linalg.eig(a)
     units = matrix_balance(a, permute=False, separate=True)[1][0][:, None] if len(a) else np.ones((0, 1))
-    vectors = vectors / units
-    vectors = vectors / np.linalg.norm(vectors, axis=0)
+    even: Complex = np.asarray(vectors / units, dtype=complex)
+    even /= np.linalg.norm(even, axis=0)
     try:
-        inverse = np.linalg.inv(vectors)
+        inverse: Complex = np.asarray(np.linalg.inv(even))
     except np.linalg.LinAlgError:
-        return values, units * vectors, None
+        return values, units * even, None
     condition = len(a) * float(np.abs(inverse).max(initial=0.0))
-    return values, units * vectors, inverse / units.T if condition < DEPENDENT else None
+    return values, units * even, inverse / units.T if condition < DEPENDENT else None
 
 
 def peak(response: Response, known: Sequence[float]) -> tuple[float, float]:

@@ -13,7 +13,6 @@ Automatic Control 36 (1991) 25 (scalings).
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from mbsvib.random.moments import in_rows
 from mbsvib.uncertain.intervals import Channels, interval
 from mbsvib.uncertain.scalings import best_scalings
+from mbsvib.uncertain.search import samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,11 +81,8 @@ def mean_square_bound(channels: Channels, beyond: Channels) -> float:
 
 def _samples(channels: Channels) -> Array:
     """Changes (k, channels) of the parameters from -1 to 1: none, vertices, and points at random."""
-    count, rng = len(channels.sizes), np.random.default_rng(0)
-    corners = np.array(list(product((-1.0, 1.0), repeat=count))) if count <= CORNERS else rng.choice(
-        (-1.0, 1.0), (INSIDE, count))  # fmt: skip
-    points = np.concatenate((np.zeros((1, count)), corners, rng.uniform(-1.0, 1.0, (INSIDE, count))))
-    return np.repeat(points, channels.sizes, axis=1)
+    limits = np.tile([-1.0, 1.0], (len(channels.sizes), 1))
+    return np.repeat(samples(limits, 0, CORNERS, INSIDE, INSIDE), channels.sizes, axis=1)
 
 
 def _reached(channels: Channels, deltas: Array, w: Array) -> Array:

@@ -66,18 +66,6 @@ class Perturbed:
         entries = np.diagonal(closed.to_law(gradient)) if len(self.owner) else np.zeros(0)
         return value, np.bincount(self.owner, weights=entries, minlength=len(delta)).astype(float)
 
-    def starts(self, seed: int = 0) -> Array:
-        """Return points (k, parameters) within the limits: vertices, then points at random."""
-        rng, count = np.random.default_rng(seed), len(self.limits)
-        if count <= VERTICES:
-            corners = np.array(list(product((0, 1), repeat=count)), dtype=np.intp)
-        else:
-            corners = rng.integers(0, 2, (RANDOM, count))
-            corners[:2] = [[0], [1]]
-        vertices = self.limits[np.arange(count), corners]
-        inside = self.limits[:, 0] + rng.random((RANDOM // 4, count)) * np.diff(self.limits, axis=1)[:, 0]
-        return np.concatenate((np.zeros((1, count)), vertices, inside))
-
     def within(self, t: float) -> Perturbed:
         """Return the same with limits t times as far."""
         return Perturbed(self.space, self.owner, t * self.limits, self.shown, self.sources)
@@ -86,7 +74,7 @@ class Perturbed:
         """Return the largest value that ascents from several points reach, and where."""
         from scipy.optimize import minimize
 
-        points = np.concatenate((self.starts(seed), np.reshape(np.array(list(more)), (-1, len(self.limits)))))
+        points = np.concatenate((samples(self.limits, seed), np.reshape(np.array(list(more)), (-1, len(self.limits)))))
         values = np.array([self.measured(measure, point)[0] for point in points])
         best = int(np.argmax(np.nan_to_num(values, nan=-np.inf)))
         value, where = float(values[best]), points[best]
@@ -139,6 +127,21 @@ class Perturbed:
     def factor(self, delta: Array) -> float:
         """Return by which factor of the limits a point is away from the nominal values."""
         return float(np.max(np.where(delta > 0.0, delta / self.limits[:, 1], delta / self.limits[:, 0])))
+
+
+def samples(limits: Array, seed: int = 0, vertices: int = VERTICES, many: int = RANDOM, inner: int = RANDOM // 4
+            ) -> Array:  # fmt: skip
+    """Return points (k, parameters) within limits: none changed, all vertices of so many parameters or ``many`` of
+    more, and so many inner ones.
+    """
+    rng, count = np.random.default_rng(seed), len(limits)
+    if count <= vertices:
+        corners = np.array(list(product((0, 1), repeat=count)), dtype=np.intp)
+    else:
+        corners = rng.integers(0, 2, (many, count))
+        corners[:2] = [[0], [1]]
+    inside = limits[:, 0] + rng.random((inner, count)) * np.diff(limits, axis=1)[:, 0]
+    return np.concatenate((np.zeros((1, count)), limits[np.arange(count), corners], inside))
 
 
 def perturbed(plant: Any, outputs: Names = None, inputs: Names = None) -> Perturbed:

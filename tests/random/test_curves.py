@@ -144,8 +144,9 @@ def test_displacements_in_space_from_accelerations():
     (lambda: isolation.vc_spectrum("VC-Z"), "VC-A"),
     (lambda: isolation.vc_spectrum("VC-A", "jerk"), "quantity"),
     (lambda: isolation.seismic_spectrum("NLN"), "NLNM"),
-    (lambda: isolation.road_spectrum("C", 0.0), "speed"),
-    (lambda: isolation.moving_average(0.0), "time"),
+    *[(lambda bad=bad: isolation.road_spectrum("C", bad), "road_spectrum: speed = .*a speed")
+      for bad in (0.0, -2.0, np.inf, np.nan, "fast")],
+    *[(lambda bad=bad: isolation.moving_average(bad), "moving_average: time") for bad in (0.0, np.inf)],
     (lambda: isolation.integrated(3), "times"),
     (lambda: oscillator().linearize().rms("a", {"F": 1.0}, weighting=isolation.moving_average(0.1)), "acts directly"),
     (lambda: oscillator().linearize().rms("x", {"F": lambda f: 1.0 + 0.0 * f},

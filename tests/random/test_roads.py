@@ -54,6 +54,7 @@ def test_seeds_repeat_and_differ():
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: isolation.road_profile("Z"), "road_profile: name = 'Z'"),
     (lambda: isolation.road_profile("A", length=50.0), "length = 50 m; expected at least 90.9 m"),
+    (lambda: isolation.road_profile("A", length=np.inf), "length = inf"),
     (lambda: isolation.road_bump(0.1, 0.0), "road_bump: length = 0.0"),
     (lambda: isolation.road_bump("high", 1.0), "road_bump: height"),  # type: ignore[arg-type]
     (lambda: isolation.road_profile("A").under([0.0], -1.0), "under: speed"),

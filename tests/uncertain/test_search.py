@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.uncertain import blocks
-from mbsvib.uncertain.search import Perturbed, gain, growth
+from mbsvib.uncertain.search import Perturbed, gain, growth, samples
 from tests.random.scenes import two_masses
 
 
@@ -50,8 +50,7 @@ def test_gain_of_a_static_map():
 @pytest.mark.parametrize("count", [1, 3, 9])
 def test_starts_are_the_nominal_values_vertices_and_points_within(count):
     limits = np.array([[-1.0 - k, 0.5 * (k + 1.0)] for k in range(count)])
-    problem = Perturbed((np.zeros((0, 0)),) * 4, np.arange(count), limits)
-    points = problem.starts(3)
+    points = samples(limits, 3)
     assert (points[0] == 0.0).all()
     assert ((points >= limits[:, 0]) & (points <= limits[:, 1])).all()
     known = set(map(tuple, points))
