@@ -10,7 +10,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib.measurement.data import MeasuredMode
 from mbsvib.measurement.points import Node
-from tests.export.test_uff import function
+from tests.export.test_uff_foreign import function
 
 pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed: pip install 'mbsvib[test]'")
 TURN = ((0.6, -0.8, 0.0), (0.8, 0.6, 0.0), (0.0, 0.0, 1.0))

@@ -79,6 +79,15 @@ def test_steps(step):
     refused("step = .*expected a positive number", plant(), speed_feedback(), step)
 
 
+def test_a_run_that_fails_tells_the_last_messages_of_the_units(files, monkeypatch):
+    def stepped(instance, *_):
+        instance.log += [f"{instance.unit.name} {k}" for k in (1, 2, 3, 4, 4)]
+        raise RuntimeError("no step")
+
+    monkeypatch.setattr("mbsvib_export.cosimulation.unit.Instance.stepped", stepped)
+    refused(r"plant\.fmu, law\.fmu, jacobi: no step slider 3; slider 4$", *files, H, masters="jacobi")
+
+
 def test_an_input_of_both():
     both = controller(-1.0, inputs=("y", "d"))
     refused("both FMUs have an input 'd'; say 'plant:d'", plant(), both, H, connections={"d": None})
