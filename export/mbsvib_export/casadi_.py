@@ -182,10 +182,7 @@ def _of_matrices(
     parameters: tuple[tuple[str, ...], tuple[str, ...], Array],
 ) -> CasadiModel:  # fmt: skip
     """The functions of matrices that are expressions of p; ``system`` has the ``parameters``' own values."""
-    space = system.state_space()
-    if step is not None:
-        check_step(step, "to_casadi")
-    m = system.dof
+    space, m = system.state_space(), system.dof
     x, u = casadi.MX.sym("x", 2 * m), casadi.MX.sym("u", len(system.inputs))
     solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
     a, b = solved[:, : 2 * m], solved[:, 2 * m :]
@@ -193,6 +190,7 @@ def _of_matrices(
     y = matrix["Cq"] @ x[:m] + matrix["Cv"] @ x[m:] + matrix["Ca"] @ acceleration + matrix["D"] @ u
     after = None
     if step is not None:
+        check_step(step, "to_casadi")
         state_matrix = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
         input_matrix = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
         phi, gamma = _exponential_step(casadi, state_matrix, input_matrix, space, float(step))

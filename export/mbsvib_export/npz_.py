@@ -241,12 +241,6 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
             if array.shape[:1] != values.shape[1:]:
                 raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
         shared |= {"format": FORMAT, "version": VERSION}
-        systems = tuple([_variant(shared | {key: array[i].copy() for key, array in arrays.items()})
-                         for i in range(values.shape[1])])  # fmt: skip
+        systems: Any = tuple([data_from(record_in(shared | {key: array[i].copy() for key, array in arrays.items()}))
+                              for i in range(values.shape[1])])  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
-
-
-def _variant(arrays: dict[str, Any]) -> SystemData:
-    data = data_from(record_in(arrays))
-    assert isinstance(data, SystemData)
-    return data
