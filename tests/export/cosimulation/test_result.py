@@ -37,7 +37,8 @@ def test_the_figure_has_a_line_for_each_master_and_its_largest_step():
     """No line at steps that were not found: 0, infinity."""
     masters = (master(), master("slopes", (0.3, 0.2, 1e-12), largest=0.7), master("iteration", largest=np.inf),
                master("gauss-seidel", largest=0.0))  # fmt: skip
-    (axes,) = check(*masters).plot().axes
+    figure = check(*masters).plot()
+    (axes,), (legend,) = figure.axes, figure.legends
     errors = [line for line in axes.lines if len(line.get_xdata()) == 3]
     limits = [line for line in axes.lines if len(line.get_xdata()) == 2]
     assert [line.get_xdata().tolist() for line in errors] == [list(STEPS)] * 4
@@ -50,6 +51,7 @@ def test_the_figure_has_a_line_for_each_master_and_its_largest_step():
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("step [s]", "relative error [1]")
     assert axes.get_title(loc="right") == "car, law"
-    assert axes.get_legend() is not None
-    width, height = axes.figure.get_size_inches()
+    assert [text.get_text() for text in legend.get_texts()] == [line.get_label() for line in errors]
+    assert legend.get_title().get_text() == "dotted: largest stable step"
+    width, height = figure.get_size_inches()
     assert width > height
