@@ -21,6 +21,8 @@ from mbsvib.linalg.rank import BALANCE, RANK_FACTOR, RANK_GAP
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
 
@@ -127,6 +129,12 @@ class _Run:
             words = "no gravity, load or preload" if statics is None else "largest unbalanced share of the forces"
             self.add("equilibrium.residual", residual, BALANCE, residual <= BALANCE or None, words)
             return system
+        if self.model.rolling:
+            self.add("equilibrium.residual", None, BALANCE, True, "in balance with the ground on the wheels")
+            for name in NAMES[2:]:
+                self.skipped[name] = "rolling wheels: it needs equations of second order"
+            self.attempt("units.invariance", self.units, system)
+            return None
         self.add("equilibrium.residual", None, BALANCE, True, "in balance, checked by the sparse equations")
         self.rank_of(system.constraints.groups)
         for name in NAMES[3:]:
@@ -157,12 +165,17 @@ class _Run:
             return
         for name, check in (("accuracy.radius", self.accuracy), ("units.invariance", self.units),
                             ("linear.range", self.linear_range), ("engine.difference", self.cross_check)):  # fmt: skip
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")  # of the system itself they are recorded above
-                    check(system)
-            except MbsvibError as error:
-                self.skipped[name] = str(error)
+            self.attempt(name, check, system)
+
+    def attempt(self, name: str, check: Callable[[Any], None], system: Any) -> None:
+        """Check a system; a check that is refused is skipped with the reason."""
+        self.skipped.pop(name, None)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of the system itself they are recorded
+                check(system)
+        except MbsvibError as error:
+            self.skipped[name] = str(error)
 
     def accuracy(self, system: System) -> None:
         """How far the last printed digit moves eigenvalues."""

@@ -199,10 +199,11 @@ def _parallel(joints: Joints, tolerance: float, _reach: float) -> Iterator[Calla
                 reference = reference - (reference @ other) * other
                 reference /= np.linalg.norm(reference)
         references.append(reference)
+        reach = tolerance + float(np.linalg.norm(np.cross(mean, reference)))
 
-        def step(now: Joints, reference: Array = reference) -> Joints:
+        def step(now: Joints, reference: Array = reference, reach: float = reach) -> Joints:
             return {name: after for name, joint in now.items()
-                    for after, angle in (in_line(joint, reference, 2.0 * tolerance),) if angle}  # fmt: skip
+                    for after, angle in (in_line(joint, reference, reach),) if angle}  # fmt: skip
 
         yield step
 

@@ -103,6 +103,31 @@ def test_a_planet_on_a_carrier():
     np.testing.assert_allclose(planet - carrier, -1.5 * (sun - carrier), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("stiffness", [0.0, 1e5])
+@pytest.mark.parametrize("kind", ["ball_screw", "belt", "gear_pair"])
+def test_all_parts_are_returned_and_none_is_added_where_any_name_is_taken(kind, stiffness):
+    def bodies():
+        model = mv.Model("bodies")
+        for name, x in (("one", 0.0), ("two", 0.4)):
+            model.add_body(name, 1.0, INERTIA, position=(x, 0, 0))
+        return model
+
+    words = {"ball_screw": ((0, 0, 0), (0, 0, 1), LEAD), "belt": ((0, 0, 0), (0.4, 0, 0), (0, 0, 1), 0.03, 0.06),
+             "gear_pair": ((0, 0, 0), (0.4, 0, 0), (0, 0, 1), -2.0)}[kind]  # fmt: skip
+    more = {} if kind == "gear_pair" else {"stiffness": stiffness}
+    model = bodies()
+    names = getattr(model, f"add_{kind}")("d", "ground", "one", "two", *words, **more)
+    assert {*names} == {name for group in model.groups().values() for name in group} - {"one", "two"}
+    assert len(names) == len(set(names))
+    for name in names:
+        other = bodies()
+        other.add_load(name, "one", (1, 0, 0))
+        with pytest.raises(mv.ModelError, match=f"'{name}'.*the name is taken"):
+            getattr(other, f"add_{kind}")("d", "ground", "one", "two", *words, **more)
+        assert not other.joints
+        assert len(other.bodies) == 2
+
+
 def test_parts_have_names_and_parameters():
     model = slide(K, DAMPING)
     assert model.parameters["x.axial.stiffness.z"] == K

@@ -233,7 +233,7 @@ def test_poses_are_added_where_no_change_is_followed(monkeypatch):
 
 def test_checks_have_all_corners_of_few_coordinates():
     checks = lpv_module._checks(3, 0)
-    assert len({tuple(x) for x in checks.tolist() if set(map(abs, x)) == {1.0}}) == 8
+    assert len({tuple(x) for x in checks[-8:].tolist() if set(map(abs, x)) == {1.0}}) == 8
     assert (abs(checks) < 1.0).all(axis=1).sum() >= 1000
     assert not np.array_equal(checks, lpv_module._checks(3, 1))
 

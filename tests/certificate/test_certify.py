@@ -11,6 +11,9 @@ import mbsvib as mv
 from mbsvib.certificate import certifying, restated
 from mbsvib.certificate.radius import half_last_digit
 from mbsvib.certificate.restated import difference, factor
+from mbsvib.equations import assembly
+from mbsvib.library import bicycle
+from mbsvib.sparse import choice
 from tests.equations.test_alignment import four_bar
 
 KEYS = {"verdict", "equilibrium.residual", "rank.margin", "accuracy.radius", "units.invariance", "engine", "skipped",
@@ -34,7 +37,7 @@ def value(certificate, name):
     (2.0, 0.5), (200.0, 0.5), (0.35, 0.005), (-0.35, 0.005), (4.7e3, 0.5), (1e-3, 5e-4), (1.25e-7, 5e-10), (0.0, 0.0),
     (1 / 3, 0.5 * np.spacing(1 / 3)), (np.pi, 0.5 * np.spacing(np.pi))])  # fmt: skip
 def test_half_a_unit_in_the_last_printed_digit(number, half):
-    assert half_last_digit(number) == pytest.approx(half, rel=1e-15)
+    assert half_last_digit(number) == pytest.approx(half, rel=1e-15, abs=0.0)
 
 
 def test_the_radius_of_an_oscillator_is_that_of_the_closed_form():
@@ -93,6 +96,74 @@ def test_what_depends_on_units_fails_it(monkeypatch):
     monkeypatch.setitem(restated.SCALES, "N", 1.001)
     certificate = mv.certify(slider())
     assert certificate.content()["failed"] == ["units.invariance"]
+
+
+def test_another_number_of_eigenvalues_fails_it_and_is_written(monkeypatch, tmp_path):
+    """The difference is infinite, which JSON cannot say."""
+    monkeypatch.setattr(certifying, "difference", lambda found, expected: np.inf)
+    monkeypatch.setattr(certifying, "by_exudyn", lambda model: (np.zeros(4, dtype=complex), "0"))
+    certificate = mv.certify(slider())
+    content = json.loads(certificate.to_json(tmp_path / "certificate.json").read_text())
+    assert content["failed"] == ["units.invariance", "engine.difference"]
+    assert content["units.invariance"] is content["engine.difference"] is None
+
+
+def test_the_linear_range_is_the_smallest_of_all_modes_and_outputs():
+    """L (sin(t) cos(b) + (1 - cos(t)) sin(b)): the second-order part is a tenth at t = 0.2 / tan(b)."""
+    model = mv.Model("pendulums")
+    for name, x in (("low", 0.0), ("high", 1.0)):
+        model.add_body(name, 2.0, (0.1, 0.1, 0.1), (x, 0, -0.5))
+        model.add_joint(f"{name}.pin", "revolute", "ground", name, (x, 0, 0), axis=(0, 1, 0))
+        model.add_torsion_spring(f"{name}.k", "ground", name, (0, 1, 0), 30.0 if name == "low" else 80.0)
+    for name, body, angle in (("a", "low", 0.3), ("b", "high", 1.2), ("c", "high", 0.7)):
+        model.add_output(name, body, (np.cos(angle), 0, np.sin(angle)))
+    certificate = mv.certify(model)
+    details = certificate.content()["linear"]
+    assert value(certificate, "linear.range").value == pytest.approx(0.2 / np.tan(1.2), rel=1e-6)
+    assert "'b' is 10 % off in mode 2" in value(certificate, "linear.range").words
+    assert (details["output"], details["unit"]) == ("b", "m")
+    assert details["amplitude"] == pytest.approx(0.5 * np.cos(1.2) * 0.2 / np.tan(1.2), rel=1e-6)
+    none = mv.certify(model.with_parts(outputs={}))
+    assert none.skipped["linear.range"] == "no outputs"
+    assert mv.certify(slider()).skipped["linear.range"] == "no output has a second-order part"
+
+
+def test_models_that_are_refused_fail_by_what_is_wrong():
+    """A motion without mass is none of balance or rank; a dead centre is one of rank."""
+    heavy = slider()
+    heavy.add_body("b", 0.0, (0, 0, 0))
+    heavy.add_joint("free", "prismatic", "ground", "b", axis=(1, 0, 0))
+    certificate = mv.certify(heavy)
+    assert certificate.content()["failed"] == ["model"]
+    assert certificate.skipped["rank.margin"] == "the model could not be linearized"
+    flat = mv.Model("flat")
+    for name, x in (("crank", 0.5), ("coupler", 2.0), ("rocker", 3.5)):
+        flat.add_body(name, 1.0, (0.1, 0.1, 0.1), (x, 0, 0))
+    for name, first, second, x in (("a", "ground", "crank", 0), ("b", "crank", "coupler", 1),
+                                   ("c", "coupler", "rocker", 3), ("d", "rocker", "ground", 4)):  # fmt: skip
+        flat.add_joint(name, "revolute", first, second, (x, 0, 0), axis=(0, 0, 1))
+    assert mv.certify(flat).content()["failed"] == ["rank.margin"]
+
+
+def test_sparse_equations_have_balance_and_ranks(monkeypatch):
+    monkeypatch.setattr(choice, "MANY", 3)
+    monkeypatch.setattr(assembly, "FEW", 0)
+    certificate = mv.certify(mv.library.stewart_isolator())
+    assert certificate.passed
+    assert value(certificate, "equilibrium.residual").passed
+    assert value(certificate, "rank.margin").value > 1e3
+    assert set(certificate.skipped) == {"accuracy.radius", "units.invariance", "linear.range", "engine.difference"}
+    assert all("sparse equations" in why for why in certificate.skipped.values())
+
+
+def test_rolling_wheels_have_balance_and_units():
+    certificate = mv.certify(bicycle())
+    assert certificate.passed
+    assert "ground on the wheels" in value(certificate, "equilibrium.residual").words
+    assert value(certificate, "units.invariance").value < 1e-9
+    assert set(certificate.skipped) == {"rank.margin", "accuracy.radius", "linear.range", "engine.difference"}
+    off = mv.certify(bicycle().replace("frame", position=(0.3, 0.05, 0.9)))
+    assert off.content()["failed"] == ["equilibrium.residual"]
 
 
 def test_a_pose_off_balance_fails_with_the_words_of_the_refusal():

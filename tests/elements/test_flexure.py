@@ -1,6 +1,5 @@
 """Flexures against closed forms, integrals in extended precision, refined beams, and in all engines."""
 
-import warnings
 from dataclasses import replace
 
 import mpmath as mp
@@ -306,6 +305,31 @@ def test_sensitivity_to_the_thickness_in_closed_form():
     assert_allclose(result.frequencies[0, 0], expected, rtol=1e-10)
 
 
+@pytest.mark.parametrize("shape", [LEAF, NOTCH])
+def test_damping_in_proportion_to_mass_and_stiffness_and_of_modes(shape):
+    """alpha M of the flexure without the block, beta K; a ratio damps no motion of the block as a rigid whole."""
+    def of(**words):
+        return held(shape, **words).linearize()
+
+    plain = of()
+    own = plain.M - held(shape).with_values({"f.rho": 1e-9}).linearize().M
+    for got, expected in ((of(alpha=3.0).C, 3.0 * own), (of(beta=2e-5).C, 2e-5 * plain.K),
+                          (of(alpha=3.0, beta=2e-5).C, 3.0 * own + 2e-5 * plain.K)):  # fmt: skip
+        assert_allclose(got, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    damping = of(damping_ratio=0.01).C
+    assert np.linalg.eigvalsh(damping).min() > 0.0
+    assert_allclose(of(damping_ratio=0.03).C, 3.0 * damping, rtol=1e-12)
+
+
+def test_shapes_may_be_given_as_objects():
+    for shape, part in ((LEAF, flexure.Leaf(LEAF["length"], LEAF["width"], LEAF["thickness"])),
+                        (NOTCH, flexure.Notch(NOTCH["width"], NOTCH["thickness"], NOTCH["radius"])),
+                        (ELLIPTIC, flexure.Elliptic(*(ELLIPTIC[k] for k in ("width", "thickness", "length", "depth")))),
+                        (FILLETED, flexure.CornerFilleted(*(FILLETED[k] for k in ("width", "thickness", "length",
+                                                                                  "radius"))))):  # fmt: skip
+        assert held(part).beams["f"] == held(shape).beams["f"]
+
+
 def test_variants_and_compiled_plants():
     model = held(LEAF)
     values = np.array([4e-4, 5e-4, 6e-4])
@@ -324,52 +348,6 @@ def test_files(tmp_path):
         back = mv.load(mv.save(item, tmp_path / f"guide.{suffix}"))
         assert dict(back.beams) == dict(item.beams)
         assert_allclose(back.linearize().modes().frequencies, item.linearize().modes().frequencies, rtol=0)
-
-
-def test_equilibrium_and_run_of_a_guide():
-    """A guide lowers its stage by 3 x^2 / 5 L, 1.2 is the integral of squared slopes; released, it returns."""
-    model = guide()
-    soft = E * B * T**3 / 12
-    force = 24 * soft / L**3 * 1e-3
-    model.add_load("push", "stage", (force, 0, 0))
-    bent = model.equilibrium()
-    x, _, z = np.array(bent.bodies["stage"].position) - model.bodies["stage"].position
-    assert_allclose(x, 1e-3, rtol=2e-3)
-    assert_allclose(z, -0.6 * x**2 / L, rtol=2e-3)
-    there = bent.linearize().modes().frequencies
-    assert_allclose(there[0], model.linearize().modes().frequencies[0], rtol=2e-2)
-    back = bent.with_parts(loads={}).equilibrium()
-    assert_allclose(back.bodies["stage"].position, model.bodies["stage"].position, atol=1e-12)
-    assert_allclose(back.beams["left"].points, model.beams["left"].points, atol=1e-12)
-    run = model.simulate(np.linspace(0.0, 0.05, 101))          # the force at once: twice as far, and back
-    assert run["x"].max() == pytest.approx(2 * x, rel=1e-2)
-    assert_allclose(run["z"], -0.6 * run["x"] ** 2 / L, atol=0.02 * np.abs(run["z"]).max())
-    assert np.abs(run.energy.balance).max() < 1e-6 * force * x
-
-
-def test_bending_far_is_warned_of():
-    model = mv.Model("strip")
-    model.add_body("tip", 0.1, (1e-4, 1e-4, 1e-4), (0, 0, L / 2))
-    model.add_flexure("f", "ground", "tip", LEAF, STEEL)
-    moment = E * B * T**3 / 12 / L * 0.2
-    model.add_load("turn", "tip", torque=(0, moment, 0))
-    with pytest.warns(mv.LargeDisplacementWarning, match=r"flexure 'f' bends by 0.2 rad"):
-        model.equilibrium()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        model.with_values({"turn.torque.y": 0.5 * moment}).equilibrium()
-
-
-def test_strain_of_a_leaf():
-    """On its surface E eps = M t / 2 I; of a notch it is refused."""
-    model = held(LEAF)
-    model.add_strain_output("gauge", "f.e1", "middle", "z")
-    response = model.linearize().frequency_response([0.0])[-1, 4, 0].real
-    assert_allclose(abs(response), T / 2 / (E * B * T**3 / 12), rtol=1e-10)
-    other = held(NOTCH)
-    other.add_strain_output("gauge", "f.e1", "middle", "z")
-    with pytest.raises(mv.ModelError, match="flexure 'f' is not constant"):
-        other.linearize()
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -241,18 +241,34 @@ def test_loops_that_points_lock_are_told_with_advice_that_helps(linkage, seed):
     assert model.linearize(align=1e-3).dof == 1
 
 
+@pytest.mark.parametrize(("tilt", "dof"), [(1.8e-3, 1), (2.2e-3, 0)])
+def test_the_tolerance_is_the_angle_from_the_mean(tilt, dof):
+    """Two rails, each half the tilt from their mean; a third beside the first lets the second be too far from it."""
+    model = mv.Model("rails")
+    model.add_body("carriage", 1.0, (0.1, 0.1, 0.1))
+    model.add_joint("left", "prismatic", "ground", "carriage", axis=(1, 0, 0))
+    model.add_joint("right", "prismatic", "ground", "carriage", (0, 1, 0), axis=(np.cos(tilt), np.sin(tilt), 0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mv.NearSingularWarning)
+        assert model.linearize(align=1e-3).dof == dof
+        model.add_joint("third", "prismatic", "ground", "carriage", (0, 2, 0), axis=(1, 0, 0))
+        assert model.linearize(align=1e-3).dof == 0
+        assert model.linearize(align=1.5e-3).dof == 1
+
+
 @pytest.mark.parametrize("value", [0.0, -1e-3, 0.2, float("nan"), "wide", True])
 def test_a_tolerance_out_of_range_is_refused(value):
     with pytest.raises(mv.ModelError, match=r"linearize: align = .*0\.05"):
         four_bar(1e-3).linearize(align=value)
 
 
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (30.0, -20.0, 50.0)])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_units_of_length_decide_nothing(scale):
+def test_units_of_length_and_places_decide_nothing(scale, at):
     model = mv.Model("scaled")
-    model.add_body("leaf", 1.0, np.array([0.1, 0.1, 0.1]) * scale**2, np.array([0.4, 0, 0.5]) * scale)
+    model.add_body("leaf", 1.0, np.array([0.1, 0.1, 0.1]) * scale**2, (np.array([0.4, 0, 0.5]) + at) * scale)
     for name, point in (("low", (0, 0, 0)), ("high", (5e-4, 0, 1))):
-        model.add_joint(name, "revolute", "ground", "leaf", np.array(point) * scale, axis=(0, 0, 1))
+        model.add_joint(name, "revolute", "ground", "leaf", (np.array(point) + at) * scale, axis=(0, 0, 1))
     assert model.linearize(align=1e-3).dof == 1
     assert [change.shift / scale for change in model.aligned(1e-3).alignments] == pytest.approx([2.5e-4, 2.5e-4])
     assert model.aligned(1e-4) is model

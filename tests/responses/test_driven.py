@@ -258,6 +258,7 @@ def test_dampers_on_massless_plates_have_no_derivative_of_the_input_in_displacem
     np.testing.assert_allclose(system.frequency_response(OMEGA)[:2, 0], expected, rtol=1e-11)
     space = system[["plate z", "mass z"], :].state_space()
     np.testing.assert_allclose(space.frequency_response(OMEGA)[:, 0], expected, rtol=1e-11)
+    assert not len(space.transform)  # the plate's velocity needs that of the road
     y = system.time_response([0.0, 1e-9], [1.0, 1.0], "zero", outputs="plate z")
     np.testing.assert_allclose(y, 1.0, rtol=1e-6)  # the damper takes the plate along
     with pytest.raises(ResponseError, match="'plate v' needs the derivative of input 'road'"):
@@ -274,6 +275,8 @@ def test_zeros_grids_and_reductions_are_those_of_the_motion():
     np.testing.assert_allclose(small.frequency_response(OMEGA), system.frequency_response(OMEGA), rtol=1e-9)
     balanced = quarter("velocity").linearize().reduced(4, keep="acceleration")
     np.testing.assert_allclose(balanced.frequency_response(OMEGA)[0, 0], by_hand(OMEGA, 1)[2], rtol=1e-8)
+    assert [len(quarter("velocity").linearize().reduced(keep="acceleration", **words).A) for words in (
+        {"order": 2}, {"error": 1e6})] == [2, 0]  # fmt: skip
     sparse = quarter().linearize(method="sparse").reduced(2)
     np.testing.assert_allclose(sparse.frequency_response(OMEGA)[:, 0], by_hand(OMEGA, 0), rtol=1e-8)
 

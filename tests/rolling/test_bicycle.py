@@ -223,21 +223,49 @@ def test_time_response_from_an_initial_lean_decays_at_a_stable_speed():
 
 
 def test_forces_in_joints_balance_the_frame():
-    """m a = F + force at the rear axle + force at the steering, which depend on the forces at the contacts."""
-    model = bicycle()
+    """m a = F + force at the rear axle + force at the steering; J alpha = M + their torques about the centre.
+
+    All depend on the forces at the contacts. Forces and torques are in axes that lean with the frame.
+    """
+    model, s = bicycle(), 2j
     for k, d in enumerate("xyz"):
-        model.add_output(f"a{d}", "frame", d, quantity="acceleration")
+        model.add_output(f"q{d}", "frame", d)
+        for name, word in (("a", d), ("b", f"r{d}")):
+            model.add_output(f"{name}{d}", "frame", word, quantity="acceleration")
+        model.add_output(f"r{d}", "frame", f"r{d}")
         model.add_input(f"F{d}", "frame", d)
+        model.add_input(f"M{d}", "frame", f"r{d}")
         for joint in ("rear_axle", "steer"):
-            way = np.array(model.joints[joint].axes)[k]
-            model.add_force_output(f"{joint}.{d}", joint, (*way, 0.0, 0.0, 0.0))
-    got = dict(zip(model.outputs, model.linearize().frequency_response([2.0]), strict=True))
-    names = tuple(model.inputs)
-    for d in "xyz":
-        applied = np.array([name in (f"F{d}", "side.force" if d == "y" else "") for name in names], dtype=float)
+            for name, part in (("force", 0), ("torque", 3)):
+                row = np.zeros(6)
+                row[part : part + 3] = np.array(model.joints[joint].axes)[k] * (1.0, 1.0, part == 0)
+                if row.any():  # about the axis of the joint there is no torque
+                    model.add_force_output(f"{joint}.{name}.{d}", joint, row)
+    got = dict(zip(model.outputs, model.linearize().frequency_response([s.imag])[:, :, 0], strict=True))
+    plain = bicycle().linearize().frequency_response([s.imag], ["lean", "steer.rate"])[:, :, 0]
+    np.testing.assert_allclose([got["lean"][:3], got["steer.rate"][:3]], plain, rtol=1e-9, atol=1e-12)
+    inputs = list(model.inputs)
+
+    def of(names):
+        return np.array([got.get(names.format(d), np.zeros(len(inputs))) for d in "xyz"])
+
+    applied = np.zeros((6, len(inputs)))
+    for i, name in enumerate(("Fx", "Fy", "Fz", "Mx", "My", "Mz")):
+        applied[i, inputs.index(name)] = 1.0
+    applied[1, inputs.index("side.force")] = applied[3, inputs.index("lean.torque")] = 1.0
+    steer = np.array(model.joints["steer"].axes)[:, 2]
+    applied[3:, inputs.index("steer.torque")] = -steer  # on the fork against the frame
+    force, torque = applied[:3].astype(complex), applied[3:].astype(complex)
+    for joint in ("rear_axle", "steer"):
         # an output is positive where it pulls the first body, the frame, to the second
-        total = applied + got[f"rear_axle.{d}"][:, 0] + got[f"steer.{d}"][:, 0]
-        if d == "y":  # both are in axes that lean with the frame, whose weight they hold
-            total = total - 85.0 * 9.81 * got["lean"][:, 0]
-        np.testing.assert_allclose(85.0 * got[f"a{d}"][:, 0], total, rtol=0, atol=1e-8)
-        assert np.abs(got[f"rear_axle.{d}"]).max() > 0.01
+        pull, arm = of(f"{joint}.force.{{}}"), np.array(model.joints[joint].position) - model.bodies["frame"].position
+        force += pull
+        torque += of(f"{joint}.torque.{{}}") + np.cross(arm, pull, axis=0)
+        assert np.abs(pull).max(axis=1).min() > 0.01
+    force[1] -= 85.0 * 9.81 * got["lean"]  # the weight that they hold leans along
+    np.testing.assert_allclose(of("a{}"), s**2 * of("q{}"), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(of("b{}"), s**2 * of("r{}"), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(85.0 * of("a{}"), force, rtol=0, atol=1e-8)
+    xx, yy, zz, xy, xz, yz = model.bodies["frame"].inertia
+    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    np.testing.assert_allclose(tensor @ of("b{}"), torque, rtol=0, atol=1e-8)
