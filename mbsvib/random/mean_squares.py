@@ -146,7 +146,7 @@ class Random:
         a, b, c, d = plant or self.plant
         before = [self.sources.densities[k].filter for k in which]
         after = [None if weight is None else weight.filter for weight in self.weights]
-        return filtered(Equations(a, b[:, which], c, d[:, which]), before, after)  # type: ignore[arg-type]
+        return filtered(Equations(a, b[:, which], c, d[:, which]), before, after)
 
     @cached_property
     def span(self) -> Band:

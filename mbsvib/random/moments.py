@@ -81,7 +81,7 @@ def in_rows(filters: tuple[Shaped | None, ...], levels: bool) -> Equations:
     return result
 
 
-def filtered(plant: Equations, before: Sequence[Shaped], after: Sequence[Shaped | None]) -> Filtered:
+def filtered(plant: Equations, before: Sequence[Shaped | None], after: Sequence[Shaped | None]) -> Filtered:
     """Return equations with the filters of their sources (s,) and those of their outputs (o,), None for none."""
     source, output = in_rows(tuple(before), levels=True), in_rows(tuple(after), levels=False)
     a, b, c, d = plant

@@ -18,7 +18,7 @@ from mbsvib.feedback.noise import NOISE
 from mbsvib.feedback.sampled_norm import mean_squares
 from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers
 from mbsvib.random.mean_squares import MeanSquares, Random
-from mbsvib.random.moments import in_rows
+from mbsvib.random.moments import Equations, filtered
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import Table
 
@@ -120,26 +120,15 @@ class SampledRandom(Random):
     def _filtered(self, which: list[int]) -> SampledLoop:
         """The loop with outputs behind their filters, and white noise before those of some sources as inputs."""
         loop, space = self.linear, self.linear.plant.space
-        source = in_rows(tuple([self.sources.densities[k].filter for k in which]), levels=True)
-        output = in_rows(tuple([None if weight is None else weight.filter for weight in self.weights]), levels=False)
-        into = [space.inputs.index(self.sources.names[k]) for k in which]
-        out = [space.outputs.index(name) for name in loop.outputs]
-        n, k, m = len(space.A), len(source.a), len(output.a)
-        a = np.zeros((n + k + m, n + k + m))
-        a[:n, :n], a[:n, n : n + k], a[n : n + k, n : n + k] = space.A, space.B[:, into] @ source.c, source.a
-        c = np.concatenate((space.C, space.D[:, into] @ source.c, np.zeros((len(space.C), m))), axis=1)
-        d = np.concatenate((space.D, space.D[:, into] @ source.d), axis=1)
-        b = np.zeros((n + k + m, d.shape[1]))
-        b[:n] = np.concatenate((space.B, space.B[:, into] @ source.d), axis=1)
-        b[n : n + k, len(space.inputs) :] = source.b
-        a[n + k :], b[n + k :] = output.b @ c[out], output.b @ d[out]
-        a[n + k :, n + k :] = output.a
-        filtered = output.d @ c[out]
-        filtered[:, n + k :] = output.c
+        into = [*range(len(space.inputs)), *[space.inputs.index(self.sources.names[k]) for k in which]]
+        out = [*range(len(space.outputs)), *[space.outputs.index(name) for name in loop.outputs]]
+        before = [*[None] * len(space.inputs), *[self.sources.densities[k].filter for k in which]]
+        after = [*[None] * len(space.outputs), *[None if weight is None else weight.filter for weight in self.weights]]
+        plant = Equations(space.A, space.B[:, into], space.C[out], space.D[np.ix_(out, into)])
         names = tuple([f"filtered.{name}" for name in loop.outputs])
         inputs = (*space.inputs, *[f"{WHITE}{self.sources.names[k]}" for k in which])
-        whole = space.from_arrays(a, b, np.concatenate((c, filtered)), np.concatenate((d, output.d @ d[out])), inputs,
-                                  (*space.outputs, *names), name=space.name)  # fmt: skip
+        whole = space.from_arrays(*filtered(plant, before, after).all, inputs, (*space.outputs, *names),
+                                  name=space.name)  # fmt: skip
         return replace(loop, plant=LoopPlant(whole), selection=(names, inputs))
 
     def densities(self, f: Array) -> Array:

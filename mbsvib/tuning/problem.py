@@ -55,28 +55,27 @@ class Unknowns:
         t = self.start if random is None else self.start + self.spread * random.normal(size=len(self.start))
         return self.at(t)
 
+    @property
+    def _bounded(self) -> list[NDArray[np.bool_]]:
+        """Which have two bounds, which a lower and which an upper one; the first that holds counts."""
+        lower, upper = np.isfinite(self.low), np.isfinite(self.high)
+        return [lower & upper, lower, upper]
+
     def at(self, t: Array) -> Array:
         """Return the unknowns of scaled values or logarithms, moved into the bounds."""
-        both = np.isfinite(self.low) & np.isfinite(self.high)
-        wide = np.where(both, self.high - self.low, 1.0)
-        low, high = np.where(both, self.low, 0.0), self.high
-        share = np.clip((t - low) / wide, 0.02, 0.98)
-        one = np.isfinite(self.low) ^ np.isfinite(self.high)
-        above = np.maximum(np.where(one, np.where(np.isfinite(self.low), t - self.low, high - t), 1.0), 0.02)
-        root = np.sqrt(above * (above + 2.0))
-        return np.where(both, np.arcsin(2.0 * share - 1.0), np.where(one, root, t))
+        with np.errstate(invalid="ignore"):  # of bounds that are infinite, which do not count
+            sine = np.arcsin(2.0 * np.clip((t - self.low) / (self.high - self.low), 0.02, 0.98) - 1.0)
+        above, below = np.maximum(t - self.low, 0.02), np.maximum(self.high - t, 0.02)
+        return np.select(self._bounded, [sine, *[np.sqrt(s * (s + 2.0)) for s in (above, below)]], t)
 
     def values(self, x: Array) -> tuple[Array, Array]:
         """Return p and dp/dx."""
-        both = np.isfinite(self.low) & np.isfinite(self.high)
-        low = np.where(np.isfinite(self.low), self.low, 0.0)
-        half = 0.5 * np.where(both, self.high - low, 0.0)
-        t, rate = x.copy(), np.ones(len(x))
-        t[both], rate[both] = (low + half * (1.0 + np.sin(x)))[both], (half * np.cos(x))[both]
         root = np.sqrt(x * x + 1.0)
-        for side, sign, end in ((np.isfinite(self.low) & ~both, 1.0, self.low),
-                                (np.isfinite(self.high) & ~both, -1.0, self.high)):  # fmt: skip
-            t[side], rate[side] = (end + sign * (root - 1.0))[side], (sign * x / root)[side]
+        with np.errstate(invalid="ignore"):
+            half = 0.5 * (self.high - self.low)
+            t = np.select(self._bounded, [self.low + half * (1.0 + np.sin(x)), self.low + root - 1.0,
+                                          self.high - root + 1.0], x)  # fmt: skip
+            rate = np.select(self._bounded, [half * np.cos(x), x / root, -x / root], 1.0)
         held = self.positive & (np.abs(t) > LARGEST)
         t, rate = np.where(held, np.clip(t, -LARGEST, LARGEST), t), np.where(held, 0.0, rate)
         p = self.size * np.where(self.positive, np.exp(np.where(self.positive, t, 0.0)), t)

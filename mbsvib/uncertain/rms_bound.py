@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.random.moments import in_rows
+from mbsvib.random.moments import Equations, filtered
 from mbsvib.uncertain.intervals import Channels, interval
 from mbsvib.uncertain.scalings import best_scalings
 from mbsvib.uncertain.search import samples
@@ -44,15 +44,8 @@ MOST = 600  # bands
 def behind_filters(problem: Perturbed, filters: Sequence[Shaped]) -> Perturbed:
     """Return the equations with white noise of intensity 1 before the filters of their sources."""
     (a, b, c, d), r = problem.space, len(problem.owner)
-    drive = in_rows(tuple(filters), levels=True)
-    n, k, own = len(a), len(drive.a), b[:, problem.sources]
-    through = d[:, problem.sources]
-    space = (
-        np.block([[a, own @ drive.c], [np.zeros((k, n)), drive.a]]),
-        np.block([[b[:, :r], own @ drive.d], [np.zeros((k, r)), drive.b]]),
-        np.concatenate((c, through @ drive.c), axis=1),
-        np.concatenate((d[:, :r], through @ drive.d), axis=1),
-    )  # fmt: skip
+    columns = [*range(r), *problem.sources]
+    space = filtered(Equations(a, b[:, columns], c, d[:, columns]), [*[None] * r, *filters], [None] * len(c)).all
     return replace(problem, space=space, sources=list(range(r, r + len(filters))))
 
 
