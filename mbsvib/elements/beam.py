@@ -166,6 +166,15 @@ class Beam(Composed):
         length, axes = _frame(points[0], points[-1], y_axis, who)
         return [(length / (len(points) - 1), axes)] * (len(points) - 1)
 
+    def check_compression(self, share: float) -> None:
+        """Warn of elements that nearly buckle; beams of several elements are exact there, and nothing is to be told.
+
+        Parameters
+        ----------
+        share : float
+            The largest compression over that at which an element buckles sideways with its ends guided.
+        """
+
     def without_forces(self) -> Beam:
         """Return the beam without forces, in the frame of its root in this pose."""
         if self.displacements is None:

@@ -155,6 +155,8 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[Sh
         tension = 0.0 if preload is None else -float(preload[0])
         weight = float(masses[i] * np.dot(fall[i], np.array(axes)[:, 0]))
         form = tension * bent + weight * weighed
+        stiffness = beam.element(length).stiffness()
+        beam.check_compression(max(-form[k, k] / stiffness[k] for k in (1, 2)))
         if not form.any():
             continue
         rows, values = [], []

@@ -107,7 +107,9 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
     Returns
     -------
     dict of str to (function, str)
-        By name: a function that builds the model with its default values, and one line that describes it.
+        By name: a function that builds the model with its default values, and one line that describes it. ``bicycle``
+        is built by name as well, but not among them: on rolling wheels its equations are of first order, without M, C
+        and K, which not all that takes a model can have.
     """
     return {name: (_function(name), words) for name, words in _DESCRIPTIONS.items()}
 

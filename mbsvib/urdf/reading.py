@@ -50,7 +50,7 @@ class Link:
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """All links and joints by name; ``root`` is the link that is not the child of a joint; ``left`` names what was left
-    out, ``taken`` what was taken as meant.
+    out, ``taken`` what was taken as meant, ``independent`` the joints that are marked so.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Robot:
     couplings: tuple[Coupling, ...] = ()
     motors: tuple[Motor, ...] = ()
     taken: tuple[str, ...] = ()
+    independent: tuple[str, ...] = ()
 
 
 def read(path: str | PathLike[str]) -> Robot:
@@ -77,7 +78,9 @@ def read(path: str | PathLike[str]) -> Robot:
     motors, rotors = motors_of(top, path, _numbers)
     left = left_out(top, path, rotors)
     links = {name: _link(element, name, path) for name, element in _named(top, "link", path).items()}
-    joints = {name: _joint(element, name, links, path) for name, element in _named(top, "joint", path).items()}
+    elements = _named(top, "joint", path)
+    joints = {name: _joint(element, name, links, path) for name, element in elements.items()}
+    independent = [name for name, element in elements.items() if element.get("independent") in ("true", "1")]
     for motor in motors:
         if motor.joint not in joints:
             raise ModelError(f"{path}: transmission of '{motor.name}': {motor.joint!r} is no joint."
@@ -88,7 +91,7 @@ def read(path: str | PathLike[str]) -> Robot:
     reader = Reader(path, links, _numbers, _frame, [])
     loops, couplings = reader.all_of(top)
     return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path), left, loops, couplings, motors,
-                 tuple(reader.taken))  # fmt: skip
+                 tuple(reader.taken), tuple(independent))  # fmt: skip
 
 
 def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> Hinge:

@@ -145,6 +145,12 @@ def load_urdf(
         _add_tip(model, link, groups, frames)
     if robot.taken:
         warnings.warn(f"{path}: taken as meant: {', '.join(robot.taken)}.", LeftOutWarning, stacklevel=2)
+    if robot.independent and (robot.loops or robot.couplings):  # without them all joints are
+        marked = [f"{part.name}.{word}" for name in robot.independent if (part := model.joints.get(labels[name]))
+                  for word, _ in part.freedom]  # fmt: skip
+        warnings.warn(f"{path}: joints are marked as independent, which a model does not keep: "
+                      f"linearize(independent={marked}) takes them as coordinates, linearize() chooses.",
+                      LeftOutWarning, stacklevel=2)  # fmt: skip
     if left := {**robot.left, **_left_of_joints(robot, damping), **within}:
         warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model

@@ -246,6 +246,17 @@ def test_stiffness_of_a_guided_leaf_under_a_force(share):
     assert_allclose(result, exact, rtol=max(1e-9, 0.03 * share**2))
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.7, "0.69"), (1.2, "1.2")])
+def test_flexures_that_nearly_buckle_are_told_of(share, told):
+    model = mv.Model("guide")
+    model.add_body("stage", 1.0, (1, 1, 1), (0, 0, L / 2))
+    model.add_joint("rail", "custom", "ground", "stage", (0, 0, L / 2), free=["x", "z"])
+    model.add_flexure("f", "ground", "stage", LEAF, STEEL)
+    model.add_load("P", "stage", (0, 0, -share * np.pi**2 * E * B * T**3 / 12 / L**2))
+    with pytest.warns(mv.AccuracyWarning, match=f"flexure 'f': its compression is {told} of that at which it buckles"):
+        model.linearize()
+
+
 def guide():
     """A stage on two leaves, guided parallel."""
     model = mv.Model("guide")

@@ -82,6 +82,15 @@ def test_misspelt_words_are_taken_with_a_warning(tmp_path):
     np.testing.assert_array_equal(model.linearize().M, reference.linearize().M)
 
 
+def test_joints_that_are_marked_independent_are_told_of(tmp_path):
+    """URDF+ marks coordinates; linearize takes these names."""
+    marked = FOUR_BAR.replace('<joint name="b"', '<joint independent="true" name="b"')
+    with pytest.warns(mv.LeftOutWarning, match=r"marked as independent.*linearize\(independent=\['b.rz'\]\)"):
+        model = mv.load_urdf(write(tmp_path, marked + LOOP), pose={"a": 0.3})
+    assert model.linearize(independent=["b.rz"]).coordinates == ("b.rz",)
+    mv.load_urdf(write(tmp_path, marked))  # of a tree all are independent
+
+
 @pytest.mark.parametrize(("words", "message"), [
     (CONSTRAINT.format("rolling"), "constraint 'tip': type = 'rolling'; expected revolute, prismatic, universal"),
     (CONSTRAINT.format("planar"), "constraint 'tip': type = 'planar'"),
