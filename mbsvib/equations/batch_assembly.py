@@ -15,6 +15,7 @@ from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import joint_axes, moved_bodies
 from mbsvib.equations.batch_loads import (
     applied_of_variants,
+    forces_along,
     loaded_in_variants,
     preloaded,
     with_loads_of_variants,
@@ -24,14 +25,13 @@ from mbsvib.equations.batch_massless import Separating
 from mbsvib.equations.batch_one_by_one import one_by_one, stacked
 from mbsvib.equations.batch_spin import spin_of_variants, spins_otherwise
 from mbsvib.equations.batch_tangents import closure_along
-from mbsvib.equations.batch_values import STEP, Values, checked
+from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_masses
 from mbsvib.equations.joint_forces import with_forces_in_joints
-from mbsvib.equations.massless_tangents import condensed_along
 from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.posed_scene import posed_scene
@@ -48,8 +48,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.draft import Draft
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.posed_forces import PosedForces
@@ -179,8 +178,8 @@ class BatchPlan:
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         return bool(shared or forces or curved or varies)
 
-    def _chunk_size(self, count: int) -> int:
-        """Number of variants to compute at once, of ``count``."""
+    def chunk_size(self, count: int) -> int:
+        """Return the number of variants to compute at once, of ``count``."""
         scene = self.scene
         elastic = all(fields.keys() <= {"stiffness", "damping"} for fields in self.slots.index.values())
         if scene.loads is None and elastic and self.posed is None:
@@ -199,44 +198,12 @@ class BatchPlan:
         driven = self.model.derived(driven_coordinates)
         return not (posed or self.one_by_one or spins or self.model.hubs or driven)
 
-    def derivatives(self, variants: B, directions: Mapping[str, Array]) -> dict[str, Array | None]:
-        """Return the derivatives of the matrices of ``variants`` along directions, (variants, directions, ...) each.
-
-        ``directions`` (k,): rates of the parameters that vary, by name. Not a number along a direction that takes
-        degrees of freedom away; None is an array that no variant has.
-        """
-        values, size = variants.values, variants.values.count
-        steps = values.stepping(directions)
-        count, width, closure = steps.count // size, self._chunk_size(steps.count), variants.closure
-        bases = self._separations(values.in_equations)
-        chunks = []
-        for start in range(0, steps.count, width):
-            which = np.arange(start, min(start + width, steps.count)) // count
-            chunk = _assembled(self, steps.slice(start, start + width), start,
-                               None if closure is None else closure[which])  # fmt: skip
-            chunks.append(_along(chunk, which, bases))
-        lost = np.concatenate([chunk["lost"] for chunk in chunks]).reshape(size, count)
-        result: dict[str, Array | None] = {}
-        for key in (*MATRICES, "gyroscopic", "circulatory"):
-            array = _joined([chunk.get(key) for chunk in chunks], key, steps.count, width)
-            if array is not None:
-                array = (array.imag / STEP).reshape(size, count, *array.shape[1:])
-                array[lost] = np.nan
-            result[key] = array
-        return result
-
-    def _separations(self, values: Values) -> list[Draft]:
-        """Each variant with the separation of its motions without mass; none where these are the same in all."""
-        if self.nominal.provenance.separation is None:
-            return []
-        return [_assembled(self, values.slice(i, i + 1), i).separating.separation_of(0) for i in range(values.count)]
-
     def single(self, variant: Values) -> Matrices:
         """Return the matrices of a single variant, without an axis of variants."""
         if not self.at_once(variant):
             terms: Any = self.equations(variant, BatchEquations)[0]
             return Matrices(**{item.name: getattr(terms, item.name) for item in fields(Matrices)})
-        part = _assembled(self, variant.in_equations, 0)
+        part = assembled_variants(self, variant.in_equations, 0)
         self._count(part.decided)
         arrays = part.separated()
         terms = arrays.pop("separated", [None])[0]
@@ -266,9 +233,9 @@ class BatchPlan:
         if not self.at_once(variants):
             self._count(variants.count)
             return self._one_by_one(variants, batch)
-        size = self._chunk_size(variants.count)
+        size = self.chunk_size(variants.count)
         try:
-            parts = [_assembled(self, variants.in_equations.slice(start, start + size), start)
+            parts = [assembled_variants(self, variants.in_equations.slice(start, start + size), start)
                      for start in range(0, variants.count, size)]  # fmt: skip
         except SingularPoseError:
             if self.posed is None:
@@ -284,7 +251,7 @@ class BatchPlan:
         if "separated" in chunks[0]:
             arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
             return batch(closure=None, **common, **arrays)
-        arrays = {key: _joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
+        arrays = {key: joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
             *MATRICES, *FACTORS, *OPTIONAL, "closure")}  # fmt: skip
         return batch(row_owner=chunks[0]["row_owner"], **common, **arrays)
 
@@ -305,27 +272,12 @@ def batch_plan(
     return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots)
 
 
-def _along(chunk: _Assembled, which: Index, bases: Sequence[Draft]) -> dict[str, Any]:
-    """The matrices of steps from the variants ``which``, whose separations of motions without mass are ``bases``."""
-    if not bases:
-        return chunk.terms.named() | {"lost": chunk.lost}
-    parts = []
-    for row in np.unique(which).tolist():
-        at = which == row
-        arrays, lost = condensed_along(chunk.terms.of_variants(at), chunk.plan.names, bases[row])
-        parts.append((int(np.count_nonzero(at)), arrays, lost))
-    result = {key: np.concatenate([np.broadcast_to(arrays[key], (count, *arrays[key].shape[-2:]))
-                                   for count, arrays, _ in parts]) for key in parts[0][1]}  # fmt: skip
-    lost = np.concatenate([np.broadcast_to(one, count) for count, _, one in parts])
-    return result | {"lost": chunk.lost | lost}
-
-
-def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
-    """An array of all variants, from those of chunks; those that are constant have no axis of variants there."""
+def joined(parts: list[Any], key: str, count: int, size: int) -> Any:
+    """Return an array of all variants, from those of chunks; those that are constant have no axis of variants there."""
     present = [part for part in parts if part is not None]
     if not present:
         return None
-    axes = AXES.get(key, 2)
+    axes = 1 if key == "residual" else AXES.get(key, 2)
     if len(parts) == 1 and present[0].ndim > axes:
         return present[0]
     array = next((part for part in present if part.ndim > axes), present[0])
@@ -342,7 +294,7 @@ def _displacements(scene: Scene) -> tuple[Triplets, Array]:
 
 
 @dataclass(frozen=True)
-class _Assembled:
+class AssembledVariants:
     """Some variants of a ``plan`` with all their motions; ``first`` is the index of the first of them.
 
     ``terms``: constant arrays have no axis of variants. ``lost`` (variants,): steps without derivative. ``decided``:
@@ -356,6 +308,11 @@ class _Assembled:
     first: int
     lost: Bools
     decided: int
+
+    @property
+    def residual(self) -> Array | None:
+        """What is left of the forces along all coordinates, (variants, m), None without any."""
+        return None if self.scene.loads is None else forces_along(self.scene, self.terms.body_motion)[0]
 
     @property
     def separating(self) -> Separating:
@@ -397,8 +354,8 @@ def _scene_of_variants(
     return posed.at(scene, pose, plan.relaxed, forces=forces), (posed.joint_axes(pose), {}), pose
 
 
-def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> _Assembled:
-    """The terms of some variants, with all their motions.
+def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> AssembledVariants:
+    """Return the terms of some variants, with all their motions.
 
     Complex values are steps from variants whose decisions are known; ``closure`` (variants, n, m) is B'' of these, None
     if it is the nominal one.
@@ -429,4 +386,4 @@ def _assembled(plan: BatchPlan, values: Values, first: int, closure: Array | Non
         terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, joints[0], plan.stress)
     if any(spin):
         terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
-    return _Assembled(plan, scene, reduction, terms, first, lost, decided)
+    return AssembledVariants(plan, scene, reduction, terms, first, lost, decided)

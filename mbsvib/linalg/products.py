@@ -110,8 +110,11 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
 
     The matrix is scaled to a unit diagonal, so that units do not mix; values that are rounding are set to zero.
     """
-    scale = np.sqrt(np.abs(np.einsum("...ii->...i", matrix)))
-    scale[scale == 0.0] = 1.0
+    return _scaled_eigenrows(matrix, np.sqrt(np.abs(np.einsum("...ii->...i", matrix))))
+
+
+def _scaled_eigenrows(matrix: Array, scale: Array) -> tuple[Array, Array]:
+    scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(matrix / scale[..., None] / scale[..., None, :])
     size = np.abs(values)
     values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
@@ -121,12 +124,13 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
 def signed_rows(matrix: Array) -> tuple[Array, Array]:
     """Return values v (..., r) and rows U (..., r, 6) with matrix = U^T diag(v) U.
 
-    They are those of ``eigenrows``; small imaginary parts of symmetric matrices have six more.
+    They are those of ``eigenrows``; small imaginary parts of symmetric matrices have six more. These have any diagonal,
+    so that the largest entries of their rows are their scale.
     """
     value, rows = eigenrows(matrix.real)
     if not np.iscomplexobj(matrix):
         return value, rows
-    imaginary, own = eigenrows(matrix.imag)
+    imaginary, own = _scaled_eigenrows(matrix.imag, np.sqrt(np.abs(matrix.imag).max(axis=-1)))
     return np.concatenate((value, 1j * imaginary), axis=-1), np.concatenate((rows, own), axis=-2)
 
 

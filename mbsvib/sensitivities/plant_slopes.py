@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.plan_tangents import along_parameters
 from mbsvib.equations.terms import MATRICES
 from mbsvib.mechanism.changes import to_angular_velocities
 from mbsvib.mechanism.parameters import Parameter
@@ -75,7 +76,7 @@ class PoseBasis(SensitivityBasis):
 
 def steps(plan: BatchPlan, batch: BatchEquations, directions: Array) -> dict[str, Array]:
     """Return derivatives (n, k, ...) of the matrices along the columns of directions (p, k), by complex steps."""
-    known = plan.derivatives(batch, dict(zip(batch.parameters, directions, strict=True)))
+    known = along_parameters(plan, batch, dict(zip(batch.parameters, directions, strict=True)))
     return {key: array for key in MATRICES if (array := known[key]) is not None}
 
 

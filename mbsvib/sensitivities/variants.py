@@ -6,9 +6,9 @@ the equilibrium gives way, with the forces R that are left over along them:
 
 dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
 
-Where the pose stays, the derivatives are complex steps of a batch, as exact as the equations. Others are extrapolated
-differences (11 digits), whose variants need not balance. Where a model had to find its equilibrium far from where it is
-described, each variant finds its own.
+These derivatives are complex steps of a batch, as exact as the equations. For parts that a batch does not take, or
+whose poses are not stated, they are extrapolated differences (11 digits), whose variants need not balance. Where a
+model had to find its equilibrium far from where it is described, each variant finds its own.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.plan_tangents import along_parameters, along_poses
 from mbsvib.equations.scene import scene
 from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.articulation import with_rigid_parts
@@ -69,8 +70,10 @@ class Variants:
         self.system, self._moves = system, moves
         self._entries = MatrixEntries(system)
         self._slopes: dict[Rates, Array] = {}
+        self._tangents: dict[Rates, Array] = {}
         self._slopes_along: dict[int, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
+        self._stuck: dict[int, MbsvibError] = {}
 
     def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
         """Return the derivatives of the matrices of a whole system along some directions, each computed once.
@@ -80,7 +83,7 @@ class Variants:
         nothing holds, an error is raised, unless these are all parameters there are (``every``): then the derivatives
         are not a number.
         """
-        self._add_exact([direction for direction in directions if direction.rates not in self._slopes])
+        self._add_tangents([direction for direction in directions if direction.rates not in self._slopes])
         for direction in directions:
             key = direction.rates
             if key not in self._slopes:
@@ -95,24 +98,34 @@ class Variants:
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
-    def _add_exact(self, directions: Sequence[Direction]) -> None:
-        """Compute the derivatives along directions in which the pose stays, and the parts are those of a batch."""
+    def _add_tangents(self, directions: Sequence[Direction]) -> None:
+        """Compute the derivatives in the pose as it is along directions for which the parts are those of a batch."""
         system, names = self.system, list(dict.fromkeys(name for one in directions for name, _ in one.rates))
-        provenance = system.provenance
-        if not names or provenance.origin is None or provenance.moved_to_equilibrium or self._poses is not None:
+        if not names or system.provenance.origin is None or system.provenance.moved_to_equilibrium:
             return
         model, rates = self._model, [dict(direction.rates) for direction in directions]
         values = checked(model.parameters, {name: np.array([model.parameters[name]]) for name in names})
+        along = () if self._poses is None else self._poses.names
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             plan = batch_plan(model, values.slots, system.coordinates, self._cut)
-            if plan.at_once(values) and plan.nominal.coordinates == system.coordinates:
-                slopes = plan.derivatives(plan.equations(values, BatchEquations), {
-                    name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names})  # fmt: skip
-                for k, direction in enumerate(directions):
-                    parts: Any = {key: slopes[key] for key in MATRICES}
-                    self._slopes[direction.rates] = self._in_one_row(
-                        {key: part[0, k] for key, part in parts.items()}, plan.nominal)
+            if not plan.at_once(values) or plan.nominal.coordinates != system.coordinates or not {*along} <= {
+                    *plan.names}:  # fmt: skip
+                return
+            slopes = along_parameters(plan, plan.equations(values, BatchEquations), {
+                name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names})  # fmt: skip
+            moving = along_poses(plan, along) if along and not self._slopes_along else None
+        known: Any = slopes
+        parts = {key: known[key][0] for key in MATRICES}
+        left = slopes["residual"]
+        for k, direction in enumerate(directions):
+            flat = self._in_one_row({key: part[k] for key, part in parts.items()}, plan.nominal)
+            if along and left is not None:
+                flat = np.concatenate((flat, left[0, k, [*map(plan.names.index, along)]]))
+            self._tangents[direction.rates] = flat
+        if moving is not None:
+            self._slopes_along |= {k: self._in_one_row({key: moving[key][k] for key in MATRICES}, plan.nominal)
+                                   for k in range(len(along))}  # fmt: skip
 
     @cached_property
     def unreduced(self) -> Equations | None:
@@ -141,7 +154,9 @@ class Variants:
             return self._equations({name: values[name] + change * rate for name, rate in direction.rates})
 
         try:
-            slopes = self._extrapolated(at, scale, f"'{direction.name}'")
+            slopes = self._tangents.get(direction.rates)
+            if slopes is None:
+                slopes = self._extrapolated(at, scale, f"'{direction.name}'")
             return self._through_equilibrium(slopes, scale, direction.name)
         except _OtherMobility:
             return np.full(self._entries.count, np.nan)
@@ -190,10 +205,17 @@ class Variants:
         """Derivatives of all entries along a motion of the pose."""
         poses = self._poses
         assert poses is not None
+        if k in self._stuck:
+            raise self._stuck[k]
         if k not in self._slopes_along:
             unit = np.eye(len(poses.names))[k]
-            self._slopes_along[k] = self._extrapolated(
-                lambda q: self._matrices(poses.at(q * unit)), float(poses.steps[k]), f"coordinate '{poses.names[k]}'")
+            try:
+                self._slopes_along[k] = self._extrapolated(
+                    lambda q: self._matrices(poses.at(q * unit)), float(poses.steps[k]),
+                    f"coordinate '{poses.names[k]}'")  # fmt: skip
+            except MbsvibError as refusal:
+                self._stuck[k] = refusal
+                raise
         return self._slopes_along[k]
 
     @cached_property

@@ -9,6 +9,7 @@ import mbsvib as mv
 from mbsvib.equations import batch_assembly, batch_loads, loaded
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_values import checked
+from mbsvib.equations.plan_tangents import along_parameters
 from tests.equations.test_batch_golden import everything
 from tests.golden.store import scenes
 
@@ -41,7 +42,7 @@ def prepared(name, wanted=COUNT):
     if not plan.at_once(values):
         return None
     base = plan.equations(values, BatchEquations)
-    return model, plan, names, plan.derivatives(base, dict(zip(names, np.eye(len(names)), strict=True)))
+    return model, plan, names, along_parameters(plan, base, dict(zip(names, np.eye(len(names)), strict=True)))
 
 
 @pytest.mark.few(12)
