@@ -240,6 +240,9 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
 
     for part in model.composed.values():
         refuse(part.name, "flexible parts are not exported; take exudyn's own beams or FFRF objects there.")
+    for name, part in model.springs.items():
+        if part.body_positions:
+            refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
     for kind, group in (("coupler", plain.couplers), ("rotor", plain.rotors), ("rolling wheel", plain.rolling)):
         for name in group:
             refuse(name, f"exudyn has no {kind} like this one; leave it out, or simulate by model.simulate.")

@@ -40,7 +40,8 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     statement = finite_motion(model, cut=system.cut_joints)
     if statement.yields.numel():
         element = statement.yield_names[0].rpartition(".")[0]
-        raise ModelError(f"linear_range: '{element}' is a Maxwell element, whose first-order state has no second-order "
+        family = model.springs[element].family
+        raise ModelError(f"linear_range: '{element}' is a {family}, whose first-order state has no second-order "
                          f"part here yet; compare with model.simulate().", element=element)  # fmt: skip
     names = statement.motion.names
     unknown = [name for name in system.coordinates if name not in names]

@@ -111,7 +111,7 @@ def test_parts_without_finite_motion():
         library.rssr(rocker_ball="universal").cycle("ball12.rx", [0.0], speed=1.0)
     model = library.hoeken()
     model.add_maxwell("soft", "ground", "link1", (0, 0, 0.1), (0.05, 0, 0), stiffness=1.0, damping=1.0)
-    with pytest.raises(mv.ModelError, match=r"maxwell 'soft': has a state of its own"):
+    with pytest.raises(mv.ModelError, match=r"Maxwell element 'soft': has a state of its own"):
         model.cycle("crank.rz", [0.0], speed=1.0)
     bending = library.hoeken()
     steel = {"E": 2.1e11, "nu": 0.3, "rho": 7800.0}

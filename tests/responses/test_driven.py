@@ -355,7 +355,7 @@ def test_runs_of_straight_guides_are_the_linear_responses(kind, order):
 
 def test_runs_refuse_moved_ends_of_maxwell_elements():
     model = quarter(kind="maxwell")
-    with pytest.raises(ModelError, match="motion input 'road' moves the end of a Maxwell element"):
+    with pytest.raises(ModelError, match="motion input 'road' moves the end of an element with a state"):
         model.simulate([0.0, 0.1], inputs={"road": [0.0, 0.1]})
 
 
