@@ -83,7 +83,8 @@ def statement(
     motion = finite_motion(model, parameters, cut=cut, bases=bases)
     if motion.yield_names:
         name = motion.yield_names[0].rpartition(".")[0]
-        raise ModelError(f"{model.springs[name].family} '{name}': has a state of its own, which a prescribed motion does not determine; "
+        family = model.springs[name].family
+        raise ModelError(f"{family} '{name}': has a state of its own, which a prescribed motion does not determine; "
                          f"make springs and dampers of it for a cycle.", element=name)  # fmt: skip
     kinematics = motion.motion
     q, qd, qdd, numbers = kinematics.q, kinematics.qd, ca.SX.sym("qdd", kinematics.q.shape[0]), kinematics.numbers

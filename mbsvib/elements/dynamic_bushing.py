@@ -2,9 +2,10 @@
 
 K*(s) = K + C s + (f(s) - 1) K_d,  f(s) = static + viscous s + sum of g s tau / (1 + s tau)
 
-The bushing is one with K + (static - 1) K_d and C + viscous K_d, and beside it for each relaxation a bushing g K_d from
-the first body to a massless node and a damper g tau K_d from there to the second body. Its force is the sum of those of
-the bushings. At rest dampers carry nothing: in another pose they have yielded until these bushings are relaxed.
+The bushing is one with K + (static - 1) K_d and C + viscous K_d, and beside it for each relaxation a bushing g K_d in
+series with a damper g tau K_d, with a massless node between them on one of the bodies, the ground if it is one. Its
+force is the sum of those of the bushings. At rest dampers carry nothing: in another pose they have yielded until the
+bushings before them are relaxed.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.pose import Pose
     from mbsvib.elements.preload_form import PreloadForm
 
+GROUND = "ground"
 # Eigenvalues of a matrix with ones on its diagonal that are zero, and how far below zero rounding takes them.
 SINGULAR = 1e-12
 _UNITS = ("N/m", "N/rad", "N m/rad")
@@ -184,16 +186,18 @@ def expand(part: DynamicBushing, *_: Any) -> ExpandedPart:
     name, point, axes = part.name, part.position, part.orientation
     matrix = matrix6(part.acting)
     free = tuple([direction for i, direction in enumerate(DIRECTIONS) if matrix[i].any()])
-    idle = _idle(matrix)
+    idle, on_first = _idle(matrix), part.first == GROUND
+    base = part.first if on_first else part.second
     bodies, joints, dampers = {}, {}, {}
     carriers = {f"{name}.rest": replace(part.at_rest, name=f"{name}.rest")}
     for k, (stiffness, tau) in enumerate(part.relaxations, 1):
         stem = f"{name}.{k}"
         node = f"{stem}.node"
         bodies[node] = Node(node, 0.0, (0.0,) * 6, point)
-        joints[stem] = as_node_joint(_joint.make(stem, None, part.second, node, point, axes, None, None, None, free))
-        spring = Bushing(f"{stem}.spring", part.first, node, point, stiffness, ZERO, axes)
-        damper = Bushing(f"{stem}.damper", part.second, node, point, _sum(ZERO, idle, part.dynamic.terms[k - 1][0]),
+        joints[stem] = as_node_joint(_joint.make(stem, None, base, node, point, axes, None, None, None, free))
+        ends = (node, part.second) if on_first else (part.first, node)
+        spring = Bushing(f"{stem}.spring", *ends, point, stiffness, ZERO, axes)
+        damper = Bushing(f"{stem}.damper", base, node, point, _sum(ZERO, idle, part.dynamic.terms[k - 1][0]),
                          _sum(ZERO, stiffness, tau), axes)  # fmt: skip
         carriers[spring.name], dampers[damper.name] = spring, damper
     return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))

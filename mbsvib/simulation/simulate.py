@@ -91,8 +91,8 @@ def _driven(model: Mechanism, names: tuple[str, ...], inputs: Any, time: Array) 
         return signals(inputs, names, time)
     for drive in known:
         if isinstance(inputs, Mapping) and drive.name in inputs and not set(drive.columns) <= set(names):
-            raise ModelError(f"simulate: motion input '{drive.name}' moves the end of an element with a state, whose damper "
-                             f"follows it; runs do not take this. Use the time response of the linear system.",
+            raise ModelError(f"simulate: motion input '{drive.name}' moves the end of an element with a state, whose "
+                             f"damper follows it; runs do not take this. Use the time response of the linear system.",
                              element=drive.name, field="inputs")  # fmt: skip
     return moved_ends(signals(inputs, tuple(model.inputs), time), known, names)
 

@@ -175,6 +175,17 @@ def test_derivatives_are_those_of_the_closed_form():
             np.testing.assert_allclose(value / np.abs(expected).max(), expected / np.abs(expected).max(), atol=1e-11)
 
 
+@pytest.mark.parametrize("name", ["mount.position.x", "mount.orientation.ry"])
+def test_derivatives_to_the_place_are_differences_of_variants(name):
+    model, step = mounted("all of a part"), 1e-5
+    found = model.linearize().frequency_response_sensitivities(OMEGA, [name])[0]
+    at = [model.with_values({name: model.parameters[name] + side * step}).linearize().frequency_response(OMEGA)
+          for side in (-1.0, 1.0)]  # fmt: skip
+    expected = (at[1] - at[0]) / (2.0 * step)
+    size = np.abs(expected).max(axis=2, keepdims=True)
+    np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-6)
+
+
 def test_a_fit_finds_the_relaxations():
     def mass(k, weights, times):
         model = mv.Model("mass")
@@ -252,6 +263,43 @@ def test_a_floor_that_moves(ends):
         found = model.linearize(method=method).frequency_response(OMEGA)
         np.testing.assert_allclose(found[0, 0], x, rtol=1e-11)
         np.testing.assert_allclose(found[1, 0] / np.abs(f), f / np.abs(f), rtol=0.0, atol=1e-8)
+
+
+def test_a_sparse_system_of_forces_alone_keeps_what_carries_them():
+    model = mounted("six")
+    model.add_body("apart", 1.0, (1, 1, 1), position=(3, 0, 0))
+    model.add_bushing("far", "ground", "apart", (3, 0, 0), SIX)
+    model.add_input("other", "apart", "x")
+    system = model.linearize(method="sparse")
+    own = system.reachable("f", ["F", "other"]).frequency_response(OMEGA)
+    np.testing.assert_allclose(own[0, 0], system.frequency_response(OMEGA)[1, 0], rtol=1e-9)
+    assert not own[0, 1].any()
+    assert np.abs(own[0, 0]).min() > 0.0
+
+
+def test_bearings_of_what_spins():
+    """Whichever end is named first: nodes are on the ground, as none is carried by what spins."""
+    found = []
+    for ends in (("ground", "rotor"), ("rotor", "ground")):
+        model = mv.Model("rotor")
+        model.add_body("rotor", 2.0, (0.02, 0.02, 0.03))
+        model.add_rotor("spin", "rotor", speed=500.0, axis=(0, 0, 1))
+        for name, z in (("left", -0.1), ("right", 0.2)):
+            model.add_bushing(name, *ends, (0, 0, z), (1e4, 1e4, 1e4, 0, 0, 0), dynamic=FACTOR)
+        model.add_input("F", "rotor", "x")
+        model.add_output("x", "rotor", "x")
+        model.add_output("tilt", "rotor", "rx")
+        found.append(model.linearize().frequency_response(OMEGA))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
+    # shifts x, y and turns rx, ry of a gyroscope on K(w)
+    z = 1e4 * FACTOR.factor(OMEGA)
+    for k, w in enumerate(OMEGA):
+        matrix = np.diag([2 * z[k] - 2 * w**2] * 2 + [(0.01 + 0.04) * z[k] - 0.02 * w**2] * 2)
+        matrix[0, 3] = matrix[3, 0] = 0.1 * z[k]
+        matrix[1, 2] = matrix[2, 1] = -0.1 * z[k]
+        matrix[2, 3], matrix[3, 2] = 1j * w * 0.03 * 500.0, -1j * w * 0.03 * 500.0
+        x = np.linalg.solve(matrix, [1.0, 0.0, 0.0, 0.0])
+        np.testing.assert_allclose(found[0][:, 0, k], x[[0, 2]], rtol=1e-9)
 
 
 def _mount(**words):
