@@ -14,7 +14,7 @@ import pytest
 import mbsvib as mv
 from mbsvib.plots._scene import of_system
 from mbsvib.report.data import collect
-from tests.hunt import checks, features
+from tests.hunt import checks, features, models
 from tests.hunt.answers import compare_responses, response_of
 from tests.hunt.generate import draft_of, example
 from tests.hunt.run import outcome_of
@@ -124,7 +124,8 @@ ENGINES = {"Sparse responses": sparse_responses, "Sparse modes": sparse_modes, "
 def table():
     """Rows of the page: for each engine what it says."""
     head, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")]
-                      for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]  # fmt: skip
+                      for line in PAGE.read_text(encoding="utf-8").partition("| Column")[0].splitlines()
+                      if line.startswith("|")]  # fmt: skip
     return {name: dict(zip(head[1:], cells, strict=True)) for name, *cells in rows}
 
 
@@ -152,7 +153,8 @@ def answer(feature, engine):
 def test_the_table_lists_all_features_and_engines():
     listed = {feature for row in ROWS.values() for feature in row}
     assert listed == set(features.ALL) - set(features.HOLDS) - set(features.GLOBAL)
-    assert list(table()) == list(ROWS)
+    assert list(table()) == [*ROWS, *models.MODELS]
+    assert list(models.ENGINES) == list(ENGINES)
     assert all(list(row) == list(ENGINES) for row in table().values())
 
 
@@ -179,3 +181,17 @@ def test_the_table_says_what_engines_do(row, engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_table_says_what_engines_do_with_other_features(row, engine):
     check(row, engine, ROWS[row][1:])
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("row", models.MODELS)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_table_says_what_engines_do_with_models(row, engine):
+    """Of features that random scenes have not."""
+    try:
+        models.ENGINES[engine](*models.MODELS[row]())
+        found, advice = "yes", True
+    except mv.ModelError as error:
+        found, advice = "refused", re.search("use |linearize", str(error))
+    assert found == table()[row][engine]
+    assert advice, f"{row}: the refusal does not say what to do"
