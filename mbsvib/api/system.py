@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.elsewhere import tell_where
+from mbsvib.api.operating import Operating
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 @fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Connecting, ReducibleSystem, RandomVerbs, Sensitive):
+class System(Connecting, Operating, ReducibleSystem, RandomVerbs, Sensitive):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are

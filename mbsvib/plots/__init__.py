@@ -19,6 +19,7 @@ from mbsvib.plots.loop_gain import loop_gain
 from mbsvib.plots.loop_nyquist import loop_nyquist
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
+from mbsvib.plots.mode_contributions import mode_contributions
 from mbsvib.plots.mode_strips import mode_strips
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
@@ -31,6 +32,7 @@ from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
 from mbsvib.plots.topology import topology
 from mbsvib.plots.trade_off import trade_off
+from mbsvib.plots.transmissibility import transmissibility
 
 __all__ = [
     "STYLE",
@@ -45,6 +47,7 @@ __all__ = [
     "loop_nyquist",
     "mechanism",
     "mode_comparison",
+    "mode_contributions",
     "mode_strips",
     "modes",
     "nyquist",
@@ -58,6 +61,7 @@ __all__ = [
     "time_grid",
     "topology",
     "trade_off",
+    "transmissibility",
 ]
 
 

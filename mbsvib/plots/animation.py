@@ -196,14 +196,23 @@ def animation(
     if not len(modes):
         raise ResponseError(f"system '{modes.name}' is fully locked: it has no modes to animate.")
     index = mode_index(mode, "animate", len(modes))
-    for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1), ("amplitude", amplitude, 0.0)):
-        if not least <= value < np.inf:
-            raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")
-    axes_of(view)
-    scene = of_system(modes.name, provenance)
-    moves = scene.displacements(modes.body_motion @ modes.shapes[:, index])
-    farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
-    shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
     hertz, ratio = modes.frequencies[index], modes.damping_ratios[index]
     words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
-    return Animation(scene, shape, f"Mode {mode}: {words}", view, int(frames), float(rate))
+    return in_motion(modes.name, provenance, modes.body_motion @ modes.shapes[:, index], f"Mode {mode}: {words}",
+                     amplitude, view, frames, rate)  # fmt: skip
+
+
+def in_motion(
+    name: str, provenance: Provenance, bodies: NDArray[Any], title: str, amplitude: float, view: View, frames: int,
+    rate: float,
+) -> Animation:  # fmt: skip
+    """Return a motion of the ``bodies`` (bodies, 6), scaled so that the farthest point goes by ``amplitude``."""
+    for label, value, least in (("frames", frames, 2), ("rate", rate, 0.1), ("amplitude", amplitude, 0.0)):
+        if not least <= value < np.inf:
+            raise ResponseError(f"{label} = {value!r}: expected a number of at least {least:g}.")
+    axes_of(view)
+    scene = of_system(name, provenance)
+    moves = scene.displacements(bodies)
+    farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
+    shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
+    return Animation(scene, shape, title, view, int(frames), float(rate))

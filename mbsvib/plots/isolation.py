@@ -37,18 +37,14 @@ def isolation(
     ModelError
         If there are no studies, or not as many labels.
     """
-    listed = list(studies) if isinstance(studies, Iterable) else [studies]
-    names = [study.linear.name for study in listed] if labels is None else list(labels)
-    if not listed or len(names) != len(listed):
-        raise ModelError(f"isolation plot: {len(listed)} studies and {len(names)} labels; expected at least one study, "
-                         f"and a label for each.", field="labels")  # fmt: skip
+    named = named_studies(studies, labels, "isolation plot")
     with sheet("plots.isolation", ax, (style.ALONE, 5.2), 2) as paper:
         top, below = paper.panels
         paper.join(paper.panels)
         ends = [float("inf"), 0.0]
-        for number, (study, name) in enumerate(zip(listed, names, strict=True)):
+        for number, (name, study) in enumerate(named):
             f, look = study.frequencies, style.line(paper.first + number)
-            if len(listed) == 1:
+            if len(named) == 1:
                 values = study.singular_values
                 top.fill_between(f, values[-1], values[0], color=look["color"], alpha=0.15, linewidth=0.0)
             top.plot(f, study.index, label=name, **look)
@@ -61,6 +57,19 @@ def isolation(
         below.set_ylabel("compliance [m/N]")
         style.frequency_axis(below, ends[0], ends[1])
         style.logarithmic(top.yaxis, below.yaxis)
-        top.set_title(f"Isolation of {listed[0].scene.body} from {listed[0].scene.base}")
-        paper.name(names)
+        top.set_title(f"Isolation of {named[0][1].scene.body} from {named[0][1].scene.base}")
+        paper.name([name for name, _ in named])
     return paper.result
+
+
+def named_studies(studies: Any, labels: Sequence[str] | None, who: str) -> list[tuple[str, Any]]:
+    """Return studies with their names in a legend; those of one figure have the same directions of the base."""
+    listed = list(studies) if isinstance(studies, Iterable) else [studies]
+    names = [study.linear.name for study in listed] if labels is None else list(labels)
+    if not listed or len(names) != len(listed):
+        raise ModelError(f"{who}: {len(listed)} studies and {len(names)} labels; expected at least one study, and a "
+                         f"label for each.", field="labels")  # fmt: skip
+    if len({study.scene.base_directions for study in listed}) > 1:
+        raise ModelError(f"{who}: the bases of the studies are shaken in different directions; expected the same.",
+                         field="studies")  # fmt: skip
+    return list(zip(names, listed, strict=True))

@@ -74,6 +74,8 @@ FIGURES = {
     "mechanism": list,
     "mode_comparison": lambda: [plots.mode_comparison(system(), [1.0, 2.0]), plots.mode_comparison(system(), system())],
     "mode_strips": lambda: [plots.mode_strips(system())],
+    "mode_contributions": lambda: [plots.mode_contributions(system(), "z", "Fz")],
+    "transmissibility": lambda: [plots.transmissibility(isolation.study(HEXAPOD, "platform"))],
     "modes": lambda: [plots.modes(system())],
     "nyquist": lambda: [plots.nyquist(system(), "z", "Fz")],
     "path": lambda: [plots.path(library.toggle(angle=0.284).path("base.rz", [0.0, -0.1]))],

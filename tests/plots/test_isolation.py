@@ -85,3 +85,28 @@ def test_labels_of_damping_are_on_their_rays_and_within_the_limits():
 def test_limits_of_root_loci_that_are_none_are_refused(limits):
     with pytest.raises(mv.ResponseError, match=r"imaginary.*first and last value of the axis \[Hz\]"):
         plots.root_locus(_locus(), imaginary=limits)
+
+
+def test_transmissibility_of_all_axes_in_one_figure():
+    study = isolation.study(mv.library.stewart_isolator(), "platform", frequencies=[1.0, 20.0, 300.0])
+    figure = plots.transmissibility(study)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        f"base.{d} → {d}" for d in ("x", "y", "z", "rx", "ry", "rz")]  # fmt: skip
+    for k, axes in enumerate(figure.axes):
+        assert np.allclose(axes.lines[0].get_ydata(), np.abs(study.transmissibility[k, k]))
+    others = figure.axes[0].lines[1].get_ydata()
+    assert np.allclose(others, np.linalg.norm(study.scaled[0, 1:], axis=0))
+    assert len(figure.axes[2].lines) == 1  # nothing along z comes from other axes
+    only_z = isolation.study(mv.library.stewart_isolator(), "platform", frequencies=[1.0, 2.0], directions="z")
+    with pytest.raises(mv.ModelError, match="shaken in different directions"):
+        plots.transmissibility([study, only_z])
+
+
+def test_contributions_of_modes_are_drawn_where_they_count():
+    system = mv.library.stewart_isolator().linearize()
+    f = np.array([1.0, 11.0, 30.0])
+    (axes,) = plots.mode_contributions(system, "z", "Fz", f).axes
+    total, third = axes.lines
+    assert np.allclose(total.get_ydata(), np.abs(system.frequency_response(2 * np.pi * f, "z", "Fz")[0, 0]))
+    assert third.get_label() == "mode 3"
+    assert np.allclose(third.get_ydata(), np.abs(system.mode_contributions(2 * np.pi * f, "z", "Fz")[2, 0, 0]))

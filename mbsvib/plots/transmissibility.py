@@ -1,0 +1,66 @@
+"""Transmissibility from the base to the body, axis by axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.plots import _style as style
+from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots.isolation import named_studies
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+COUPLED = 1e-9  # share of the largest transmissibility below which an axis is not excited by another one
+
+
+def transmissibility(
+    studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None
+) -> Figure | Given:
+    """Draw the transmissibility of each axis in which the base is shaken, and what comes from the other axes.
+
+    Parameters
+    ----------
+    studies : Isolation or sequence of Isolation
+        What is compared, with the same directions of the base.
+    labels : sequence of str, optional
+        Names for the legend; default: those of the models, and of their controllers.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel each, row by row; default: a new figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure, or ``ax``
+        A panel for each axis: its motion over that of the base along it full; thin and dashed the root of the sum of
+        squares over all other axes of the base, rotations in metres at the characteristic length.
+
+    Raises
+    ------
+    ModelError
+        If there are no studies, not as many labels, or directions differ.
+    """
+    named = named_studies(studies, labels, "transmissibility plot")
+    axes_drawn = named[0][1].scene.base_directions
+    columns = min(len(axes_drawn), 3)
+    rows = -(-len(axes_drawn) // columns)
+    size = style.panel_size(rows, columns, 2.8, 4.0)
+    with sheet("plots.transmissibility", ax, size, rows, columns, len(axes_drawn)) as paper:
+        for panel, (direction, axes) in enumerate(zip(axes_drawn, paper.panels, strict=True)):
+            for number, (label, study) in enumerate(named, paper.first):
+                row = np.abs(study.scaled[DIRECTIONS.index(direction)])
+                others = np.linalg.norm(np.delete(row, panel, axis=0), axis=0)
+                axes.plot(study.frequencies, row[panel], label=label, **style.line(number))
+                if others.max(initial=0.0) > COUPLED * row.max():
+                    axes.plot(study.frequencies, others, **style.line(number) | {"linestyle": "--", "linewidth": 0.7})
+            style.frequency_axis(axes, named[0][1].frequencies[0], named[0][1].frequencies[-1],
+                                 "frequency [Hz]" if panel + columns >= len(axes_drawn) else "")  # fmt: skip
+            style.logarithmic(axes.yaxis)
+            axes.set_title(f"base.{direction} → {direction}")
+            axes.set_ylabel("transmissibility [1]" if panel % columns == 0 else "")
+        paper.name([label for label, _ in named], columns - 1)
+    return paper.result
