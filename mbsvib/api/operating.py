@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import real
+from mbsvib.common.expected import angular, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
-from mbsvib.responses.frequency_response import angular
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Mapping
 
     from numpy.typing import ArrayLike
 
@@ -124,8 +123,8 @@ class Operating:
         system = cast("Any", self)
         system.provenance.check_mechanism(system.name, "deflection_shape")
         hertz = real(frequency, "deflection_shape", "frequency", "a frequency [Hz]")
-        given = dict(inputs) if hasattr(inputs, "items") else {
-            system.inputs[i]: 1.0 for i in selected(cast("Names", inputs), system.inputs, "input", system.name)}
+        given: dict[str, complex] = dict(inputs) if isinstance(inputs, Mapping) else {
+            system.inputs[i]: 1.0 for i in selected(inputs, system.inputs, "input", system.name)}
         amplitudes = {system.inputs[i]: complex(value) for name, value in given.items()
                       for i in selected(name, system.inputs, "input", system.name)}  # fmt: skip
         response = _motions(system).frequency_response([2.0 * np.pi * hertz])[:, :, 0]
