@@ -162,3 +162,34 @@ def test_units_of_weights_are_those_of_outputs():
 def test_refusals(make, words):
     with pytest.raises((ModelError, ResponseError), match=words):
         make()
+
+
+def test_designs_tell_the_worst_of_all_plants():
+    """Each goal by plant as the library has it; two of one name are numbered; norms count by their weights."""
+    plants = [oscillator(c=0.1), oscillator(k=40.0, m=5.0, c=0.3)]
+    goals = [G.rms("x", {"F": 4.0}, weight=2.0), G.rms("x", {"v.noise": 0.05}), G.damping(0.05), G.margin(0.2),
+             G.hinf("x", "F", most=1e-3)]  # fmt: skip
+    design = mv.tune(plants, T.gain("F", "v", bounds={"gain": (-6.0, -0.1)}), goals, starts=1)
+    labels = ["rms x (1)", "rms x (2)", "damping >= 0.05", "margin >= 0.2", "hinf x / F <= 0.001"]
+    assert list(design.achieved) == list(design.by_plant) == labels
+    for label, goal in zip(labels, goals, strict=True):
+        values = [goal.of(loop).value for loop in design.loop]
+        assert design.by_plant[label] == pytest.approx(values)
+        assert design.achieved[label] == pytest.approx((min if "least" in label or ">=" in label else max)(values))
+        assert len(set(values)) == 2 or "margin" in label
+    assert design.objective == pytest.approx(max(2.0 * design.achieved["rms x (1)"], design.achieved["rms x (2)"]))
+    assert design.reached == {labels[2]: True, labels[3]: True, labels[4]: False}
+    assert not design.success
+    rows = {row[0]: row[2] for row in design.table()["rows"]}
+    assert rows == {labels[0]: "minimised", labels[1]: "minimised", labels[2]: "reached", labels[3]: "reached",
+                    labels[4]: "not reached"}  # fmt: skip
+    assert design.table()["notes"][:2] == ["Not reached: hinf x / F <= 0.001.", "Values are the worst of 2 plants."]
+
+
+def test_goals_without_a_value_are_named():
+    """White noise comes through to an acceleration directly."""
+    system = mv.System.from_matrices([[M]], [[0.3]], [[K]], B=[[1.0]], Cv=[[1.0], [0.0]], Cq=[[0.0], [0.0]],
+                                     Ca=[[0.0], [1.0]], inputs=["F"], outputs=["v", "a"])  # fmt: skip
+    for goal in (G.rms("a", {"F": 1.0}), G.rms("a", {"F": 1.0}, most=3.0)):
+        with pytest.raises(ResponseError, match=r"the goal 'rms a.*' is infinite although the loop is stable"):
+            mv.tune(system, T.gain("F", "v"), [goal], starts=1)
