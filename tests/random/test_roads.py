@@ -45,6 +45,13 @@ def test_a_bump_is_a_cosine_and_nothing_else():
     np.testing.assert_allclose(bump.at(10.125, 1), 0.1 * np.pi / 0.5, rtol=1e-12)
 
 
+def test_phases_are_uniform_over_a_turn():
+    phases = np.sort(isolation.road_profile("A", length=2000.0, seed=4).phases)
+    share = (np.arange(len(phases)) + 0.5) / len(phases)
+    assert len(phases) > 5000
+    np.testing.assert_allclose(phases / (2.0 * np.pi), share, atol=0.03)
+
+
 def test_seeds_repeat_and_differ():
     first, same, other = (isolation.road_profile("A", seed=seed).at([1.0, 7.0]) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, same)
