@@ -314,3 +314,24 @@ def test_only_integrals_over_functions_have_an_error(noise, weighting, exact):
     budget = oscillator().linearize().budget({"base": noise}, "x", weighting=weighting)
     assert (budget.error == 0.0) is exact
     assert budget.error < 1e-9
+
+
+@pytest.mark.parametrize("second", [isolation.shaped([9.0], [1.0, 9.0], 3.0), 2.0, [(0.1, 2.0), (60.0, 0.01)],
+                                    isolation.shaped([40.0], [1.0, 40.0], 0.5)])  # fmt: skip
+@pytest.mark.parametrize("r", [0.6, -0.9, 0.5j])
+def test_correlated_sources_of_any_densities(second, r):
+    """Their cross-density is R sqrt(S1 S2), which has exact moments for filters that are alike but for their level."""
+    system, first = two_masses().linearize(), isolation.shaped([40.0], [1.0, 40.0], 2.0)
+    correlation = np.array([[1.0, r], [np.conj(r), 1.0]])
+    budget = system.budget({"F1": first, "F2": second}, correlation=correlation)
+    f = np.linspace(0.0, 60.0, 60_001)
+    g = system.frequency_response(W * f)
+    densities = np.array([part.at(f) for part in budget._random.sources.densities])
+    seen = g * np.sqrt(densities)
+    square = np.einsum("ojn,jk,okn->on", seen, correlation, seen.conj()).real
+    for row, name in enumerate(system.outputs):
+        assert budget.rms[name] ** 2 == pytest.approx(np.trapezoid(square[row], f), rel=2e-3)
+        signed = sum(np.copysign(value**2, value) for value in budget.contributions[name].values())
+        np.testing.assert_allclose(signed, budget.rms[name] ** 2, rtol=1e-12)
+    alike = isinstance(second, type(first)) and second.alike(first) and not isinstance(r, complex)
+    assert (budget._random.cross is not None) is alike
