@@ -145,8 +145,10 @@ class UncertainPlant(Displayed):
         Raises
         ------
         ResponseError
-            If a name is unknown, shapes do not match, or the controller is discrete.
+            If a name is unknown, shapes do not match, the controller is discrete, or noise is asked for around a loop.
         """
+        if noise and self._loops:
+            raise ResponseError(f"feedback: '{self.name}' is a loop; give noise=True with its first controller.")
         settings = {"controller": controller, "sensors": sensors, "actuators": actuators, "name": name} | (
             {"noise": True} if noise else {})  # fmt: skip
         nominal = self.nominal.feedback(**settings)

@@ -5,6 +5,8 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
+from mbsvib.random import slopes
+from mbsvib.random.budget import random
 from tests.random.scenes import oscillator, two_masses
 
 NAMES = ["m1.mass", "k1.stiffness", "k1.damping", "k2.stiffness", "k2.damping", "k2.end.z"]
@@ -60,8 +62,8 @@ def test_closed_form():
     """rms = sqrt(S / 4 c k): its derivatives are -rms / 2 c, -rms / 2 k and 0."""
     system = oscillator().linearize()
     budget = system.budget({"F": 1.0}, "x")
-    slopes, rms = budget.sensitivities(["s.stiffness", "s.damping", "b.mass"])["x"], budget.rms["x"]
-    np.testing.assert_allclose(list(slopes.values()), [-rms / 1600.0, -rms / 6.0, 0.0], rtol=1e-12, atol=1e-16)
+    found, rms = budget.sensitivities(["s.stiffness", "s.damping", "b.mass"])["x"], budget.rms["x"]
+    np.testing.assert_allclose(list(found.values()), [-rms / 1600.0, -rms / 6.0, 0.0], rtol=1e-12, atol=1e-16)
 
 
 @pytest.mark.parametrize("noise", [{"F1": 1.0, "v2.noise": 1e-2}, {"F1": TABLE, "v2.noise": 1e-2}])
@@ -110,9 +112,9 @@ def test_changes_that_make_it_infinite():
     model.add_input("F", "b", "z")
     model.add_output("z", "b", "z")
     budget = model.linearize().budget({"F": 1.0})
-    slopes = budget.sensitivities(["s.stiffness", "s.start.x"])["z"]
-    np.testing.assert_allclose(slopes["s.stiffness"], -budget.rms["z"] / 200.0, rtol=1e-12)
-    assert slopes["s.start.x"] == np.inf
+    found = budget.sensitivities(["s.stiffness", "s.start.x"])["z"]
+    np.testing.assert_allclose(found["s.stiffness"], -budget.rms["z"] / 200.0, rtol=1e-12)
+    assert found["s.start.x"] == np.inf
 
 
 def test_refusals():
@@ -125,6 +127,48 @@ def test_refusals():
     with pytest.raises(mv.ModelError, match="no parameter 'k9"):
         plain(two_masses()).budget({"F1": 1.0}).sensitivities("k9.stiffness")
     blind = oscillator().linearize().budget({"F": 0.0, "F2": 0.0}, ["x", "v"])
-    assert all(np.isnan(value) for slopes in blind.sensitivities("s.*").values() for value in slopes.values())
-    slopes = two_masses(c1=0.0, c2=0.0).linearize().budget({"F1": 1.0}, "x1").sensitivities("k1.stiffness")
-    assert np.isnan(slopes["x1"]["k1.stiffness"])
+    assert all(np.isnan(value) for parts in blind.sensitivities("s.*").values() for value in parts.values())
+    undamped = two_masses(c1=0.0, c2=0.0).linearize().budget({"F1": 1.0}, "x1").sensitivities("k1.stiffness")
+    assert np.isnan(undamped["x1"]["k1.stiffness"])
+
+
+@pytest.mark.parametrize("plant", [plain, static, dynamic])
+def test_derivatives_of_equations_are_those_of_responses(plant):
+    """[C R 1] dX [R B; 1] along parameters and, of loops, along the controller."""
+    model, s, names = two_masses(), 5j, ["k1.stiffness", "k2.damping", "m1.mass"]
+    scene = slopes.Scene(plant(model))
+    a, b, c, d = scene.equations
+    r = np.linalg.inv(s * np.eye(len(a)) - a)
+    left, right = np.hstack((c @ r, np.eye(len(c)))), np.vstack((r @ b, np.eye(b.shape[1])))
+    np.testing.assert_allclose(c @ r @ b + d, plant(model).frequency_response([5.0])[:, :, 0], rtol=1e-9)
+    found = scene.along(scene.system.matrix_derivatives(names))
+    for k, name in enumerate(names):
+        start = model.parameters[name]
+
+        def response(value, name=name):
+            return plant(model.with_values({name: value})).frequency_response([5.0])[:, :, 0]
+
+        expected = difference(response, start, 1e-3 * start)
+        np.testing.assert_allclose(left @ found[k] @ right, expected, atol=1e-8 * np.abs(expected).max())
+    if scene.closure is not None:
+        shape = scene.closure.to_law(np.zeros((len(a) + len(c), len(a) + b.shape[1]))).shape
+        change = np.random.default_rng(0).normal(size=(1, *shape))
+        both = scene.along(scene.system.matrix_derivatives(names[:1]), change)
+        alone = scene.along(None, change)
+        np.testing.assert_allclose(both, alone + found[:1], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("weighting", [None, isolation.shaped([1.0, 0.0], [1.0, 9.0])])
+@pytest.mark.parametrize(("noise", "correlation"), [({"F1": 1.0, "F2": SHAPED}, None),
+                                                    ({"F1": 1.0, "F2": 4.0}, [[1.0, 0.6], [0.6, 1.0]])])  # fmt: skip
+def test_squares_of_stable_equations_are_the_sum_of_all(noise, correlation, weighting):
+    """A way of its own for searches, without the separation of what lasts."""
+    under = random(two_masses().linearize(), noise, ["x1", "v2"], None, correlation, weighting)
+    value, slope = slopes.stable_squares(under, under.plant)
+    np.testing.assert_allclose(value, under.mean_squares().total.sum(), rtol=1e-11)
+    expected = sum(slopes.gradient(under, under.plant, row) for row in range(2))
+    np.testing.assert_allclose(slope(), expected, rtol=1e-8, atol=1e-12 * np.abs(expected).max())
+    through = random(oscillator().linearize(), {"F": 1.0}, ["x", "a"], None, None, None)
+    value, slope = slopes.stable_squares(through, through.plant)
+    assert (value, slope().shape) == (np.inf, (4, 3))
+    assert not slope().any()
