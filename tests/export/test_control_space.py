@@ -172,3 +172,13 @@ def test_names_of_mbsvib_and_patterns_pick_signals():
     assert full[0, :].input_labels == full.input_labels
     with pytest.raises(ValueError, match=r"output 'body.x': system .* has no such output\. Did you mean 'body:z'"):
         full["body.x", "actuator"]
+
+
+@pytest.mark.parametrize(("states", "dt", "expected"), [(0, None, 0), (0, 0.1, 0.1), (0, 0, 0), (0, True, True),
+                                                        (1, None, None), (1, 0.1, 0.1), (1, 0, 0), (1, True, True)])
+def test_steps_are_those_of_the_system(states, dt, expected):
+    """A gain of no particular time is one in continuous time: products with it would else be of no time either."""
+    space = control.StateSpace(-np.eye(states), np.ones((states, 1)), np.ones((1, states)), [[2.0]], dt)
+    made = NamedStateSpace.of(space)
+    assert (made.dt, type(made.dt)) == (expected, type(expected))
+    assert made(0.3, squeeze=True) == pytest.approx(space(0.3, squeeze=True))

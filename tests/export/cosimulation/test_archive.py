@@ -51,6 +51,8 @@ def described(path):
              for item in system.findall("ssd:Connections/ssd:Connection", names)]  # fmt: skip
     units = {item.get("name"): item.find("ssc:BaseUnit", names).attrib
              for item in top.findall("ssd:Units/ssc:Unit", names)}  # fmt: skip
+    if not ports(system):  # an empty list of connectors is none of the standard's
+        assert system.find("ssd:Connectors", names) is None
     return ports(system), parts, links, units, float(top.find("ssd:DefaultExperiment", names).get("stopTime"))
 
 
