@@ -45,8 +45,8 @@ def response_data(
     sign = np.moveaxis(match.factor(measurement.omega), 2, 0)
     whitening = None
     if measurement.covariance is not None:
-        whitening = _whitening(measurement, np.isfinite(responses), name)
-        weight, is_known = np.where(np.isfinite(responses), np.sqrt(2.0), 0.0), True
+        whitening, size = _whitening(measurement, np.isfinite(responses), name)
+        weight, is_known = np.where(np.isfinite(responses), np.sqrt(2.0) / size[:, :, None], 0.0), True
     else:
         weight, is_known = weights(responses, variance, measurement.averages)
     weight = np.where(np.isfinite(sign), weight, 0.0)
@@ -60,16 +60,20 @@ def response_data(
     ), added  # fmt: skip
 
 
-def _whitening(measurement: Measurement, counts: Any, name: str) -> Complex:
-    """Inverse Cholesky factors (n, outputs, outputs) of the covariance of the outputs."""
+def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Complex, Array]:
+    """Inverse Cholesky factors (n, outputs, outputs) of the correlation of outputs, and their deviations (n, outputs).
+    """
     if not (counts.all(axis=(1, 2)) | ~counts.any(axis=(1, 2))).all():
         raise ResponseError(f"fit: {name} has a covariance of its outputs, and pairs that were not measured at some "
                             f"lines; leave these outputs or lines out.")  # fmt: skip
-    power = np.moveaxis(np.asarray(measurement.covariance), 2, 0)
-    size = np.einsum("nii->ni", power).real
-    least = size.max(axis=1, initial=0.0)[:, None, None] * len(measurement.outputs) * EPS
+    power: Any = np.moveaxis(np.asarray(measurement.covariance), 2, 0)
+    size: Any = np.sqrt(np.einsum("nii->ni", power).real)
+    size = np.where(size > 0.0, size, size.max(axis=1, initial=0.0, keepdims=True))
+    least = len(measurement.outputs) * EPS * (size > 0.0)[:, :, None] * np.eye(power.shape[1])
+    size = np.where(size > 0.0, size, 1.0)
     try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(power + least * np.eye(power.shape[1]))))
+        factor: Any = np.linalg.cholesky(power / size[:, :, None] / size[:, None] + least)
+        return np.linalg.inv(factor), size
     except np.linalg.LinAlgError:
         raise ResponseError(f"fit: the covariance of the outputs of {name} is singular at some lines; expected a "
                             f"positive definite one, or a variance.") from None  # fmt: skip
@@ -103,11 +107,12 @@ def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> Mo
     """Return measured modes as data."""
     n = len(measured.frequencies)
     ratios = np.full(n, np.nan) if measured.damping_ratios is None else measured.damping_ratios
-    shapes, rows, sign, powers = np.full((0, n), np.nan + 0j), *[np.zeros(0, dtype=np.intp)] * 3
+    shapes: Any = np.full((0, n), np.nan + 0j)
+    rows = sign = powers = np.zeros(0, dtype=np.intp)
     if measured.shapes is not None:
         match, shapes = measured.matched(scene.model), np.asarray(measured.shapes, dtype=complex)
         rows = np.array([scene.plant.outputs.index(one) for one in match.output_names], dtype=np.intp)
-        sign, powers = np.array([(partner.sign, partner.derivatives) for partner in match.outputs]).T
+        sign, powers = np.array([(partner.sign, partner.derivatives) for partner in match.outputs], dtype=np.intp).T
     return ModeData(name, number, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign,
                     powers)  # fmt: skip
 

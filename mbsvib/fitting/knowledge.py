@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.display import Displayed
+from mbsvib.fitting.minimizing import CONVERGED
 from mbsvib.fitting.problem import real_rows
 from mbsvib.fitting.response_data import ResponseData
 from mbsvib.linalg.rank import TIE_BREAK
@@ -123,9 +124,10 @@ def _test(problem: Problem, residuals: Sequence[Complex], freedom: int, told: in
         total = sum(float((np.abs(r) ** 2).sum()) for r in residuals)
         ratio = total / freedom
         passed = bool(gammaincc(0.5 * freedom, 0.5 * total) >= REFUSED)
+    left = CONVERGED if problem.known else 0.0  # of residuals without noise, by a search that ended
     along, power, count, bands = 0.0, 0.0, 0, []
     for data, r in zip(problem.data, residuals, strict=True):
-        if isinstance(data, ResponseData) and len(r) > 2 and np.linalg.norm(r) > data.rounding:
+        if isinstance(data, ResponseData) and len(r) > 2 and np.linalg.norm(r) > max(data.rounding, left):
             along += float((r[1:] * r[:-1].conj()).real.sum())
             power += float((np.abs(r) ** 2).sum())
             count += 2 * int((data.weight[1:] > 0.0).sum())

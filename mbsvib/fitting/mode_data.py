@@ -45,7 +45,7 @@ class ModeData:
     damping_deviation: Array
     shape_deviation: Array
     rows: Index
-    sign: Array
+    sign: Index
     powers: Index
     known: bool = True
 

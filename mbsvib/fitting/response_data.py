@@ -70,9 +70,9 @@ class ResponseData:
     """Responses ``measured`` (n, outputs, inputs) at ``omega``, 0 where ``weight`` (n, outputs, inputs) is: sqrt(2)
     over the standard deviation of the noise, up to one factor for each output where it is not ``known``.
 
-    ``whitening`` (n, outputs, outputs) takes correlated noise of the outputs to noise of variance 1. ``rows`` and
-    ``columns`` are ports of the model; ``sign`` (outputs, inputs) has directions against its own. ``scene`` is the
-    number of the condition in which it was measured.
+    ``whitening`` (n, outputs, outputs) takes the correlation out of weighted outputs. ``rows`` and ``columns`` are
+    ports of the model; ``sign`` (outputs, inputs) has directions against its own. ``scene`` is the number of the
+    condition in which it was measured.
     """
 
     name: str

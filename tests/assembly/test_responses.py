@@ -175,6 +175,10 @@ def test_channels_keep_places_units_and_quantities():
     assert result.quantity[result.outputs.index("payload.a")] == "acceleration"
     assert result.quantity[result.outputs.index("base.arm.force")] == ""
     assert result.connections[0].distance == 0.0
+    assert result.table()["rows"] == [("base.tip", "payload.root", "x y z rx ry rz", "rigid", "0")]
+    soft = mv.assemble({"base": measured(base), "payload": payload}, [(*RIGID[0][:2], [1e4] * 2, ("x", "ry"))])
+    assert soft.table()["rows"] == [("base.tip", "payload.root", "x ry", "spring-damper", "")]
+    assert len(soft.table()["notes"]) == 1
 
 
 def _places(names):

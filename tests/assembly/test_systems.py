@@ -10,10 +10,23 @@ from tests.assembly.scenes import POINT, RIGID, add_base, add_payload, apart, fi
 OMEGA = np.linspace(1.0, 300.0, 60)
 
 
+def holds_its_factors(system):
+    """M, C and K are those of the factors that modes and responses come from."""
+    rows = system.elastic_rows
+    for found, parts in (
+        (system.M, (system.inertia_factor.T @ system.inertia_factor, None)),
+        (system.C, (rows.T @ (system.row_damping[:, None] * rows), system.gyroscopic)),
+        (system.K, (rows.T @ (system.row_stiffness[:, None] * rows), system.circulatory)),
+    ):
+        expected = sum(part for part in parts if part is not None)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+
+
 def same(assembly, model, renamed, rtol=2e-12):
     """Compare eigenvalues, and the responses of outputs and inputs {name in the model: name in the assembly}."""
     system = model.linearize()
     assert assembly.dof == system.dof
+    holds_its_factors(assembly)
     one, other = (np.sort_complex(each.modes().eigenvalues) for each in (system, assembly))
     np.testing.assert_allclose(other, one, rtol=0.0, atol=rtol * np.abs(one).max())
     rows = [name for name in system.outputs if name in renamed]

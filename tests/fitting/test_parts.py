@@ -18,6 +18,7 @@ from tests.fitting.scenes import away, chain, measured
 from tests.fitting.test_derivatives import spinning
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 80)
+FREE = ["k*.stiffness", "k*.damping", "b1.mass"]
 
 
 @pytest.mark.parametrize(("bounds", "low", "high"), [
@@ -273,6 +274,30 @@ def test_covariances_that_do_not_tell_the_noise_are_refused():
     assert fit.values["k1.stiffness"] == pytest.approx(2e4, rel=1e-9)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_uncorrelated_covariances_are_variances(noise, seed):
+    """From afar, of data with noise and without, for fits, their tests and further sensors; outputs in other units."""
+    model = chain()
+    exact = measured(model, OMEGA, 0.0, 0).responses
+    sd = np.array([1.0, 2.0, 0.5])[:, None, None] * 1e-2 * np.abs(exact).mean() * np.linspace(1.0, 3.0, len(OMEGA))
+    rng = np.random.default_rng(1)
+    normal = rng.standard_normal(exact.shape) + 1j * rng.standard_normal(exact.shape)
+    responses, names = exact + noise * sd * normal / np.sqrt(2.0), (["z0", "z1", "z2"], ["F", "F0"])
+    power = np.eye(3)[:, :, None] * sd[:, 0] ** 2
+    fits = [away(model, FREE, 0.6, seed).fit(mv.Measurement(OMEGA, responses, *names, **given), FREE)
+            for given in ({"variance": np.broadcast_to(sd**2, exact.shape)}, {"covariance": power})]  # fmt: skip
+    assert all(fit.converged and fit.residual_test.passed for fit in fits)
+    np.testing.assert_allclose(list(fits[1].values.values()), list(fits[0].values.values()), rtol=1e-6)
+    np.testing.assert_allclose(fits[1].covariance, fits[0].covariance, rtol=1e-4)
+    if noise:
+        given = {"variance": np.broadcast_to(sd**2, exact.shape)}, {"covariance": power}
+        ranked = [model.fit(mv.Measurement(OMEGA, responses, *names, **one)["z2", "F"], "k*.stiffness").next_sensor()
+                  for one in given]  # fmt: skip
+        assert [one.name for one in ranked[0]] == [one.name for one in ranked[1]]
+        np.testing.assert_allclose([one.gain for one in ranked[1]], [one.gain for one in ranked[0]], rtol=1e-6)
+
+
 def test_frequencies_and_ratios_have_the_covariance_of_their_deviations():
     """J of log f over its deviation, and of ratios over a tenth of themselves, from sensitivities of the modes."""
     model = chain()
@@ -346,35 +371,3 @@ def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind, order):
     assert one.narrower == pytest.approx(np.sqrt(spread[0][widest] / spread[1][widest]), rel=1e-5)
     with pytest.raises(ResponseError, match="'nothing'"):
         fit.next_sensor(["nothing"])
-
-
-def table_of(result):
-    """Rows and notes of a printed table."""
-    table = result.table()
-    return table["rows"], list(table.get("notes", ()))
-
-
-def test_a_fit_prints_its_values_and_what_it_does_not_know():
-    """As many digits as an interval leaves; what is not told; residuals and bands that are no noise."""
-    model = chain()
-    fit = model.fit(measured(model, OMEGA, 0.02, 3), ["k0.stiffness", "k1.stiffness"])
-    shown = replace(fit, values={"a": 12345.678, "b": 2e-5, "c": -0.5, "d": 3.0, "e": 0.999},
-                    intervals={"a": (12340.1, 12351.2), "b": (1.9e-5, 2.1e-5), "c": (-0.75, -0.25), "d": (0.0, np.inf),
-                               "e": (0.0004, 1.9976)},
-                    units={"a": "N/m", "b": "m", "c": "", "d": "kg", "e": ""})  # fmt: skip
-    rows, notes = table_of(shown)
-    assert rows == [("a", "12346", "12340 ... 12351", "N/m"), ("b", "2.00e-05", "1.90e-05 ... 2.10e-05", "m"),
-                    ("c", "-0.50", "-0.75 ... -0.25", ""), ("d", "3", "not told by the data", "kg"),
-                    ("e", "1.0", "0.0 ... 2.0", "")]  # fmt: skip
-    assert notes == ["The residuals are noise."]
-    test = knowledge.ResidualTest(False, 6.25, 0.456, ((1.0, 2.0), (30.126, 40.0)))
-    rows, notes = table_of(replace(fit, converged=False, unidentified=("a with b",), residual_test=test))
-    assert notes == ["The search did not converge.", "Not told by the data: a with b.",
-                     "The model does not explain the data: residuals 2.5 times as large as the stated noise, with a "
-                     "correlation of 0.46 from line to line are no noise.", "Intervals come from the residuals.",
-                     "Not reached: 1 to 2, 30.13 to 40 Hz."]  # fmt: skip
-    many = knowledge.ResidualTest(False, np.nan, 0.4, tuple((float(k), k + 1.0) for k in range(8)))
-    rows, notes = table_of(replace(fit, residual_test=many))
-    assert notes[0].startswith("The model does not explain the data: residuals with a")
-    assert notes[-1] == "Not reached: 0 to 1, 1 to 2, 2 to 3, 3 to 4, 4 to 5, 5 to 6 ... Hz."
-    assert repr(fit) == "Fit('chain': 2 values)"
