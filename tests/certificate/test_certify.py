@@ -47,6 +47,8 @@ def test_the_radius_of_an_oscillator_is_that_of_the_closed_form():
     assert radius == pytest.approx(0.5 * (0.5 / 4700 + 0.005 / 2.25), rel=1e-9)
     details = certificate.content()["accuracy"]
     assert details["parameter"] == "m.mass"
+    assert value(certificate, "accuracy.radius").words.endswith("most by m.mass")
+    assert value(certificate, "equilibrium.residual").words == "no gravity, load or preload"
     assert details["rounding"] == pytest.approx(0.5 * np.finfo(float).eps, rel=1e-9)
 
 
