@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, Body, Input, Maxwell, Output
-from mbsvib.equations.expansion import expanded
+from mbsvib.elements import BaseMotion, Body, Input, Output
 from mbsvib.equations.terms import MATRICES
-from mbsvib.sensitivities.element_matrices import element_matrices
-from mbsvib.sensitivities.families.element import point_of
-from mbsvib.sensitivities.network import maxwell_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,21 +80,12 @@ class MatrixEntries:
 
     @cached_property
     def _terms(self) -> dict[str, Array]:
-        """Sizes of the terms that are summed in entries of C, K, B, Cq, Cv and Ca, which may cancel; 0 of M and D.
+        """Sizes of the terms that are summed in entries of B, Cq, Cv and Ca, which may cancel; 0 of others.
 
-        They are those of springs, dampers, ports and masses of bodies that all move as far as any does.
+        They are those of ports and masses of bodies that all move as far as any does.
         """
         system, parts, motions = self.system, self.system.provenance.parts, self._motions
         result = {key: np.zeros(getattr(system, key).shape) for key in MATRICES}
-        origin = system.provenance.origin
-        plain = None if origin is None else expanded(origin)
-        connections = () if plain is None else tuple(plain.springs.values())
-        springs = [part for part in connections if not isinstance(part, Maxwell)] + maxwell_parts(connections)[1]
-        points = np.array([point_of(part) for part in springs]).reshape(-1, 3)
-        stiffness, damping = (dict(zip([part.name for part in springs], np.abs(matrices), strict=True))
-                              for matrices in element_matrices(springs, points)[:2])  # fmt: skip
-        result["K"] += motions.T @ sum(stiffness.values(), np.zeros((6, 6))) @ motions
-        result["C"] += motions.T @ sum(damping.values(), np.zeros((6, 6))) @ motions
         mass = sum(part.mass for part in parts if isinstance(part, Body))
         ports: Any = system.provenance.ports
         for part in ports:
@@ -108,11 +95,6 @@ class MatrixEntries:
                 result["B"][:, system.inputs.index(part.name)] = moves
             elif part.name in system.outputs and isinstance(part, Output):
                 result[_BY_ORDER[part.order]][system.outputs.index(part.name)] = wrench @ motions
-            elif part.name in system.outputs:
-                row = system.outputs.index(part.name)
-                for name in () if plain is None else set(plain.carriers(part.element)) & set(stiffness):
-                    result["Cq"][row] += (stiffness[name] @ motions).max(axis=0)
-                    result["Cv"][row] += (damping[name] @ motions).max(axis=0)
         return result
 
     @cached_property
