@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.certificate.engines import OTHERS, by_exudyn
+from mbsvib.certificate.engines import OTHERS, by_exudyn, mass_by_mujoco
 from mbsvib.certificate.radius import accuracy_radius
 from mbsvib.certificate.restated import difference, restated
 from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 SAME_UNITS = 1e-9
 # Eigenvalues of another engine that differentiates by differences are good to the root of eps, relative to the largest.
 SAME_ENGINE = 1e-6
+# Mass matrices of two engines agree to this share of their largest entry; numbers are written with all digits.
+SAME_MASS = 1e-12
 # Second derivatives of all modes take some 50 ms each.
 MOST_MODES = 30
 # Share of the second-order part at which the linear range is stated.
@@ -45,7 +47,8 @@ def certify(model: Model, align: float | None = None) -> Certificate:
     derivatives (``accuracy.radius``, relative, a value without a limit: it is a property of the data); the same model
     in mm, ms and g (``units.invariance``, relative); the linear range (``linear.range``, the smallest travel of a
     coordinate [rad, mechanism sizes] where the second-order part of an output is a tenth, without a limit); eigenvalues
-    of another engine (``engine.difference``, relative; exudyn, where it can).
+    of another engine (``engine.difference``, relative; exudyn, where it can), and the mass matrix of MuJoCo of trees of
+    hinges and slides (``mass.difference``, over its largest entry).
 
     Parameters
     ----------
@@ -164,7 +167,8 @@ class _Run:
                 self.skipped[name] = "no motion: no eigenvalues"
             return
         for name, check in (("accuracy.radius", self.accuracy), ("units.invariance", self.units),
-                            ("linear.range", self.linear_range), ("engine.difference", self.cross_check)):  # fmt: skip
+                            ("linear.range", self.linear_range), ("engine.difference", self.cross_check),
+                            ("mass.difference", self.mass)):  # fmt: skip
             self.attempt(name, check, system)
 
     def attempt(self, name: str, check: Callable[[Any], None], system: Any) -> None:
@@ -215,6 +219,18 @@ class _Run:
                  f"travel [rad, mechanism sizes] where '{known.outputs[j]}' is 10 % off in mode {k + 1}",
                  amplitude=float(known.values[k, j]), unit=known.units[j], output=known.outputs[j])  # fmt: skip
 
+    def mass(self, system: System) -> None:
+        """The mass matrix of another engine, which knows no springs."""
+        mass, joints, its_version = mass_by_mujoco(self.model)
+        ours = [name.rpartition(".")[0] for name in system.coordinates]
+        if sorted(ours) != sorted(joints):
+            raise MbsvibError("mujoco has other coordinates")
+        order = [joints.index(name) for name in ours]
+        off = float(np.abs(mass[np.ix_(order, order)] - system.M).max() / np.abs(system.M).max())
+        self.versions["mujoco"] = its_version
+        self.add("mass.difference", off, SAME_MASS, off <= SAME_MASS,
+                 "difference of the mass matrix from that of mujoco, over its largest entry")  # fmt: skip
+
     def cross_check(self, system: System) -> None:
         """Eigenvalues of another engine."""
         for name, why in OTHERS.items():
@@ -233,4 +249,4 @@ class _Run:
 
 
 NAMES = ("model", "equilibrium.residual", "rank.margin", "accuracy.radius", "units.invariance", "linear.range",
-         "engine.difference")  # fmt: skip
+         "engine.difference", "mass.difference")  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.certificate import certifying, restated
+from mbsvib.certificate import certifying, engines, restated
 from mbsvib.certificate.radius import half_last_digit
 from mbsvib.certificate.restated import difference, factor
 from mbsvib.equations import assembly
@@ -154,7 +154,8 @@ def test_sparse_equations_have_balance_and_ranks(monkeypatch):
     assert certificate.passed
     assert value(certificate, "equilibrium.residual").passed
     assert value(certificate, "rank.margin").value > 1e3
-    assert set(certificate.skipped) == {"accuracy.radius", "units.invariance", "linear.range", "engine.difference"}
+    assert set(certificate.skipped) == {"accuracy.radius", "units.invariance", "linear.range", "engine.difference",
+                                        "mass.difference"}
     assert all("sparse equations" in why for why in certificate.skipped.values())
 
 
@@ -163,7 +164,8 @@ def test_rolling_wheels_have_balance_and_units():
     assert certificate.passed
     assert "ground on the wheels" in value(certificate, "equilibrium.residual").words
     assert value(certificate, "units.invariance").value < 1e-9
-    assert set(certificate.skipped) == {"rank.margin", "accuracy.radius", "linear.range", "engine.difference"}
+    assert set(certificate.skipped) == {"rank.margin", "accuracy.radius", "linear.range", "engine.difference",
+                                        "mass.difference"}
     off = mv.certify(bicycle().replace("frame", position=(0.3, 0.05, 0.9)))
     assert off.content()["failed"] == ["equilibrium.residual"]
 
@@ -204,3 +206,25 @@ def test_differences_of_eigenvalues_do_not_depend_on_their_order():
 def test_what_is_no_model_is_refused():
     with pytest.raises(mv.ModelError, match="certify"):
         mv.certify("stewart")
+
+
+def test_mass_matrices_of_trees_are_compared_with_mujoco():
+    pytest.importorskip("mujoco")
+    certificate = mv.certify(mv.library.six_link())
+    check = value(certificate, "mass.difference")
+    assert check.passed
+    assert check.value < 1e-14
+    assert "mujoco" in certificate.versions
+    assert "mujoco has the inertia of trees" in mv.certify(mv.library.four_bar()).skipped["mass.difference"]
+
+
+def test_another_mass_fails(monkeypatch):
+    mass_of = engines.mass_by_mujoco
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(certifying, "mass_by_mujoco", lambda model: mass_of(model.with_values({"link3.mass": 1.001})))
+    assert mv.certify(mv.library.six_link()).content()["failed"] == ["mass.difference"]
+
+
+def test_missing_mujoco_is_named(monkeypatch):
+    monkeypatch.setattr(engines, "find_spec", lambda name: None)
+    assert "mujoco is not installed" in mv.certify(mv.library.two_link()).skipped["mass.difference"]

@@ -17,7 +17,8 @@ def weighed(model):
 
 
 def test_equilibria_are_those_of_the_planar_loop(pair):
-    tilted, planar, tilt = (*(weighed(model).equilibrium() for model in pair[:2]), pair[2])
+    tilted, planar = (weighed(model).equilibrium() for model in pair[:2])
+    tilt = pair[2]
     for name, body in planar.bodies.items():
         np.testing.assert_allclose(tilted.bodies[name].position, body.position, atol=3.0 * tilt)
     np.testing.assert_allclose(tilted.linearize().modes().frequencies, planar.linearize().modes().frequencies,
