@@ -39,10 +39,12 @@ def test_rates_are_derivatives_and_rear_wheels_follow_later():
 
 
 def test_a_bump_is_a_cosine_and_nothing_else():
-    bump = isolation.road_bump(0.1, 0.5, start=10.0)
-    np.testing.assert_allclose(bump.at([9.9, 10.0, 10.125, 10.25, 10.5, 10.6]), [0, 0, 0.05, 0.1, 0, 0], atol=1e-14)
-    assert bump.under([2.05], 5.0, quantity="velocity")[0] == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(bump.at(10.125, 1), 0.1 * np.pi / 0.5, rtol=1e-12)
+    for start in (10.0, 0.17, -3.3):  # whole lengths and others
+        bump = isolation.road_bump(0.1, 0.5, start=start)
+        x = start + np.array([-0.1, 1e-9, 0.125, 0.25, 0.5 - 1e-9, 0.6])
+        np.testing.assert_allclose(bump.at(x), [0, 0, 0.05, 0.1, 0, 0], atol=1e-14)
+        assert bump.under([(start + 0.25) / 5.0], 5.0, quantity="velocity")[0] == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(bump.at(start + 0.125, 1), 0.1 * np.pi / 0.5, rtol=1e-12)
 
 
 def test_phases_are_uniform_over_a_turn():

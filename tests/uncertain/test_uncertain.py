@@ -321,7 +321,7 @@ def test_other_refusals():
         oscillator(c=0.0).linearize().uncertain({"s.stiffness": 0.1}).robust_stability()
     with pytest.raises(mv.ResponseError, match="filtered white noise"):
         plant.worst_rms("z", {"Fz": [(1.0, 1.0), (2.0, 1.0)]})
-    with pytest.raises(mv.ModelError, match="^uncertain: 'system' was made of matrices"):
+    with pytest.raises(mv.ModelError, match=r"^uncertain: 'system' was made of matrices"):
         mv.System.from_matrices([[1.0]], None, [[1.0]]).uncertain({"k": 0.1})
 
 
