@@ -243,6 +243,15 @@ def test_ports_have_inputs_and_outputs_of_the_same_names():
             mv.assemble({"m": model, "o": other}, [(unknown, "o.p[1]", "rigid")])
 
 
+def test_ports_that_are_unknown_are_told_with_those_that_there_are():
+    bare, base = mv.Model("bare"), apart()[0]
+    bare.add_body("m", 1.0, (1, 1, 1))
+    with pytest.raises(ModelError, match=r"port 'a\.p' is unknown; no part has one\. Inputs and outputs of a"):
+        mv.assemble({"a": bare, "b": bare}, [("a.p", "b.p", "rigid")])
+    with pytest.raises(ModelError, match=r"port 'other\.p' is unknown; expected one of base\.tip\.(?!.*Inputs)"):
+        mv.assemble({"base": base, "b": bare}, [("other.p", "base.tip", "rigid")])
+
+
 @pytest.mark.parametrize("which", ["first", "second", "both"])
 def test_ground_moves_alike_for_all_parts(which):
     """Motions that one part lacks, or that differ, are refused; those of no input do not count."""

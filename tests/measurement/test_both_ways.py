@@ -95,6 +95,21 @@ def test_lines_that_two_measurements_have_in_common():
     assert "No common lines: responses were not compared." in str(none)
 
 
+@pytest.mark.parametrize("swap", [False, True])
+def test_lines_that_one_side_does_not_know_do_not_count(swap):
+    """Not a number in one of both, for each pair by itself."""
+    rng = np.random.default_rng(2)
+    values = rng.standard_normal((2, 2, 1, 6)) + 1j * rng.standard_normal((2, 2, 1, 6))
+    values[0, 0, 0, 1] = values[1, 0, 0, 3] = values[1, 1, 0, 0] = np.nan
+    sides = [mv.Measurement(np.arange(1.0, 7.0), one, ["y", "z"], ["u"], quantity="velocity") for one in values]
+    result = mv.compare(*(sides[::-1] if swap else sides))
+    for k, known in enumerate(([0, 2, 4, 5], [1, 2, 3, 4, 5])):
+        a, b = values[:, k, 0][:, known]
+        powers = (np.abs(a) ** 2).sum(), (np.abs(b) ** 2).sum()
+        assert result.frac[k, 0] == pytest.approx(np.abs((a * b.conj()).sum()) ** 2 / (powers[0] * powers[1]))
+        assert result.ratio[k, 0] == pytest.approx(np.sqrt(powers[1] / powers[0]) ** (-1 if swap else 1))
+
+
 def test_models_are_compared_over_their_resonances():
     a, b = chain(damping=3.0), chain((1e4, 2e4, 4e4), damping=3.0)
     result = mv.compare(a, b)
