@@ -88,7 +88,7 @@ def test_leading_zeros_and_static_entries_take_no_states():
 
 def test_active_mechanisms_take_transfer_functions_by_name():
     plant = isolation.actuated(library.stewart_isolator(), "platform")
-    law = control.tf([40.0], [1.0, 1.0], inputs=["leg1:k:tension"], outputs=["leg1:k:actuator"])
+    law = control.tf([40.0], [1.0, 1.0], inputs=["leg1:k:force"], outputs=["leg1:k:actuator"])
     same = isolation.controller(control.ss(law), ["leg1.k.force"], ["leg1.k.actuator"])
     np.testing.assert_allclose(plant.with_gains(law).poles(), plant.with_gains(same).poles(), rtol=1e-10)
 
