@@ -166,7 +166,10 @@ def campbell(
 
 def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
     if not model.rotors:
-        raise ModelError(f"campbell: model '{model.name}' has no rotor; add one by add_rotor.", field="rotors")
+        hub = next(iter(model.hubs), None)
+        way = "add one by add_rotor" if hub is None else \
+            f"its hub turns with all that is on it, sweep(model, {{'{hub}.speed': [...]}}, 'modes.frequencies')"
+        raise ModelError(f"campbell: model '{model.name}' has no rotor; {way}.", field="rotors")
     if rotors is None:
         now = {name: rotor.speed for name, rotor in model.rotors.items()}
         first = next(iter(now.values()))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.campbell import campbell
 
 SPEED = 7.3
 
@@ -204,6 +205,22 @@ def test_moved_takes_joints_on_hubs_along():
     assert there.bodies["hub"] == model.bodies["hub"]
     with pytest.raises(mv.EquilibriumError, match="bob"):
         there.linearize()
+
+
+def test_campbell_data_of_hubs_name_the_sweep():
+    """The sweep that is named is the diagram: w^2 = W^2 (Jz - Jx + m l r) / (Jy + m l^2), r from the axis, l from the
+    hinge to the centre of mass.
+    """
+    model = mv.Model("blade")
+    model.add_hub("hub", speed=30.0, axis=(0, 0, 1))
+    model.add_body("blade", 1.0, (0.01, 0.02, 0.03), (0.5, 0, 0))
+    model.add_joint("flap", "revolute", "hub", "blade", (0.1, 0, 0), axis=(0, 1, 0))
+    with pytest.raises(mv.ModelError, match=r"no rotor; its hub turns.*'hub.speed'.*'modes.frequencies'"):
+        campbell(model, [10.0, 20.0])
+    speeds = np.array([10.0, 20.0, 40.0])
+    sweep = mv.sweep(model, {"hub.speed": speeds}, "modes.frequencies")["modes.frequencies"]
+    share = np.sqrt((0.03 - 0.01 + 0.4 * 0.5) / (0.02 + 0.4**2))
+    np.testing.assert_allclose(np.ravel(sweep) * 2.0 * np.pi, speeds * share, rtol=1e-9)
 
 
 def test_runs_and_cycles_are_refused_by_name():
