@@ -180,8 +180,7 @@ class Measurement(Doors, Displayed):
                 set_(name, variance)
 
     def _refuse_at(self, wrong: Any, values: Array, field: str, expected: str) -> None:
-        if wrong.any():
-            i, j, k = np.argwhere(wrong)[0]
+        for i, j, k in np.argwhere(wrong)[:1]:
             raise ResponseError(f"{WHO}: {field} of '{self.outputs[i]}' to '{self.inputs[j]}' is {values[i, j, k]:g} "
                                 f"at {self.frequencies[k]:g} Hz; expected {expected} wherever a response is known.")
 
@@ -249,9 +248,8 @@ class Measurement(Doors, Displayed):
         ResponseError
             If there is no line between them.
         """
-        lines = (self.frequencies >= low) & (self.frequencies <= high)
-        if not lines.any():
-            f = self.frequencies
+        f = self.frequencies
+        if not (lines := (f >= low) & (f <= high)).any():
             known = f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {known}.")
         arrays: dict[str, Any] = {
@@ -294,8 +292,8 @@ class Measurement(Doors, Displayed):
                             for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
             return np.where(known, total / np.maximum(count, 1.0), values)
 
-        noise = {name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")}
-        return replace(self, **noise)
+        return replace(self, **{
+            name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")})
 
     def matched(
         self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
