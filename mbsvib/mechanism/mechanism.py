@@ -180,8 +180,17 @@ class Mechanism:
         return self._expansion
 
     def carriers(self, element: str) -> tuple[str, ...]:
-        """Return the names of the connections whose forces add up to that of an element: its own, or those that stand
-        for it in the equations.
+        """Return the connections whose forces add up to that of an element: it, or those that stand for it.
+
+        Parameters
+        ----------
+        element : str
+            Name of the element.
+
+        Returns
+        -------
+        tuple of str
+            Names of connections of this mechanism.
         """
         return (element,) if self._expansion is None else self._expansion.carriers.get(element, (element,))
 

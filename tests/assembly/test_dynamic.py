@@ -57,9 +57,9 @@ def test_fits_state_their_error_and_the_least_one(loss, decades, least, error):
     assert (fit.factor(everywhere).imag >= 0.0).all()
     assert min(fit.static, fit.viscous, *fit.weights) >= 0.0
     assert fit.static >= 0.5 - 1e-12
-    held = Dynamic.hysteretic(loss).rational((1.0, 10.0**decades), static=0.9)
-    assert held.factor([0.0])[0] == held.static == 0.9
-    assert fit.error <= 1.03 * held.error
+    for static in (0.4, 0.9):
+        held = Dynamic.hysteretic(loss).rational((1.0, 10.0**decades), static=static)
+        assert held.factor([0.0])[0] == held.static == static
 
 
 def test_a_passive_factor_has_no_least_error():
