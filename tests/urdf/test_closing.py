@@ -75,3 +75,12 @@ def test_rotations_that_are_none_are_refused(tmp_path):
         turned = joint("j", "revolute", "base", "b").replace('rpy="0 0 0"', f'quat_xyzw="{quaternion}"')
         with pytest.raises(mv.ModelError, match=words):
             mv.load_urdf(write(tmp_path, link("base") + link("b", 1.0) + turned))
+
+
+@pytest.mark.parametrize(("motor", "ratio", "added"), [("m", 20, {"m.torque"}), ("m", 1, set()), ("", 20, set()),
+                                                       ("j", 20, set())])  # fmt: skip
+def test_motors_have_an_input_of_their_own_where_it_is_another_one(tmp_path, motor, ratio, added):
+    drive = (f'<transmission name="t"><joint name="j"/><actuator name="{motor}"><mechanicalReduction>{ratio}'
+             f"</mechanicalReduction></actuator></transmission>")  # fmt: skip
+    words = link("base") + link("b", 1.0) + joint("j", "revolute", "base", "b") + drive
+    assert set(mv.load_urdf(write(tmp_path, words)).inputs) == {"j.torque"} | added

@@ -1,5 +1,7 @@
 """Models written as URDF and read again: the same equations; what has no place is refused by name."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,15 @@ def test_what_has_no_place_is_refused_by_name(tmp_path):
     assert mv.load_urdf(path).linearize().dof == 2 + 6
     with pytest.raises(mv.ModelError, match="expected a Model"):
         mv.save_urdf("kept", tmp_path / "no.urdf")
+
+
+def test_only_slides_have_limits(tmp_path):
+    """Other readers require limits of prismatic joints; of hinges that turn for ever there are none."""
+    model = mv.Model("two")
+    for name, kind in (("slide", "prismatic"), ("hinge", "revolute")):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1))
+        model.add_joint(f"{name}.j", kind, "ground", name, (0, 0, 0), axis=(0, 0, 1))
+    top = ElementTree.parse(mv.save_urdf(model, tmp_path / "two.urdf")).getroot()
+    limits = {joint.get("name"): joint.find("limit") for joint in top.findall("joint")}
+    assert limits["hinge.j"] is None
+    assert float(limits["slide.j"].get("lower")) < -1e3 < 1e3 < float(limits["slide.j"].get("upper"))
