@@ -22,6 +22,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
+from mbsvib.elements.passive_bound import least_error
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 WHO = "Dynamic"
 # Time constants of a fit: so many a decade, and so far beyond the band.
 A_DECADE, BEYOND = 4, 10.0
-# Lines a decade at which a fit and its error are taken, and bins a decade of the least error, so many decades beyond.
-LINES, BINS, OUTSIDE = 24, 40, 2
+# Lines a decade at which a fit and its error are taken.
+LINES = 24
 # At rest a fit keeps this share of the least storage stiffness in its band, so that nothing sinks that it carries.
 HELD = 0.5
 # Weights below this share of the largest are none.
@@ -296,7 +297,7 @@ class Dynamic(Displayed):
         terms = _fitted(omega, exact, low, high, rest)
         result = _rational(f"{self.name}, {low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz", *terms)
         error = float((np.abs(result.factor(omega) - exact) / np.abs(exact)).max())
-        return _rational(result.name, *terms, error, least_error(self, low, high))
+        return _rational(result.name, *terms, error, least_error(self.factor, low, high))
 
     def __repr__(self) -> str:
         return f"Dynamic({self.name!r}{f', {len(self.weights)} relaxations' if self.weights is not None else ''})"
@@ -381,35 +382,3 @@ def _fitted(
     weights = nnls(np.concatenate((scaled.real, scaled.imag)), np.concatenate((target.real, target.imag)))[0]
     acts = weights[2:] > NONE * weights.max()
     return float(weights[0]) + rest, float(weights[1] / high), weights[2:][acts], times[acts]
-
-
-def least_error(dynamic: Dynamic, low: float, high: float) -> float:
-    """Return the least relative error, of real and imaginary part, that any passive model has from ``low`` to ``high``
-    [rad/s].
-
-    K(i w) = c0 - w^2 c2 + i w h(w) - (w / pi) integral of h over pairs of bins, h constant in each bin
-    """
-    from scipy.optimize import linprog
-
-    beyond = np.geomspace(low, low / 10**OUTSIDE, BINS * OUTSIDE // 4 + 1)[:0:-1]
-    inside = np.geomspace(low, high, max(8, int(np.ceil(BINS * np.log10(high / low)))) + 1)
-    above = np.geomspace(high, high * 10**OUTSIDE, BINS * OUTSIDE // 4 + 1)[1:]
-    edges = np.concatenate((beyond, inside, above))
-    start, end = np.concatenate(([0.0], edges)), np.concatenate((edges, [np.inf]))
-    omega = np.sqrt(inside[:-1] * inside[1:])
-    exact = dynamic.factor(omega)
-    w = omega[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        upper = np.where(np.isinf(end), 0.0, np.log(np.abs((end - w) / (end + w))))
-        columns = -(w / np.pi) * (upper + np.log(np.abs((start + w) / (start - w))))
-    within = (start < w) & (w < end)
-    scale = 1.0 / np.sqrt(low * high)
-    real = np.column_stack((np.ones(len(omega)), -((omega * scale) ** 2), columns * scale))
-    imaginary = np.column_stack((np.zeros((len(omega), 2)), np.where(within, w, 0.0) * scale))
-    size = np.abs(exact)[:, None]
-    rows = np.concatenate((real / size, imaginary / size))
-    target = np.concatenate((exact.real, exact.imag)) / np.concatenate((size, size))[:, 0]
-    bound = -np.ones((len(rows), 1))
-    found = linprog(np.append(np.zeros(rows.shape[1]), 1.0), np.block([[rows, bound], [-rows, bound]]),
-                    np.concatenate((target, -target)), bounds=(0.0, None), method="highs")  # fmt: skip
-    return float(found.fun) if found.success else float("nan")
