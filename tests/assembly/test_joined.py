@@ -305,6 +305,22 @@ def test_units_do_not_change_what_is_joined(length, mass):
     np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=1e-9)
 
 
+@pytest.mark.parametrize("length", [1e-8, 1.0, 1e8])
+def test_units_do_not_change_what_is_collocated(length):
+    """An output a thousandth of the part beside its input is refused, and one of 1e-12 of it is not."""
+    parts = {}
+    for name, beside in (("a", 0.0), ("b", 1e-12), ("c", 1e-3)):
+        model = mv.Model(name)
+        model.add_body("m", 2.0, tuple(length**2 * one for one in (0.3, 0.4, 0.5)), position=(0.4 * length, 0, 0))
+        model.add_input("p.x", "m", "x", (0, 0.1 * length, 0))
+        model.add_output("p.x", "m", "x", (0, (0.1 + beside) * length, 0))
+        parts[name] = model
+    distance = 0.01 * length
+    assert mv.assemble({name: parts[name] for name in "ab"}, [("a.p", "b.p", "rigid")], distance=distance).dof == 11
+    with pytest.raises(ModelError, match=r"input 'c\.p\.x' does not act where and as output"):
+        mv.assemble({name: parts[name] for name in "ac"}, [("a.p", "c.p", "rigid")], distance=distance)
+
+
 def test_connections_that_nearly_coincide_are_in_doubt():
     """Points 1e-10 m and 1e-12 m apart lock rotations or repeat what others lock: rounding of places decides."""
     parts = {}

@@ -109,9 +109,10 @@ def test_gradient_is_that_of_the_cost(kind, far):
 
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
 def test_starts_of_channels_are_near_their_values(quantity):
-    """Gains to 1 %, delays to a step, from responses of the model itself, at its own values."""
+    """Gains to 1 %, delays from one period before to five behind to a step, from responses of the model itself."""
     model, w = chain(), OMEGA
-    gains, delays, inner = np.array([2.0, -0.5, 3.0]), np.array([1e-3, 0.0, 4e-3]), np.array([1.0, -4.0])
+    gains, inner = np.array([2.0, -0.5, 3.0]), np.array([1.0, -4.0])
+    delays = np.array([1e-3, -0.9, 4.7]) * [1.0, *[2.0 * np.pi / w.max()] * 2]  # of periods of the highest line
     channel = gains[:, None, None] * inner[:, None] * np.exp(-1j * delays[:, None, None] * w)
     data = measured(model, w, 0.0, 1, change=lambda w: channel * (-(w**2) if quantity == "acceleration" else 1.0))
     data = mv.Measurement(w, data.responses, data.outputs, data.inputs, quantity=quantity)
