@@ -1,6 +1,7 @@
 """The search on functions whose least values are known: penalties, barriers, what goes on and what begins anew."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,9 +21,9 @@ class Steep:
     ``hidden``: by how much the value is larger than the search knows, until it is told.
     """
 
-    goals: tuple = (G.hinf(), G.hinf(most=1.0))
+    goals: tuple[Any, ...] = (G.hinf(), G.hinf(most=1.0))
     hidden: float = 0.0
-    told: list = field(default_factory=list)
+    told: list[Any] = field(default_factory=list)
 
     def measured(self, x):
         value = 100.0 * (x[0] - 3.0) ** 2 + float((x[1:] ** 2).sum())
