@@ -219,6 +219,10 @@ def test_damage(tmp_path):
         path.write_bytes(content)
         with pytest.raises(mv.ExportError, match=r"x\.uff: "):
             mx.from_uff(path)
+    for number in (b"-48", b"9999"):  # of bytes, which would lead back, or beyond the end
+        path.write_bytes(raw[: raw.index(size) + 400].replace(size, number.rjust(12), 1))
+        with pytest.raises(mv.ExportError, match=rf"11 lines and {number.decode()} bytes are to follow; \d+ bytes are"):
+            mx.from_uff(path)
     with pytest.raises(mv.ExportError, match=r"none\.uff: cannot be read"):
         mx.from_uff(tmp_path / "none.uff")
 
