@@ -76,12 +76,6 @@ class Joint(Part):
         return self.end is not None
 
     @property
-    def along_axis(self) -> bool:
-        """Whether it was given by its axis, along and about which all its free directions are."""
-        return self.axis is not None and self.free is None and bool(self.freedom) and all(
-            name in ("z", "rz") for name, _ in self.freedom)  # fmt: skip
-
-    @property
     def rotation_axes(self) -> tuple[Six, ...]:
         """Axes of its free rotations (3,), world axes; of two successive ones that in the first body comes first."""
         return tuple([six[3:] for name, six in self.freedom if name[0] == "r"])
@@ -140,8 +134,6 @@ class Joint(Part):
             if self.free is None and len(self.freedom) == 2:
                 return moved_joint(self, position, axis=axis, axis2=axis2)
             axes = _as_matrix(_successive_axes(self, np.array(axis), np.array(axis2), pose))
-        elif self.axis is not None and self.along_axis:
-            return moved_joint(self, position, axis=pose.rotated_vector(self.first, self.axis))
         elif self.bisects:
             first, second = pose.rotated(self.first, self.axes), pose.rotated(self.second, self.axes)
             axes = _as_matrix(first @ exponential(0.5 * logarithm(first.T @ second)))

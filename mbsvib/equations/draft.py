@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
@@ -82,11 +84,11 @@ def first_draft(
     """
     displacements = scene.relative()
     phi = scene.closure(displacements)
-    required = (*model.derived(driven_coordinates), *(independent or ()))
-    reduction = scene.reduced(phi, required or None)
+    asked = [] if independent is None else names(independent, "linearize", "independent", ModelError)
+    reduction = scene.reduced(phi, [*model.derived(driven_coordinates), *asked] or None)
     locked = scene.locked
     strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
     rows = minimal_rows(scene, displacements, reduction, strained)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     return Draft(model, scene, displacements, phi, reduction, tuple(reduction.independent.tolist()), terms,
-                 tuple(independent or ()), checked)  # fmt: skip
+                 tuple(asked), checked)  # fmt: skip

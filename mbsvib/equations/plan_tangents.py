@@ -70,12 +70,9 @@ def along_poses(plan: BatchPlan, names: Sequence[str]) -> dict[str, Array] | Non
     Forces change as those of springs and loads do. ``names``: of the coordinates, among those of the plan.
     """
     posed = posed_scene(plan.user_model, plan.model, plan.scene, False, ())
-    joints = plan.scene.topology.joints
-    by_axis = any(kind == "joint" and joints[number].axis is not None  # axes across it are new in each pose
-                  for _, kind, number, _ in plan.scene.port.wrench_outputs)  # fmt: skip
     parameters = plan.slots.parameters
     mass = next((name for name in parameters if parameters.entry(name).field == "mass"), None)  # anything but a place
-    if posed is None or by_axis or mass is None or not set(names) <= set(plan.names):
+    if posed is None or mass is None or not set(names) <= set(plan.names):
         return None
     variant = checked(parameters, {mass: parameters[mass]})
     plan = replace(plan, slots=variant.slots)

@@ -308,3 +308,22 @@ def test_what_is_added_after_a_move_moves_too():
         there = model.moved(values, cut=cut)
         assert_allclose(there.bodies["b"].position, (0, 3, 0), atol=1e-15)
         assert "b" not in other.moved(values, cut=cut).bodies
+
+
+def test_axes_of_joints_turn_with_their_first_bodies():
+    """Forces in a joint are along axes that the first body carries, whether or not the joint is given by its axis."""
+    model = mv.Model("arm")
+    model.add_body("a", 1.0, (0.1, 0.2, 0.3), (0.5, 0.0, 0.0))
+    model.add_body("b", 1.0, (0.1, 0.2, 0.3), (1.5, 0.0, 0.0))
+    model.add_joint("j1", "revolute", "ground", "a", (0.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_joint("j2", "revolute", "a", "b", (1.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_bushing("k1", "ground", "a", (0.0, 0.0, 0.0), (0, 0, 0, 0, 100, 0))
+    model.add_bushing("k2", "a", "b", (1.0, 0.0, 0.0), (0, 0, 0, 0, 100, 0))
+    model.add_input("push", "b", "x")
+    model.add_force_output("along", "j2", "x")
+    model.add_force_output("across", "j2", "y")
+    there = model.moved({"j1.rz": 0.7, "j2.rz": 0.2}, relaxed=True)
+    # a rigid body passes the force on: (1, 0, 0) in axes turned about y of the world by 0.7
+    np.testing.assert_allclose(there.linearize().D[:, 0], [np.cos(0.7), -np.sin(0.7)], rtol=0, atol=1e-12)
+    plant = model.compile("b.mass", pose=["j1.rz", "j2.rz"], relaxed=True)
+    np.testing.assert_allclose(plant([1.0, 0.7, 0.2]).D[:, 0], [np.cos(0.7), -np.sin(0.7)], rtol=0, atol=1e-12)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import cross, wide
 from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
@@ -80,17 +79,7 @@ def _follow(rates: PoseRates, joint: Joint, k: int) -> None:
         rates.put(joint.name, "end", rates.second[k, :3])
         return
     rates.put(joint.name, "position", rates.second[k, :3])
-    rates.put(joint.name, "orientation", _by_axis(joint, rates.axes[k]))
-
-
-def _by_axis(joint: Joint, turn: Array) -> Array:
-    """How the axes of a joint turn with its first body (3, c): where it is given by its axis, they are those that the
-    axis gives in each pose.
-    """
-    if joint.axis is None or not joint.along_axis:
-        return turn
-    line = np.array(joint.axes)[:, 2]
-    return np.asarray(line_turn_rates(line[None])[0].T @ skew(line).T @ turn)
+    rates.put(joint.name, "orientation", rates.axes[k])
 
 
 def _add_reference_terms(terms: ReferenceTerms, joint: Joint, k: int) -> None:
