@@ -286,3 +286,16 @@ def test_a_cluster_in_the_same_loops_that_locks_nothing_is_left_as_it_is():
     after = model.aligned(1e-3)
     assert {change.joint for change in after.alignments} == set("ABCD")
     assert after.joints["F"] is model.joints["F"]
+
+
+def test_couplers_in_locked_loops_stay():
+    """A wheel geared to the crank: its coordinate is one of the loops', and the gear one of their conditions."""
+    model = four_bar(1e-4, 2)
+    model.add_body("wheel", 1.0, (0.1, 0.1, 0.1), (0, 0, 1))
+    model.add_joint("W", "revolute", "ground", "wheel", (0, 0, 1), axis=(0, 0, 1))
+    model.add_gear("gear", "A", "W", -2.0)
+    after = model.aligned(1e-3)
+    assert {change.joint for change in after.alignments} == set("ABCD")
+    assert after.linearize().dof == 1
+    with pytest.warns(mv.NearSingularWarning, match="1 more degree of freedom|lock 1 motion"):
+        assert model.linearize().dof == 0

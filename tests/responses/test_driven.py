@@ -378,3 +378,21 @@ def test_moved_ends_act_through_massless_nodes(method):
     expected = [node, both, 300.0 * (node - 1.0)]
     response = model.linearize(method=method).frequency_response(OMEGA)[:, 0]
     np.testing.assert_allclose(response, expected, rtol=1e-10)
+
+
+def test_several_motions_have_states_of_their_own():
+    car = mv.Model("three")
+    for name, quantity, x in (("a", "velocity", -1.0), ("b", "acceleration", 0.0), ("c", "velocity", 1.0)):
+        car.add_model(name, quarter(quantity), position=(x, 0, 0))
+    car.add_input("push", "a.body", "z")
+    system = car.linearize()
+    space = system.state_space()
+    assert space.states[12:] == ("a.road.displacement", "b.road.displacement", "b.road.velocity", "c.road.displacement")
+    expected = system.frequency_response(OMEGA)
+    np.testing.assert_allclose(space.frequency_response(OMEGA), expected, rtol=1e-9, atol=1e-12)
+    for name, order in (("a", 1), ("b", 2), ("c", 1)):
+        k, row = system.inputs.index(f"{name}.road"), system.outputs.index(f"{name}.displacement")
+        np.testing.assert_allclose(expected[row, k], by_hand(OMEGA, order)[0], rtol=1e-10)
+    push = system.inputs.index("push")
+    assert np.abs(system.B0[:, push]).max() == 1.0
+    assert not system.B1[:, push].any()
