@@ -84,3 +84,8 @@ class Expansion:
         known = {part.name: part for part in parts if part.name not in self.generated_names}
         known |= {part.name: part for part in self.owners}
         return tuple([known[name] for name in self.order if name in known])
+
+
+def carriers(expansion: Expansion | None, element: str) -> tuple[str, ...]:
+    """Return the connections whose forces add up to that of an element: it, or those that stand for it."""
+    return (element,) if expansion is None else expansion.carriers.get(element, (element,))

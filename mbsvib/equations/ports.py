@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
+from mbsvib.elements.shared_rows import carriers
 from mbsvib.equations.base_motion import check_rotation, ground_motion, inertia_of_ground_motion
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import ZERO_SUM
@@ -78,16 +79,16 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
         elif source.element is not None:
             # what is not there was removed from a sparse system
             motion_forces += [(i, elements[name], source.order, np.array(source.wrench))
-                              for name in model.carriers(source.element) if name in elements]  # fmt: skip
+                              for name in carriers(model.expansion, source.element) if name in elements]  # fmt: skip
         else:
             force_inputs.append(i)
             rows.append(row(source))
     for i, output in enumerate(outputs):
         if output.element is not None:
             wrench = np.array(output.wrench)
-            carriers = [elements[name] for name in model.carriers(output.element) if name in elements]
-            if carriers:
-                force_outputs += [(i, element, wrench) for element in carriers]
+            summed = [elements[name] for name in carriers(model.expansion, output.element) if name in elements]
+            if summed:
+                force_outputs += [(i, element, wrench) for element in summed]
             elif output.element in model.joints:
                 wrench_outputs.append((i, "joint", list(model.joints).index(output.element), wrench))
             elif output.element == "ground" or output.element in model.bodies:

@@ -58,7 +58,7 @@ class Mechanism:
     """
 
     _engine = (
-        "alignments carriers composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+        "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
     )
 
     kind: ClassVar[str] = "model"
@@ -178,21 +178,6 @@ class Mechanism:
     def expansion(self) -> Expansion | None:
         """Mass and stiffness between more than two bodies, where beams and superelements are expanded."""
         return self._expansion
-
-    def carriers(self, element: str) -> tuple[str, ...]:
-        """Return the connections whose forces add up to that of an element: it, or those that stand for it.
-
-        Parameters
-        ----------
-        element : str
-            Name of the element.
-
-        Returns
-        -------
-        tuple of str
-            Names of connections of this mechanism.
-        """
-        return (element,) if self._expansion is None else self._expansion.carriers.get(element, (element,))
 
     @property
     def alignments(self) -> tuple[Any, ...]:

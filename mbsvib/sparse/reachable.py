@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.elements.shared_rows import carriers
 from mbsvib.equations.controllable_part import selected_ports
 from mbsvib.equations.equations import Removed
 from mbsvib.errors import ResponseError
@@ -77,7 +78,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
 def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> NDArray[np.intp]:
     """Numbers of the parts with a port; base motion and the force on the ground have all."""
     if part.element is not None:
-        element = model.springs.get(model.carriers(part.element)[0]) or model.joints.get(part.element)
+        element = model.springs.get(carriers(model.expansion, part.element)[0]) or model.joints.get(part.element)
         ends = (part.element,) if element is None else (element.first, element.second)
     else:
         ends = ("ground",) if part.moves_ground else (part.body, part.relative_to)

@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.uncertain.certain import HALVINGS, Proof, RobustStability, WorstGain, WorstRms, _closest
+from mbsvib.uncertain.certain import Proof, RobustStability
 from mbsvib.uncertain.intervals import Channels, cover, least
 from mbsvib.uncertain.scalings import _Problem, bases, best_scalings
 from mbsvib.uncertain.search import gain, growth, perturbed, values_at
@@ -367,41 +367,3 @@ def test_loops_are_those_of_the_plant_at_other_values(noise):
                                        rtol=1e-8)  # fmt: skip
         by_hand = plant.at(values).feedback([[-0.4]], ["v2"], ["F1"], noise=noise)
         np.testing.assert_allclose(loop.at(values).frequency_response(w), by_hand.frequency_response(w), rtol=1e-12)
-
-
-def test_tables_of_what_is_certain():
-    """Three parameters at most stand in a row; bounds are rounded up; infinite gains are said."""
-    gain = WorstGain("plant", 1.25, 1.5, {"k": 2.0, "c": 3.0}, 7.0)
-    assert gain.table()["notes"] == ["Reached: 1.25 at 7 rad/s. Proven: no more than 1.5."]
-    assert gain.table()["rows"] == [("k", "2"), ("c", "3")]
-    unstable = WorstGain("plant", np.inf, np.inf, {"k": 2.0}, np.nan).table()
-    assert unstable["notes"] == ["Infinite: the plant is not stable at these values."]
-    places = {"k": 2.0, "c": 3.0, "m": 4.0}
-    rms = WorstRms("plant", {"x": 1.23456, "y": 2.0}, {"x": places, "y": {"k": 1.5}}, {"x": 1.23451, "y": 3.0})
-    (x, y) = rms.table()["rows"]
-    assert x[:2] == ("x", "1.2346")
-    assert float(x[2]) >= 1.23451
-    assert (x[3], y[3]) == ("k = 2, c = 3, ...", "k = 1.5")
-    stable = RobustStability("plant", 0.4, 0.9, {"k": 2.0}, 7.0).table()["notes"]
-    assert stable == ["Stable below 0.4 times the distances to the limits.",
-                      "A pole at 7 rad/s reaches the axis at 0.9 times, with these values.",
-                      "Not stable within the limits."]  # fmt: skip
-
-
-@pytest.mark.parametrize(("true", "near"), [(0.83, 0.001), (0.31, 0.001), (0.83, 0.4)])
-def test_steps_towards_what_is_not_proven(true, near):
-    """Halves of the way between what is proven and what is not, a few of them; the result is always proven."""
-    asked = []
-
-    def proves(t):
-        asked.append(t)
-        return t <= true
-
-    found = _closest(proves, 0.2, 1.0, near)
-    assert found <= true
-    assert len(asked) <= HALVINGS
-    last = min([1.0, *[t for t in asked if t > true]])
-    assert last - found == pytest.approx(0.8 * 0.5 ** len(asked))
-    assert (len(asked) == HALVINGS) or last - found <= near
-    downwards = _closest(lambda t: t >= true, 1.0, 0.2, near)
-    assert downwards >= true
