@@ -315,6 +315,7 @@ def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array,
     a, b = map(_seen, rows)
     table = mac(a, b)
     alike = np.maximum(subspace_mac(a, first.frequencies, b), subspace_mac(b, second.frequencies, a).T)
+    alike *= np.multiply.outer(a.any(axis=0), b.any(axis=0))  # what no output shows has no partner
     logs = [np.log(np.maximum(one.frequencies, np.finfo(float).tiny)) for one in modes]
     apart = np.minimum(np.abs(np.subtract.outer(*logs)), FARTHEST)
     at = np.array(linear_sum_assignment(TIE * (apart - table) - alike))

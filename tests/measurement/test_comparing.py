@@ -201,3 +201,11 @@ def test_the_model_is_drawn_over_the_data():
     assert deviation.get_ydata().tolist() == [1.0] * 40
     with pytest.raises(mv.ResponseError, match="0 measured pairs; expected 1 to 12"):
         replace(data, responses=np.full((1, 1, 40), np.nan), variance=None).plot()
+
+
+def test_modes_that_no_output_shows_have_no_partner():
+    """The legs of a hexapod spin about their own axes at frequencies within 1e-5, three of six modes unseen."""
+    system = mv.library.stewart_isolator().linearize()
+    result = mv.compare(system, system)
+    assert [(pair.a, pair.b) for pair in result.pairs] == [(k, k) for k in (1, 2, 3, 4, 5, 6, 10, 11, 12)]
+    assert "3 modes of the first without partner: 7, 8, 9." in str(result)
