@@ -49,7 +49,14 @@ def test_pages_print_what_they_show_and_draw_their_pictures(page, tmp_path):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert "pictures/" in target or target.startswith("https://") or (page.parent / target).exists(), target
+        assert target.startswith("https://") or (page.parent / target).exists(), target
+
+
+def test_pictures_are_those_of_the_pages_and_small():
+    folder = DOCS / "pages" / RUNNER.PICTURES
+    pictures = [path for path in folder.rglob("*") if path.is_file()]
+    assert sorted(path.relative_to(folder).as_posix() for path in pictures) == RUNNER.named(), "run: python docs/run.py"
+    assert sum(path.stat().st_size for path in pictures) < 3e6
 
 
 def test_every_page_is_in_the_table_of_contents():

@@ -163,14 +163,15 @@ class Operating:
         w = angular(omega)
         s, total, space = 1j * w, system.frequency_response(w), _motions(system).state_space()
         values, right = np.linalg.eig(space.A)
-        poles = system.modes().eigenvalues
+        modes = system.modes()
+        poles = modes.eigenvalues
         known = np.flatnonzero(np.isfinite(poles))
         _, pole = linear_sum_assignment(np.abs(values[:, None] - poles[known]))
         moved = np.linalg.solve(right, space.B)[:, :, None] / (s - values[:, None])[:, None]
         seen = [matrix @ space.C @ right for matrix in (system.Cq, system.Cv, system.Ca)]
         terms = sum(np.einsum("ok,kin->koin", row, moved * s**order) for order, row in enumerate(seen))
-        result = np.zeros((len(poles) // 2, *total.shape), dtype=complex)
-        np.add.at(result, known[pole] // 2, terms)
+        result = np.zeros((len(modes), *total.shape), dtype=complex)
+        np.add.at(result, np.searchsorted(modes.starts, known[pole], side="right") - 1, terms)
         missed = np.abs(result.sum(axis=0) + system.D[:, :, None] - total).max(initial=0.0)
         size = np.abs(total).max(initial=0.0)
         if not missed <= ACCURATE * size:

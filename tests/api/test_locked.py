@@ -149,6 +149,8 @@ VERBS = {
     "rms": lambda s: [s.rms(None, noise(s)), s.rms(None, noise(s), band=(1.0, 10.0))],
     "budget": lambda s: str(s.budget(noise(s), band=(1.0, 10.0))),
     "uncertain": lambda s: uncertain_masses(s),
+    "deflection_shape": lambda s: str(s.deflection_shape(3.0)),
+    "mode_contributions": lambda s: s.mode_contributions(OMEGA),
 }  # fmt: skip
 # What needs an input and an output.
 OF_PORTS = {"reachable", "frequency_response_sensitivities", "compliance_sensitivities", "h2_norm", "hinf_norm",

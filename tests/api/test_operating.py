@@ -84,3 +84,23 @@ def test_mistakes_are_told():
     matrices = mv.System.from_matrices(np.eye(1), None, np.eye(1))
     with pytest.raises(mv.MbsvibError, match="deflection_shape"):
         matrices.deflection_shape(1.0)
+
+
+def test_motions_without_mass_contribute_by_their_single_eigenvalue():
+    model = mv.Model("relaxing")
+    for name, mass, x in (("a", 1.0, 0.0), ("node", 0.0, 1.0)):
+        model.add_body(name, mass, (0, 0, 0), (x, 0, 0))
+        model.add_joint(f"rail {name}", "prismatic", "ground", name, (x, 0, 0), axis=(1, 0, 0))
+    model.add_spring("k", "ground", "a", (-1, 0, 0), (0, 0, 0), 100.0, 1.0)
+    model.add_spring("soft", "a", "node", (0, 0, 0), (1, 0, 0), 30.0)
+    model.add_spring("damper", "node", "ground", (1, 0, 0), (2, 0, 0), damping=0.5)
+    model.add_input("push", "a", "x")
+    model.add_output("x", "a", "x")
+    system, omega = model.linearize(), np.array([1.0, 9.0, 30.0])
+    # x (30 + 0.5 s) = node ... : G = (30 + 0.5 s) / ((s^2 + s + 130)(30 + 0.5 s) - 900)
+    above, below = np.poly1d([0.5, 30.0]), np.poly1d([1, 1, 130]) * np.poly1d([0.5, 30.0]) - 900.0
+    poles = below.roots
+    parts = above(poles) / below.deriv()(poles) / (1j * omega[:, None] - poles)
+    single = np.abs(poles.imag) == 0.0
+    expected = np.array([parts[:, ~single].sum(axis=1), parts[:, single].sum(axis=1)])
+    np.testing.assert_allclose(system.mode_contributions(omega)[:, 0, 0], expected, rtol=1e-12)
