@@ -229,7 +229,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     """
     result = []
     if not system.provenance.reduction.groups:
-        result.append("no loop with constraints: second-order terms B'' were not formed")
+        result.append("no closed loops: the cut-joint matrix B'' was not needed")
     elif not any(group.surplus for group in system.provenance.reduction.groups):
         result.append("no redundant constraint: neighbouring poses were not checked")
     elif system.provenance.planar:

@@ -143,6 +143,6 @@ def _given(who: str, ax: Any, count: int) -> list[Any]:
         raise ResponseError(f"{who}: ax has an object of class {wrong}; expected matplotlib's Axes, one for each of "
                             f"{needed}, such as matplotlib.pyplot.subplots({count}, 1)[1].")  # fmt: skip
     if len(flat) != count:
-        raise ResponseError(f"{who}: ax has {len(flat)} axes, and this figure has {needed}; give one for each, row by "
-                            f"row, or draw fewer panels.")  # fmt: skip
+        raise ResponseError(f"{who}: ax has {counted(len(flat), 'panel')}, and this figure {needed}; give axes for "
+                            f"each, row by row, or draw fewer panels.")  # fmt: skip
     return flat

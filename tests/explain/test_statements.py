@@ -61,7 +61,7 @@ def spinning():
     return model
 
 
-OPEN = "no loop with constraints: second-order terms B'' were not formed"
+OPEN = "no closed loops: the cut-joint matrix B'' was not needed"
 CONNECTED = "joints connect every body to ground: no free joint was added"
 UNASKED = "no mode and no response was requested yet: no eigenvalue was computed"
 UNLOADED = "no gravity, load or preload: no statics, no geometric stiffness"

@@ -73,8 +73,8 @@ def test_axes_are_returned_as_given_and_curves_take_the_next_look():
 
 
 @pytest.mark.parametrize(("ax", "words"), [
-    (axes(1)[0], r"plots\.modes: ax has 1 axes, and this figure has 2 panels; give one for each"),
-    (axes(3), r"ax has 3 axes, and this figure has 2 panels"),
+    (axes(1)[0], r"plots\.modes: ax has 1 panel, and this figure 2 panels; give axes for each"),
+    (axes(3), r"ax has 3 panels, and this figure 2 panels"),
     (Figure(), r"ax has an object of class Figure; expected matplotlib's Axes, one for each of 2 panels"),
     ([None, None], r"ax has an object of class NoneType"),
 ])  # fmt: skip
