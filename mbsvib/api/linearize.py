@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, TypeVar, overload
 
-from mbsvib.api.driven import DrivenSystem
-from mbsvib.api.driven_batch import DrivenBatch
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
 from mbsvib.equations.assembly import is_small
@@ -19,6 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
+    from mbsvib.api.driven import DrivenSystem
+    from mbsvib.api.driven_batch import DrivenBatch
     from mbsvib.api.rolling_system import RollingSystem
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.mechanism.mechanism import Mechanism
@@ -124,20 +124,32 @@ def linearize(
             wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
-        return _with_motions(model, batch, DrivenBatch)
+        return _with_motions(model, batch, _driven_batch)
     if method is None and is_small(model):
         system = dense_equations(model, independent, cut, System)
         warn(model.name, system.provenance.undetermined)
-        return _with_motions(model, system, DrivenSystem)
+        return _with_motions(model, system, _driven)
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.sparse.choice import linearized
 
     large = linearized(model, independent, cut, method, System, SparseSystem)
     warn(model.name, large.undetermined if isinstance(large, SparseSystem) else large.provenance.undetermined)
-    return _with_motions(model, large, DrivenSystem)
+    return _with_motions(model, large, _driven)
 
 
 def _with_motions(model: Mechanism, equations: E, form: Callable[[E, tuple[Drive, ...]], D]) -> E | D:
     """The equations, or those with motions as inputs where the model has such inputs."""
     known = drives(model)
     return form(equations, known) if differ(known) else equations
+
+
+def _driven(equations: System | SparseSystem, known: tuple[Drive, ...]) -> DrivenSystem:
+    from mbsvib.api.driven import DrivenSystem
+
+    return DrivenSystem(equations, known)
+
+
+def _driven_batch(equations: Batch, known: tuple[Drive, ...]) -> DrivenBatch:
+    from mbsvib.api.driven_batch import DrivenBatch
+
+    return DrivenBatch(equations, known)

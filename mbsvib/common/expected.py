@@ -105,17 +105,18 @@ def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[s
 
 
 def real(value: Any, caller: str, field: str, expected: str, least: float = -np.inf) -> float:
-    """Return ``value`` as a float that is ``least`` or more."""
+    """Return ``value`` as a finite float that is ``least`` or more."""
     array = reals(value, caller, field, expected)
-    if array.ndim or np.isnan(array) or array < least:
-        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}.")
+    if array.ndim or not np.isfinite(array) or array < least:
+        finite = ", finite" if not array.ndim and np.isinf(array) else ""
+        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}{finite}.")
     return float(array)
 
 
 def positive(caller: str, field: str, value: Any, expected: str) -> float:
     """Return a finite number above 0."""
-    if not 0.0 < (number := real(value, caller, field, expected)) < np.inf:
-        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}, finite and above 0.")
+    if (number := real(value, caller, field, f"{expected}, above 0")) <= 0.0:
+        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}, above 0.")
     return number
 
 

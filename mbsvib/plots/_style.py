@@ -27,7 +27,6 @@ DPI = 150
 LETTERS_PER_INCH = 12.0
 ROOM = 0.78  # of the width of a figure for its legend, which shrinks less where the figure is made smaller
 
-# Settings of matplotlib, for own figures beside those of mbsvib: ``plt.style.use(mbsvib.plots.STYLE)``.
 STYLE: Any = {
     "figure.dpi": DPI,
     "figure.facecolor": "white",
@@ -66,6 +65,7 @@ STYLE: Any = {
     "legend.title_fontsize": 8.5,
     "text.color": INK,
 }
+"""Settings of matplotlib, for own figures beside those of mbsvib: ``plt.style.use(mbsvib.plots.STYLE)``."""
 
 _LOCK = RLock()  # matplotlib's settings are one dictionary for the whole process
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.common.expected import a_system, kind_of, mode_index, real
+from mbsvib.common.expected import a_system, kind_of, mode_index, positive
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
@@ -108,8 +108,8 @@ def shapes_of(modes: Modes, which: Index, bodies: Names, radius: float | None) -
     ``which`` (n,): numbers from 0. ``bodies``: names or patterns. ``radius``: length [m] that multiplies rotations.
     Complex shapes are turned in phase with the motion as a whole; directions in which nothing moves are left out.
     """
-    if radius is not None and not 0.0 < real(radius, "plots.mode_strips", "radius", "a length [m] above 0") < np.inf:
-        raise ResponseError(f"plots.mode_strips: radius = {radius!r}; expected a length [m] above 0.")
+    if radius is not None:
+        positive("plots.mode_strips", "radius", radius, "a length [m]")
     if not modes.bodies:
         values = np.asarray(modes.shapes[:, which], dtype=complex)[:, None, :]
         return Shapes(modes.coordinates, ("coordinate",), _turned(values), None)
