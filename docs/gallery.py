@@ -1,6 +1,7 @@
-"""The gallery: a page with each example's first figure and what it is about, drawn when the site is built.
+"""The gallery: a page with each example's first figure and what it is about.
 
-python docs/gallery.py writes the page, ``pages/gallery.md``; tests hold it to the examples.
+``python docs/gallery.py`` writes the page, ``pages/gallery.md``, which tests compare with the examples;
+``python docs/run.py`` draws the pictures.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ INTRODUCTION = """\
 # Gallery
 
 The scripts in `examples/`. Each is a test as well: it asserts its numbers, and draws only when it is run, as in
-`python examples/{first}.py`. The pictures are drawn as this page is made.
+`python examples/{first}.py`. The pictures are drawn by them.
 """
 
 

@@ -1,6 +1,7 @@
 """Run the Python of a page: its pictures come from that, and what it prints is held to what the page shows.
 
 A hook of mkdocs, and what ``tests/test_docs.py`` calls. A block of text right after a block of Python is its output.
+``python docs/run.py`` draws all pictures of the pages anew, which takes some minutes.
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ from contextlib import chdir, redirect_stdout
 from importlib.util import module_from_spec, spec_from_file_location
 from io import StringIO
 from pathlib import Path
+from shutil import copyfile, rmtree
+from tempfile import TemporaryDirectory
 from typing import Any
 
 PAGES = Path(__file__).parent / "pages"
 BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```$(?:\n\n?^```text\n(?P<shown>.*?)^```$)?", re.DOTALL | re.MULTILINE)
 PICTURES = "pictures"
+COLOURS = 48  # of pictures in the checkout
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 ROUNDING = 1e-9  # numbers below are nothing but that, and other machines round otherwise
 
@@ -41,22 +45,54 @@ def same(printed: str, shown: str) -> bool:
     return near and NUMBER.sub("0", printed) == NUMBER.sub("0", shown)
 
 
-def on_pre_build(config: Any) -> None:
-    """Run all pages, so that their pictures are there when the site is built."""
+def check(folder: Path) -> None:
+    """Run all pages in a folder, where their pictures are then, and hold them to what they print."""
     import matplotlib as mpl
 
     mpl.use("agg")
-    folder = Path(config["docs_dir"]) / PICTURES
-    folder.mkdir(exist_ok=True)
     for page in sorted(PAGES.rglob("*.md")):
         for printed, shown in run(page, folder)[1]:
             if not same(printed, shown):
                 raise ValueError(f"{page.name} shows\n{shown}\nbut prints\n{printed}")
-    _draw_gallery(folder / "gallery")
+
+
+def on_pre_build(config: Any) -> None:
+    """Hold all pages to what they print before the site is built of them and of the pictures in the checkout."""
+    with TemporaryDirectory() as folder:
+        check(Path(folder))
+
+
+def named() -> list[str]:
+    """Return the pictures that pages show, each once."""
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES.rglob("*.md"))
+    return sorted(set(re.findall(rf"\]\([./]*{PICTURES}/([^)]+)\)", text)))
+
+
+def draw() -> None:
+    """Draw all pictures anew: those of pages, and one of each example."""
+    with TemporaryDirectory() as name:
+        drawn, folder = Path(name), PAGES / PICTURES
+        check(drawn)
+        _draw_gallery(drawn / "gallery")
+        rmtree(folder, ignore_errors=True)
+        for picture in named():
+            (folder / picture).parent.mkdir(parents=True, exist_ok=True)
+            _reduced(drawn / picture, folder / picture)
+
+
+def _reduced(source: Path, target: Path) -> None:
+    """Write a picture with few colours, so that all of them stay below 3 MB; motions are copied."""
+    from PIL import Image
+
+    if source.suffix != ".png":
+        copyfile(source, target)
+        return
+    with Image.open(source) as picture:
+        picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 def _draw_gallery(folder: Path) -> None:
-    """Draw the examples; the page of the gallery names each picture, so that mkdocs tells which is missing."""
+    """Draw the examples."""
     spec = spec_from_file_location("docs_gallery", Path(__file__).with_name("gallery.py"))
     if spec is None or spec.loader is None:
         raise ImportError("gallery.py is not beside run.py.")
@@ -65,3 +101,7 @@ def _draw_gallery(folder: Path) -> None:
     for example in [path for path in gallery.EXAMPLES if gallery.needs(path) is None]:
         with redirect_stdout(StringIO()):
             gallery.draw(example, folder)
+
+
+if __name__ == "__main__":
+    draw()
