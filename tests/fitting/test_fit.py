@@ -212,7 +212,8 @@ def test_next_sensor_tells_most_by_its_own_derivatives():
     for one in ranked:
         if one.name in gains:
             assert one.gain == pytest.approx(gains[one.name], rel=1e-6)
-    assert [one.gain for one in ranked] == sorted((one.gain for one in ranked), reverse=True)
+    order = np.array([one.gain for one in ranked])
+    assert (np.diff(order) <= 1e-12 * order[:-1]).all()  # those that are equal but for rounding keep the model's order
     assert {one.name for one in ranked} == {"z0", "z1", "F0"}
     with pytest.raises(ResponseError, match="no candidate"):
         fit.next_sensor("z2")
