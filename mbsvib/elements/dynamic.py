@@ -35,7 +35,7 @@ WHO = "Dynamic"
 A_DECADE, BEYOND = 4, 10.0
 # Lines a decade at which a fit and its error are taken.
 LINES = 24
-# At rest a fit keeps this share of the least storage stiffness in its band, so that nothing sinks that it carries.
+# The static stiffness of a fit is at least this share of its smallest storage stiffness in the band: it holds weights.
 HELD = 0.5
 # Weights below this share of the largest are none.
 NONE = 1e-9

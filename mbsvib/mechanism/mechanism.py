@@ -57,9 +57,7 @@ class Mechanism:
         If the name is not a text, or gravity or travel is not a vector.
     """
 
-    _engine = (
-        "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
-    )
+    _engine = "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
 
     kind: ClassVar[str] = "model"
 
