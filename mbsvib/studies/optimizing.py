@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.common.columnar import Columnar
-from mbsvib.common.display import Displayed
-from mbsvib.errors import MbsvibError, ModelError, counted
+from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.studies.design import design
+from mbsvib.studies.optimum import FEASIBLE, Descent, Optimum
 from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.search import Search, scales
@@ -30,116 +28,12 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 30
-FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 FLAT = 1e-9  # gradient, in parts of the objective, that counts as zero
 OPTIMAL = 1e-4  # permitted projected gradient, in parts of the gradient
 DOUBTED = 0.1  # the same where the solver states success, which it also does where rounding stops it
 PROGRESS = 1e-6  # decrease of the objective, in parts of that where the search began, for which a solver begins anew
 KINK = 1e-4  # largest step of an unknown to points of which the gradients count as well, at a kink
 ACTIVE = 1e-5  # distance from a constraint, in parts of it or of the range of a variable, at which it is active
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Descent:
-    """One local search: from the values ``start`` of the variables to ``values`` and the ``objective`` there, with the
-    largest constraint ``violation``; ``success`` as of ``Optimum``. Not a number where the ``message`` tells an
-    error.
-    """
-
-    start: Mapping[str, float]
-    values: Mapping[str, float]
-    objective: float
-    violation: float
-    success: bool
-    message: str
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Optimum(Columnar, Displayed):
-    """Where a search ended: the ``model`` there, the ``values`` of its variables and of the ``parameters`` that they
-    move, the ``objective`` and where it began.
-
-    The search is local: it goes downhill from its start, and another start may lead to a smaller objective. Where there
-    were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
-
-    ``plant`` is what the function ``plant`` of the search returns there, such as the closed loop, None without one.
-    ``observed`` has the quantities that were asked for besides, by name. ``constraints`` has the constrained numbers by
-    label, and ``violation`` the largest violation relative to their
-    bounds. ``optimality`` is the norm of the objective's gradient minus its projection on those of active constraints
-    and bounds, relative to the largest gradient: 0 at an optimum. ``success`` is true if the constraints hold, and the
-    solver has converged or the projected gradient is small.
-    """
-
-    _engine = "label"
-
-    model: Model = field(repr=False)
-    values: Mapping[str, float]
-    parameters: Mapping[str, float] = field(repr=False)
-    start: Mapping[str, float]
-    objective: float
-    began: float
-    label: str
-    constraints: Mapping[str, Array]
-    observed: Mapping[str, Array]
-    violation: float
-    optimality: float
-    success: bool
-    message: str
-    iterations: int
-    evaluations: int
-    units: Mapping[str, str] = field(repr=False)
-    starts: tuple[Descent, ...] = field(repr=False)
-    plant: Any = field(default=None, repr=False)
-
-    _index = "variable"
-
-    def columns(self) -> dict[str, Any]:
-        """Return the variables with their values at the start and at the optimum as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (variables,)
-            ``variable``, ``unit``, ``start``, ``optimum``.
-        """
-        return {"variable": np.array(list(self.values)), "unit": np.array([self.units.get(n, "") for n in self.values]),
-                "start": np.array([self.start[n] for n in self.values]),
-                "optimum": np.array(list(self.values.values()))}  # fmt: skip
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        rows = [(name + (f" [{self.units[name]}]" if name in self.units else ""), f"{self.start[name]:.7g}",
-                 f"{value:.7g}") for name, value in self.values.items()]  # fmt: skip
-        rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))
-        notes = [f"{label}: {_span(numbers)}." for label, numbers in {**self.constraints, **self.observed}.items()]
-        notes.append(f"{'Optimal' if self.success else 'Not optimal'} after {counted(self.iterations, 'iteration')}, "
-                     f"{counted(self.evaluations, 'system')} evaluated; residual gradient {self.optimality:.1e}, "
-                     f"constraint violation {self.violation:.1e}.")  # fmt: skip
-        if not self.success:
-            notes.append(f"Message of the solver: {self.message}")
-        notes.append(self._starts_note())
-        return {"title": f"Optimum of {self.model.name}", "columns": [("variable", "left"), ("start", "right"),
-                ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
-
-    def _starts_note(self) -> str:
-        """Sentence on other minima."""
-        if len(self.starts) == 1:
-            return "This is a local minimum. A smaller one may exist: starts=n searches from n points."
-        ends = [f"{optimum.objective:.6g}" + ("" if optimum.violation <= FEASIBLE else f" (constraint violation "
-                f"{optimum.violation:.1e})") for optimum in self.starts if np.isfinite(optimum.objective)]  # fmt: skip
-        several = Counter(sorted(ends, key=lambda text: float(text.split()[0])))
-        reached = ", ".join(f"{end} from {count}" for end, count in several.items())
-        failed = len(self.starts) - len(ends)
-        return (f"The best of local searches from {len(self.starts)} starts: {reached}"
-                f"{f', none from {failed}' if failed else ''}.")  # fmt: skip
-
-    def __repr__(self) -> str:
-        return f"Optimum({self.model.name!r}: {self.label} from {self.began:.6g} to {self.objective:.6g})"
 
 
 def optimize(
@@ -344,7 +238,7 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
         model, values, parameters, descent.start, objective, began,
         search.objective.label,
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)},
-        search.observations(z), violation, optimality,
+        search.observations(z), search.violations(numbers), violation, search.at_bounds(z, ACTIVE), optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
         None if search.systems.plant.function is None else point.system,
     )  # fmt: skip
@@ -387,8 +281,3 @@ def _outside(rows: list[Array], gradient: Array) -> float:
         return float(np.linalg.norm(gradient))
     scale = np.linalg.norm(matrix, axis=0)
     return float(nnls(matrix / np.where(scale > 0.0, scale, 1.0), gradient)[1])
-
-
-def _span(numbers: Array) -> str:
-    low, high = float(numbers.min()), float(numbers.max())
-    return f"{low:.6g}" if len(numbers) == 1 else f"{low:.6g} to {high:.6g}"

@@ -231,6 +231,21 @@ class Search:
         point = self.point(z[: len(self.scales.start)])
         return float(self.objective.at(point).value[0]), [c.quantity.at(point).value for c in self.constraints]
 
+    def violations(self, numbers: list[Array]) -> dict[str, float]:
+        """Return how far constrained quantities are beyond their bounds, in parts of these, by label."""
+        result = {}
+        for constraint, values, size in zip(self.constraints, numbers, self._sizes, strict=True):
+            below = -np.inf if constraint.low is None else constraint.low - values.min()
+            above = -np.inf if constraint.high is None else values.max() - constraint.high
+            result[constraint.label] = max(0.0, float(below), float(above)) / size
+        return result
+
+    def at_bounds(self, z: Array, near: float) -> dict[str, str]:
+        """Return which bound each variable is ``near``, in parts of its range: "lower" or "upper"."""
+        low, high = self.bounds()
+        sides = zip(self.design.variables, z <= low + near, z >= high - near, strict=False)
+        return {name: "lower" if below else "upper" for name, below, above in sides if below or above}
+
     def observations(self, z: Array) -> dict[str, Array]:
         """Return the observed quantities by name."""
         point = self.point(z[: len(self.scales.start)])

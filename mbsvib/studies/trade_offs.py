@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
-    from mbsvib.studies.optimizing import Optimum
+    from mbsvib.studies.optimum import Optimum
     from mbsvib.studies.plants import PlantFunction
     from mbsvib.studies.quantities import Constraint
 

@@ -379,3 +379,22 @@ def refuse_far(system, _):
 def test_bad_starts_are_told(words, message):
     with pytest.raises(ModelError, match=message):
         st.optimize(two(), **({"variables": {"slow.mass": (0.5, 2.0)}, "objective": st.frequency(1)} | words))
+
+
+def test_constraints_that_cannot_be_met_and_bounds_that_are_reached_are_named():
+    """The mass may not leave its bounds, so that its place is 2 at most, half of what is asked for."""
+    v = st.variable("slow.position.x")
+    result = st.optimize(two(), {"slow.position.x": (1.0, 2.0)}, v**2, v >= 4.0)
+    assert not result.success
+    assert result.violations == {"slow.position.x >= 4": pytest.approx(0.5)}
+    assert result.at_bounds == {"slow.position.x": "upper"}
+    text = str(result)
+    assert "slow.position.x >= 4: 2, not met." in text
+    assert "At a bound: slow.position.x (upper)." in text
+    assert "No values were found at which all constraints hold" in text
+    assert "local minimum" not in text
+    met = st.optimize(two(), {"slow.position.x": (1.0, 2.0)}, v**2, v <= 4.0)
+    assert met.success
+    assert met.violations == {"slow.position.x <= 4": 0.0}
+    assert met.at_bounds == {"slow.position.x": "lower"}
+    assert "not met" not in str(met)
