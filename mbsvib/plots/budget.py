@@ -25,14 +25,14 @@ ALIKE = 1e-6  # relative difference below which sources share a curve
 
 
 def budget_figure(
-    name: str, output: str, unit: str, frequencies: Array, total: tuple[Array, Array],
-    sources: Mapping[str, tuple[Array, Array]], contributions: Mapping[str, float],
+    title: str, unit: str, frequencies: Array, total: tuple[Array, Array],
+    sources: Mapping[str, tuple[Array, Array]], contributions: Mapping[str, float], rms: float,
     ax: Given | None = None,
 ) -> Figure | Given:  # fmt: skip
     """Draw the root of the density of an output, and its cumulative root mean square, with those of its sources.
 
     ``frequencies`` (n,) [Hz]; ``total``, ``sources``: density (n,) [unit^2/Hz] and cumulative rms (n,) [unit] of all
-    sources and of each, the largest first; ``contributions``: the rms of each.
+    sources and of each, the largest first; ``contributions``: the rms of each; ``rms``: that of all.
     """
     groups = _alike(sources)
     least = CUMULATIVE_DEPTH * max([value for value in contributions.values() if value < np.inf], default=0.0)
@@ -41,7 +41,7 @@ def budget_figure(
     with sheet("plot", ax, (style.WIDEST, 4.2), 1, 2) as paper:
         panels = paper.panels
         look: dict[str, Any] = {"color": style.INK, "linewidth": 2.0}
-        curves = [("all", total, look)]
+        curves = [(_label(["all"], rms, unit), total, look)]
         curves += [(_label(groups[source], contributions[source], unit), sources[source], style.line(k))
                    for k, source in enumerate(shown)]  # fmt: skip
         highest = [float(np.sqrt(total[0].max())), float(total[1].max())]
@@ -54,10 +54,10 @@ def budget_figure(
             style.logarithmic(axes.yaxis)
             if 0.0 < top < np.inf:
                 axes.set_ylim(depth * top, 3.0 * top)
-        panels[0].set_title(f"{output} of {name}")
+        panels[0].set_title(title)
         panels[0].set_ylabel(f"root of the density [{unit}/√Hz]")
-        panels[1].set_title("cumulative")
-        panels[1].set_ylabel(f"rms from the first frequency on [{unit}]")
+        panels[1].set_title("cumulative rms")
+        panels[1].set_ylabel(f"rms up to the frequency [{unit}]")
         left = len(sources) - sum(len(groups[source]) for source in shown)
         paper.legend(title=f"{counted(left, 'smaller source')} not shown" if left else None)
     return paper.result
@@ -65,7 +65,7 @@ def budget_figure(
 
 def _label(group: list[str], contribution: float, unit: str) -> str:
     more = f" and {len(group) - 1} alike" if len(group) > 1 else ""
-    return f"{group[0]}{more}: {contribution:.3g} {unit}{' each' if more else ''}"
+    return f"{group[0]}{more}: {contribution:.3g} {unit}{' each' if more else ''}".rstrip()
 
 
 def _alike(sources: Mapping[str, tuple[Array, Array]]) -> dict[str, list[str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
+from mbsvib.common.selection import selected
 from mbsvib.common.units import pretty
 from mbsvib.errors import ResponseError, counted
 from mbsvib.random.mean_squares import MeanSquares, Random
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 # Contributions to a variance below this share of it are counted together in the table.
 SMALL = 1e-3
+ROUNDING = 1e-10  # share of an rms below which what is left is rounding, which has no row
 DECADES = 2.0  # of the frequencies that figures show beyond poles and break-points
 
 
@@ -40,7 +42,8 @@ class Budget(Columnar, Displayed):
 
     ``rms`` {output: value}; ``contributions`` {output: {source: value}}: the largest first; their squares add up to
     that of the rms. With correlated sources each is that of the source alone, and the entry "correlation" is the root
-    of what correlation adds, negative where it takes away. ``error`` bounds the relative error of integrals over
+    of what correlation adds, negative where it takes away. ``weighting`` {output: filter} says in words by what an
+    output is weighted; outputs without a filter are not in it. ``error`` bounds the relative error of integrals over
     densities given as functions, 0 of others, which are exact to rounding. ``units`` are those of the outputs behind
     their weighting, ``band`` [Hz] is None for all frequencies.
     """
@@ -50,8 +53,10 @@ class Budget(Columnar, Displayed):
     contributions: Mapping[str, Mapping[str, float]]
     units: Mapping[str, str]
     band: tuple[float, float] | None
+    weighting: Mapping[str, str]
     error: float
     _random: Random = field(repr=False)
+    _members: Mapping[str, tuple[int, ...]] = field(repr=False)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -60,8 +65,49 @@ class Budget(Columnar, Displayed):
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the inputs at which there is noise."""
-        return self._random.sources.names
+        """Names of the inputs at which there is noise, or of groups of these."""
+        return tuple(self._members)
+
+    def grouped(self, groups: Mapping[str, Names]) -> Budget:
+        """Return the budget with some sources counted together, such as all sensors.
+
+        rms of a group = root of the sum of the squares of its sources
+
+        Parameters
+        ----------
+        groups : mapping of str to str or sequence of str
+            {name of the group: names or patterns of its sources}, such as ``{"sensors": "*.force.noise"}``. Sources
+            in no group stay as they are. What correlation adds stays the entry "correlation".
+
+        Returns
+        -------
+        Budget
+            Ranked by group; ``psd``, ``cumulative`` and ``plot`` take groups as sources.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a source is in two groups.
+        """
+        members: dict[str, tuple[int, ...]] = {}
+        taken: dict[str, str] = {}
+        for group, names in groups.items():
+            found = [self.sources[k] for k in selected(names, self.sources, "source", self.name)]
+            for source in found:
+                if source in taken:
+                    raise ResponseError(f"budget of '{self.name}': the source '{source}' is in the groups "
+                                        f"'{taken[source]}' and '{group}'; expected in one of them.")  # fmt: skip
+                taken[source] = group
+            members[group] = tuple(k for source in found for k in self._members[source])
+        left = {source: numbers for source, numbers in self._members.items() if source not in taken}
+        if clash := sorted({*left, CORRELATION} & set(members)):
+            raise ResponseError(f"budget of '{self.name}': a group is called '{clash[0]}', as one of its other entries "
+                                f"is; give it another name.")  # fmt: skip
+        parts = {output: _ranked({name: float(np.sqrt(sum(values[source] ** 2 for source in self.sources
+                                                          if source == name or taken.get(source) == name)))
+                                  for name in {**members, **left}}, values.get(CORRELATION))
+                 for output, values in self.contributions.items()}  # fmt: skip
+        return replace(self, contributions=parts, _members=members | left)
 
     def frequencies(self) -> Array:
         """Return frequencies [Hz] that resolve all resonances, and show where densities begin and end, (n,)."""
@@ -124,10 +170,12 @@ class Budget(Columnar, Displayed):
         """The sum over the sources of (outputs, sources + 1, ...), or the part of one."""
         if source is None:
             return np.asarray(parts.sum(axis=1))
-        if source not in (*self.sources, CORRELATION):
+        if source == CORRELATION:
+            return np.asarray(parts[:, -1])
+        if source not in self._members:
             raise ResponseError(f"budget of '{self.name}': there is no source '{source}'; expected one of "
                                 f"{', '.join(self.sources)}.")  # fmt: skip
-        return np.asarray(parts[:, [*self.sources, CORRELATION].index(source)])
+        return np.asarray(parts[:, list(self._members[source])].sum(axis=1))
 
     def sensitivities(self, parameters: Requested = None) -> dict[str, dict[str, float]]:
         """Return the derivatives of the root mean squares to parameters of the mechanism.
@@ -191,11 +239,13 @@ class Budget(Columnar, Displayed):
             shown = {source: value for source, value in parts.items() if _share(value, total) > SMALL}
             rows += [("", source, f"{value:.4g}", unit, _percent(value, total)) for source, value in shown.items()]
             others = {source: value for source, value in parts.items() if source not in shown}
-            if any(others.values()):
-                rest = float(np.sqrt(np.sum(np.square(list(others.values())))))
+            rest = float(np.sqrt(np.sum(np.square(list(others.values())))))
+            if rest > (ROUNDING * total if np.isfinite(total) else 0.0):
                 label = f"{len(others)} more" if len(others) > 1 else next(iter(others))
                 rows.append(("", label, f"{rest:.2g}", unit, _percent(rest, total)))
         notes = ["All frequencies." if self.band is None else f"From {self.band[0]:g} to {self.band[1]:g} Hz."]
+        if self.weighting:
+            notes.append(f"Weighted: {', '.join(f'{name} by {words}' for name, words in self.weighting.items())}.")
         if any(np.isinf(list(self.rms.values()))):
             notes.append("Infinite: a driven motion does not decay, or noise without a last frequency comes through "
                          "directly.")  # fmt: skip
@@ -255,11 +305,12 @@ class Budget(Columnar, Displayed):
         row = self.outputs.index(name)
         density, below = self._random.densities(f)[row], self._random.below(f)[row]
         shown = [source for source in self.contributions[name] if source != CORRELATION]
-        curves = {source: (density[k], np.sqrt(np.maximum(below[k], 0.0)))
-                  for source in shown for k in [self.sources.index(source)]}  # fmt: skip
+        curves = {source: (density[k].sum(axis=0), np.sqrt(np.maximum(below[k].sum(axis=0), 0.0)))
+                  for source in shown for k in [list(self._members[source])]}  # fmt: skip
         total = density.sum(axis=0), np.sqrt(np.maximum(below.sum(axis=0), 0.0))
-        return budget_figure(self.name, name, self.units[name], f, total, curves, self.contributions[name],
-                             ax)  # fmt: skip
+        words = f", {self.weighting[name]}" if name in self.weighting else ""
+        return budget_figure(f"{name} of {self.name}{words}", self.units[name], f, total, curves,
+                             self.contributions[name], self.rms[name], ax)  # fmt: skip
 
     def __repr__(self) -> str:
         return (f"Budget({self.name!r}: {counted(len(self.outputs), 'output')}, "
@@ -299,19 +350,26 @@ def budget(under: Random) -> Budget:
     result = under.mean_squares()
     root = np.sqrt(result.total)
     names, units = under.outputs, dict(zip(under.outputs, under.units, strict=True))
-    parts = {name: _ranked(result, row, under) for row, name in enumerate(names)}
+    parts = {name: _ranked(dict(zip(under.sources.names, np.sqrt(result.parts[row]).tolist(), strict=True)),
+                           _correlated(result, row, under)) for row, name in enumerate(names)}  # fmt: skip
+    weighting = {name: weight.words for name, weight in zip(names, under.weights, strict=True) if weight is not None}
+    members = {name: (k,) for k, name in enumerate(under.sources.names)}
     return Budget(under.linear.name, dict(zip(names, root.tolist(), strict=True)), parts, units, under.band,
-                  result.error, under)  # fmt: skip
+                  weighting, result.error, under, members)  # fmt: skip
 
 
-def _ranked(result: MeanSquares, row: int, under: Random) -> dict[str, float]:
-    parts = dict(zip(under.sources.names, np.sqrt(result.parts[row]).tolist(), strict=True))
-    # sources that differ by rounding keep their order
-    ranked = dict(sorted(parts.items(), key=lambda item: -float(f"{item[1]:.9e}")))
+def _correlated(result: MeanSquares, row: int, under: Random) -> float | None:
+    """The root of what correlation adds to an output, negative where it takes away; None without."""
     if under.sources.correlation is None:
-        return ranked
+        return None
     extra = float(result.correlation[row])
-    return ranked | {CORRELATION: float(np.copysign(np.sqrt(abs(extra)), extra))}
+    return float(np.copysign(np.sqrt(abs(extra)), extra))
+
+
+def _ranked(parts: Mapping[str, float], correlation: float | None) -> dict[str, float]:
+    """Contributions by source, the largest first; those that differ by rounding keep their order."""
+    ranked = dict(sorted(parts.items(), key=lambda item: -float(f"{item[1]:.9e}")))
+    return ranked if correlation is None else ranked | {CORRELATION: correlation}
 
 
 def _band(band: Iterable[float] | None) -> tuple[float, float] | None:

@@ -164,6 +164,15 @@ class Weight:
         return self.function.unit(given) if isinstance(self.function, Integrated) else given
 
     @property
+    def words(self) -> str:
+        """What it is, as tables and figures call it."""
+        if isinstance(self.function, Window):
+            return f"{'mean over' if self.function.mean else 'deviation within'} {self.function.time:g} s"
+        if isinstance(self.function, Integrated):
+            return "integral over time" if self.function.times == 1 else "double integral over time"
+        return self.name if self.name in _ISO_2631 else "filter" if self.filter is not None else "function of f"
+
+    @property
     def known(self) -> bool:
         """Whether its poles and times tell how it varies with the frequency."""
         return self.filter is not None or isinstance(self.function, (Window, Integrated))

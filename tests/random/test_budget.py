@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib import isolation
+from mbsvib.errors import ResponseError
 from tests.random.scenes import two_masses
 
 TABLE = [(0.5, 1.0), (30.0, 0.1)]
@@ -54,6 +56,14 @@ def test_rows_of_the_table():
                         ("", "u1", "4", "", f"{1600 / total:.2f} %"), ("", "u4", "3", "", f"{900 / total:.2f} %"),
                         ("", "2 more", "0.11", "", "0.05 %")]  # fmt: skip
     assert rows[4:] == [("y2", "all", "1", "", ""), ("", "u4", "1", "", "100.00 %")]
+    b[0, 1:] = 1e-12  # rounding of the first row: no row of the table
+    rows = mv.StateSpace.from_arrays(a, b, c, 0).budget(noise, "y1").table()["rows"]
+    assert rows == [("y1", "all", "4", "", ""), ("", "u1", "4", "", "100.00 %")]
+
+
+def test_rows_of_the_table_with_correlated_sources():
+    a, b, c = np.diag([-1.0, -1.0]), np.array([[4.0, 0.1, 0.05, 3.0], [0.0, 0.0, 0.0, 1.0]]), np.eye(2)
+    noise, total = {f"u{k + 1}": 4.0 for k in range(4)}, 25.0125
     r = np.eye(4)
     r[0, 3] = r[3, 0] = -0.5
     rows = mv.StateSpace.from_arrays(a, b, c, 0).budget(noise, "y1", correlation=r).table()["rows"]
@@ -95,3 +105,39 @@ def test_unknown_names():
         made().psd([1.0], "F3")
     with pytest.raises(mv.ResponseError, match="no output 'y'"):
         made().plot("y")
+
+
+def test_filters_of_outputs_are_named():
+    system = two_masses().linearize()
+    weighting = {"x1": isolation.moving_average(0.05), "v2": isolation.shaped([1.0], [0.1, 1.0])}
+    budget = system.budget({"F1": TABLE}, ["x1", "x2", "v2"], weighting=weighting)
+    assert "Weighted: x1 by mean over 0.05 s, v2 by filter." in str(budget)
+    assert budget.plot("x1").axes[0].get_title(loc="left") == "x1 of two, mean over 0.05 s"
+    assert "Weighted: x1 by Wk, v2 by Wk." in str(made(weighting="Wk"))
+    assert "Weighted" not in str(made())
+
+
+def test_sources_are_counted_together_in_groups():
+    """Three sources of a first-order lag each, of rms 4, 3 and 1 alone; two of them are correlated."""
+    system = mv.StateSpace.from_arrays([[-1.0]], [[4.0, 3.0, 1.0]], [[1.0]], 0)
+    r = np.eye(3)
+    r[0, 1] = r[1, 0] = 0.5
+    budget = system.budget({"u*": 4.0}, correlation=r)
+    both = budget.grouped({"actuators": ["u2", "u3"]})
+    assert both.contributions["y1"] == pytest.approx({"u1": 4.0, "actuators": np.sqrt(10.0), "correlation": 12.0**0.5})
+    assert list(both.contributions["y1"]) == ["u1", "actuators", "correlation"]
+    assert both.sources == ("actuators", "u1")
+    assert both.rms == budget.rms
+    f = np.array([0.01, 0.2])
+    np.testing.assert_allclose(both.psd(f, "actuators"), budget.psd(f, "u2") + budget.psd(f, "u3"))
+    np.testing.assert_allclose(both.psd(f, "correlation"), budget.psd(f, "correlation"))
+    np.testing.assert_allclose(both.cumulative(f), budget.cumulative(f))
+    everything = both.grouped({"all of them": ["actuators", "u1"]})
+    assert everything.contributions["y1"]["all of them"] == pytest.approx(np.sqrt(26.0))
+    assert [text.get_text() for text in both.plot().legends[0].get_texts()][:2] == ["all: 6.16", "u1: 4"]
+    with pytest.raises(ResponseError, match="'u2' is in the groups 'a' and 'b'"):
+        budget.grouped({"a": "u*", "b": "u2"})
+    with pytest.raises(ResponseError, match="picks no source"):
+        budget.grouped({"a": "v*"})
+    with pytest.raises(ResponseError, match="called 'u1'"):
+        budget.grouped({"u1": ["u2", "u3"]})
