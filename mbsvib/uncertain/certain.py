@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.display import Displayed
-from mbsvib.common.display import upper as rounded_up
+from mbsvib.common.units import ratio
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import closed_space, regular, transfer
 from mbsvib.linalg.balancing import scaled
@@ -22,6 +21,7 @@ from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.intervals import Channels, cover
+from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
 from mbsvib.uncertain.search import gain, peak_of, perturbed, values_at
 
@@ -35,113 +35,11 @@ if TYPE_CHECKING:
     from mbsvib.uncertain.search import Perturbed
 
 LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought
-SHOWN = 2  # parameters in a row of a table
 STATIC = 1e-9  # share of the fastest pole below which a peak is static
 HIGHEST = 1e3  # times the gain that is reached, up to which a bound is sought
 SHARES = (0.2, 0.5, 0.8, 0.95, 0.99)  # of the factor that is reached, at which stability is to be proven in turn
 MOST, FEW = 100, 40  # frequencies at which scalings are sought for a proof, and for one of its boxes
 HALVINGS = 2  # of the way between what is proven and what is not
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class RobustStability(Displayed):
-    """How far all limits may be moved: the plant is stable for factors below ``lower`` on the distances from nominal,
-    and not stable at ``values``, which are at the factor ``upper``; 1 stands for the limits as stated.
-
-    ``omega`` [rad/s] is the frequency of the pole there, infinite where the equations become singular, as by a mass
-    that vanishes. Without such values ``upper`` is infinite, ``values`` are empty and ``omega`` is not a number.
-    """
-
-    name: str
-    lower: float
-    upper: float
-    values: Mapping[str, float]
-    omega: float
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of factors and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        verdict = ("Stable within the limits." if self.lower >= 1.0 else "Not stable within the limits."
-                   if self.upper <= 1.0 else "Stability within the limits is not proven, and not refuted.")  # fmt: skip
-        notes = [f"Stable below {self.lower:.4g} times the distances to the limits.", verdict]
-        if self.values:
-            what = f"A pole at {self.omega:.6g} rad/s reaches the axis" if np.isfinite(self.omega) else \
-                "The equations become singular"  # fmt: skip
-            notes.insert(1, f"{what} at {self.upper:.4g} times, with these values.")
-        return _values_table(f"Robust stability of {self.name}", self.values, notes)
-
-    def __repr__(self) -> str:
-        return f"RobustStability({self.name!r}: {self.lower:.4g} to {self.upper:.4g})"
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class WorstGain(Displayed):
-    """The largest gain within limits: it is reached, ``lower``, at ``values`` and ``omega`` [rad/s], and never above
-    ``upper``.
-    """
-
-    name: str
-    lower: float
-    upper: float
-    values: Mapping[str, float]
-    omega: float
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of bounds and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        notes = [f"Reached: {self.lower:.6g} at {self.omega:.6g} rad/s. Proven: no more than {self.upper:.6g}."]
-        if np.isinf(self.lower):
-            notes = ["Infinite: the plant is not stable at these values."]
-        return _values_table(f"Worst gain of {self.name}", self.values, notes)
-
-    def __repr__(self) -> str:
-        return f"WorstGain({self.name!r}: {self.lower:.6g} to {self.upper:.6g})"
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class WorstRms(Displayed):
-    """The largest root mean squares within limits: they are reached, ``lower`` {output: rms}, at ``values`` {output:
-    {parameter: value}}, and never above ``upper`` {output: rms}, infinite where nothing is proven.
-    """
-
-    name: str
-    lower: Mapping[str, float]
-    values: Mapping[str, Mapping[str, float]]
-    upper: Mapping[str, float]
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        rows = []
-        for name, value in self.lower.items():
-            places = [f"{p} = {v:.5g}" for p, v in self.values[name].items()]
-            rows.append((name, f"{value:.5g}", rounded_up(self.upper[name]),
-                         ", ".join(places[:SHOWN]) + (", ..." if len(places) > SHOWN else "")))  # fmt: skip
-        return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"),
-                ("reached", "right"), ("proven", "right"), ("at", "left")], "rows": rows, "notes": []}  # fmt: skip
-
-    def __repr__(self) -> str:
-        return f"WorstRms({self.name!r}: {', '.join(f'{name} {value:.4g}' for name, value in self.lower.items())})"
-
-
-def _values_table(title: str, values: Mapping[str, float], notes: list[str]) -> dict[str, Any]:
-    rows = [(name, f"{value:.7g}") for name, value in values.items()]
-    return {"title": title, "columns": [("parameter", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +182,7 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
             lower = _closest(proves, lower, share * last, 0.02 * last)
             break
         lower = share * last
-    return RobustStability(plant.name, lower, upper, values, omega)
+    return RobustStability(plant.name, lower, upper, values, omega, plant.parameters)
 
 
 def _rightmost(a: Array) -> float:
@@ -311,15 +209,19 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
     proof = _proof(plant, problem)
     lower, delta = problem.highest(gain)
     values = values_at(plant, delta)
+    part = plant.nominal.with_ports(outputs, inputs)
+    alone = len(part.outputs) == len(part.inputs) == 1
+    unit = ratio(part.output_units[0], part.input_units[0]) if alone else ""
+    known = plant.parameters, tuple(part.outputs), tuple(part.inputs), unit
     if np.isinf(lower):
-        return WorstGain(plant.name, np.inf, np.inf, values, np.nan)
+        return WorstGain(plant.name, np.inf, np.inf, values, np.nan, *known)
     closed = problem.closure(delta)
     assert closed is not None
     omega = float(peak_of(closed.closed).omega or 0.0)
     if omega <= STATIC * float(np.abs(np.linalg.eigvals(closed.closed[0])).max(initial=0.0)):
         omega = 0.0
     if lower == 0.0:
-        return WorstGain(plant.name, 0.0, 0.0, values, 0.0)
+        return WorstGain(plant.name, 0.0, 0.0, values, 0.0, *known)
 
     def proves(g: float) -> bool:
         return proof.holds(problem.limits, [omega / proof.unit], g)
@@ -328,9 +230,9 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
     while share < HIGHEST:
         above = lower * (1.0 + share)
         if proves(above):
-            return WorstGain(plant.name, lower, _closest(proves, above, below, lower * accuracy), values, omega)
+            return WorstGain(plant.name, lower, _closest(proves, above, below, lower * accuracy), values, omega, *known)
         below, share = above, 6.0 * share
-    return WorstGain(plant.name, lower, np.inf, values, omega)
+    return WorstGain(plant.name, lower, np.inf, values, omega, *known)
 
 
 def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.selection import Names
     from mbsvib.uncertain.blocks import Block
-    from mbsvib.uncertain.certain import RobustStability, WorstGain, WorstRms
+    from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -3,14 +3,22 @@
 import numpy as np
 import pytest
 
-from mbsvib.uncertain.certain import HALVINGS, RobustStability, WorstGain, WorstRms, _closest
+from mbsvib.uncertain.blocks import Block
+from mbsvib.uncertain.certain import HALVINGS, _closest
+from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 
 
 def test_tables_of_what_is_certain():
     """Three parameters at most stand in a row; bounds are rounded up; infinite gains are said."""
-    gain = WorstGain("plant", 1.25, 1.5, {"k": 2.0, "c": 3.0}, 7.0)
-    assert gain.table()["notes"] == ["Reached: 1.25 at 7 rad/s. Proven: no more than 1.5."]
-    assert gain.table()["rows"] == [("k", "2"), ("c", "3")]
+    blocks = (Block("k", "N/m", 1.5, 1.0, 2.0, 1, False), Block("c", "N s/m", 2.0, 1.0, 3.0, 1, False))
+    gain = WorstGain("plant", 1.25, 1.5, {"k": 2.0, "c": 1e-12}, 14.0 * np.pi, blocks, ("x",), ("F",), "m/N")
+    assert gain.table()["title"] == "Worst gain of plant, F → x"
+    assert gain.table()["notes"] == ["Reached at the values of the table: 1.25 m/N at 7 Hz.",
+                                     "Proven for all values within the limits: no more than 1.5 m/N."]  # fmt: skip
+    assert gain.table()["rows"] == [("k", "1.5", "2", "N/m"), ("c", "2", "0", "N s/m")]
+    assert gain.columns()["value"].tolist() == [2.0, 1e-12]
+    several = WorstGain("plant", 1.25, 1.5, {}, 1.0, (), ("x", "y", "z"), ("F", "M"))
+    assert several.table()["title"] == "Worst gain of plant, F, M → 3 outputs"
     unstable = WorstGain("plant", np.inf, np.inf, {"k": 2.0}, np.nan).table()
     assert unstable["notes"] == ["Infinite: the plant is not stable at these values."]
     places = {"k": 2.0, "c": 3.0, "m": 4.0}
@@ -19,10 +27,10 @@ def test_tables_of_what_is_certain():
     assert x[:2] == ("x", "1.2346")
     assert float(x[2]) >= 1.23451
     assert (x[3], y[3]) == ("k = 2, c = 3, ...", "k = 1.5")
-    stable = RobustStability("plant", 0.4, 0.9, {"k": 2.0}, 7.0).table()["notes"]
-    assert stable == ["Stable below 0.4 times the distances to the limits.",
-                      "A pole at 7 rad/s reaches the axis at 0.9 times, with these values.",
-                      "Not stable within the limits."]  # fmt: skip
+    stable = RobustStability("plant", 0.4, 0.9, {"k": 2.0}, 14.0 * np.pi).table()["notes"]
+    assert stable == ["Not stable at all values within the limits.",
+                      "Proven: stable with all limits 0.4 times as far from the nominal values.",
+                      "At the values of the table, 0.9 times as far, a pole of 7 Hz does not decay."]  # fmt: skip
 
 
 @pytest.mark.parametrize(("true", "near"), [(0.83, 0.001), (0.31, 0.001), (0.83, 0.4)])

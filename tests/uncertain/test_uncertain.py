@@ -8,8 +8,9 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.uncertain.certain import Proof, RobustStability
+from mbsvib.uncertain.certain import Proof
 from mbsvib.uncertain.intervals import Channels, cover, least
+from mbsvib.uncertain.results import RobustStability
 from mbsvib.uncertain.scalings import _Problem, bases, best_scalings
 from mbsvib.uncertain.search import gain, growth, perturbed, values_at
 from tests.random.scenes import oscillator, two_masses
@@ -242,8 +243,8 @@ def test_a_cover_finds_a_single_frequency():
 
 
 def test_what_is_said_of_factors():
-    for lower, upper, words in ((0.4, 0.9, "Not stable within the limits."), (1.1, 1.2, "Stable within the limits."),
-                                (0.9, 1.1, "is not proven, and not refuted.")):  # fmt: skip
+    for lower, upper, words in ((0.4, 0.9, "Not stable at all values"), (1.1, 1.2, "Stable at all values"),
+                                (0.9, 1.1, "is neither proven nor refuted.")):  # fmt: skip
         assert words in str(RobustStability("plant", lower, upper, {}, np.nan))
 
 
