@@ -20,10 +20,12 @@ def run(words: Sequence[str]) -> int:
 
     0; 1 for a faulty model or a check that failed; 2 for a wrong command line; 130 if interrupted.
     """
-    if words[:1] == ["--complete"]:
-        from mbsvib.cli._completion import candidates
+    if words[:1] in (["--complete"], ["--complete-line"]):
+        from mbsvib.cli import _completion as completion
 
-        shell.say("\n".join(candidates(list(words[1:]))))
+        asked = list(words[1:])
+        fitting = completion.candidates(asked) if words[0] == "--complete" else completion.line_candidates(*asked)
+        shell.say("\n".join(fitting))
         return 0
     debug = shell.DEBUG in words
     with shell.as_messages(debug) as status:

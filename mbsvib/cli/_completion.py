@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,28 +18,40 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.cli._arguments import Argument, Named
 
-# each asks "mbsvib --complete WORDS", the last of which is being typed
+# Each asks "mbsvib --complete WORDS", the last of which is being typed. Bash, which splits at = and :, sends its line.
 SCRIPTS = {
     "bash": """\
 _mbsvib() {
-    local IFS=$'\\n'
-    COMPREPLY=($(mbsvib --complete "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
-    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == */ ]] && compopt -o nospace
+    local word
+    COMPREPLY=()
+    while IFS= read -r word; do
+        [[ -n $word ]] && COMPREPLY+=("$word")
+    done < <(mbsvib --complete-line "${COMP_LINE:0:COMP_POINT}" "$COMP_WORDBREAKS" 2>/dev/null)
+    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace
 }
-complete -F _mbsvib mbsvib
+complete -o filenames -F _mbsvib mbsvib
 """,
     "zsh": """\
 #compdef mbsvib
 _mbsvib() {
     local -a candidates
-    candidates=("${(@f)$(mbsvib --complete "${(@)words[2,CURRENT]}" 2>/dev/null)}")
-    compadd -S ' ' -- ${candidates:#*/}
-    compadd -S '' -- ${(M)candidates:#*/}
+    [[ $PREFIX == \\~* ]] && _files && return
+    candidates=(${(f)"$(mbsvib --complete "${(@Q)words[2,CURRENT-1]}" "${(Q)PREFIX}" 2>/dev/null)"})
+    compadd -- ${candidates:#*[/=]}
+    compadd -S '' -- ${(M)candidates:#*[/=]}
 }
-compdef _mbsvib mbsvib
+if [[ $funcstack[1] == _mbsvib ]]; then  # zsh looks for this file when the first word is completed
+    _mbsvib "$@"
+else
+    compdef _mbsvib mbsvib
+fi
 """,
     "fish": """\
-complete -c mbsvib -f -a '(mbsvib --complete (commandline -opc)[2..-1] (commandline -ct))'
+function __mbsvib
+    set -l typed (commandline -ct | string replace -r '^["\\']' '' | string unescape)
+    mbsvib --complete (commandline -opc)[2..-1] "$typed"
+end
+complete -c mbsvib -f -a '(__mbsvib)'
 """,
 }
 NEXT = {
@@ -64,6 +77,19 @@ def install(name: str | None = None) -> None:
     shell.say(f"Written: {path}\n{NEXT[known].format(path=path, folder=path.parent)}")
 
 
+def line_candidates(line: str, breaks: str) -> list[str]:
+    """Return what bash puts in place of the end of a line from the last of its ``breaks`` between words."""
+    for quote in ("", "'", '"'):  # one may still be open; the letter is what is being typed, where nothing is yet
+        try:
+            words = shlex.split(f"{line}x{quote}")
+        except ValueError:
+            continue
+        typed = words[-1][:-1]
+        cut = 0 if quote else 1 + max([typed.rfind(letter) for letter in "=:" if letter in breaks], default=-1)
+        return [word[cut:] for word in candidates([*words[1:-1], typed])]
+    return []
+
+
 def candidates(words: list[str]) -> list[str]:
     """Return what the last of the ``words`` after the program's name may become; it is incomplete, or empty."""
     typed = words[-1] if words else ""
@@ -85,6 +111,9 @@ def candidates(words: list[str]) -> list[str]:
     awaited = by_name.get(before[-1])
     if awaited is not None and awaited.takes_value:
         return _values(awaited, before, typed, by_name)
+    option, equals, value = typed.partition("=")
+    if equals and option in by_name:
+        return [f"{option}={one}" for one in _values(by_name[option], before, value, by_name)]
     if typed.startswith("-"):
         return _fitting([name for name in by_name if name.startswith("-")] + ["--help"], typed)
     positional = [argument for argument in arguments if not argument.optional]
@@ -144,12 +173,12 @@ def _positional_words(before: list[str], by_name: dict[str, Argument]) -> list[s
 
 
 def _files(typed: str, suffixes: tuple[str, ...]) -> list[str]:
-    """Return folders and files that begin as typed."""
+    """Return folders and files that begin as typed, where ~ may be the home."""
     head, _, tail = typed.rpartition("/")
-    folder = Path(head + "/") if "/" in typed else Path()
+    folder = Path(head + "/").expanduser() if "/" in typed else Path()
     try:
         entries = sorted(folder.iterdir())
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: the home of a user that is not known
         return []
     lead = head + "/" if "/" in typed else ""
     return [f"{lead}{entry.name}{'/' if entry.is_dir() else ''}" for entry in entries

@@ -1,6 +1,7 @@
 """Completion of words in the shell: candidates, and the scripts in real shells."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 import mbsvib as mv
 from mbsvib.cli._commands import HOMES, command_of
 from tests.support.cli import invoke
+from tests.support.terminal import completed
 
 
 def candidates(run, *words):
@@ -86,30 +88,91 @@ def program(tmp_path, monkeypatch):
     return tmp_path
 
 
+INSTALLED = {"bash": ".local/share/bash-completion/completions/mbsvib",
+             "zsh": ".local/share/zsh/site-functions/_mbsvib",
+             "fish": ".config/fish/completions/mbsvib.fish"}  # fmt: skip
+TYPED = {  # a line, and what tab makes of it
+    "mbsvib mo": "mbsvib mode",
+    "mbsvib modes quart": "mbsvib modes quarter_car ",
+    "mbsvib bode quarter_car --input ro": "mbsvib bode quarter_car --input road ",
+    "mbsvib bode quarter_car --input=ro": "mbsvib bode quarter_car --input=road ",
+    "mbsvib sweep quarter_car tyre.stiffness=1:2 tyre.d": "mbsvib sweep quarter_car tyre.stiffness=1:2 tyre.damping ",
+    "mbsvib modes my\\ c": "mbsvib modes my\\ car.yaml ",
+    "mbsvib modes 'my c": "mbsvib modes 'my car.yaml' ",
+    "mbsvib bode my\\ car.yaml --input ro": "mbsvib bode my\\ car.yaml --input road ",
+    "mbsvib modes fol": "mbsvib modes folder/",
+    "mbsvib modes ~/a:": "mbsvib modes ~/a:b.yaml ",
+    "mbsvib isolation quarter_car --legs nothing": "mbsvib isolation quarter_car --legs nothing",
+}
+
+
+@pytest.fixture
+def installed(run, program):
+    """Write the script of a shell, and return its path."""
+    (program / "folder").mkdir()
+    for name in ("my car.yaml", "a:b.yaml"):
+        mv.save(mv.library.quarter_car(), program / name)
+
+    def install(shell):
+        assert str(program) in run(f"--install-completion {shell}").stdout
+        assert (program / INSTALLED[shell]).read_text() == run(f"--show-completion {shell}").stdout
+        return program / INSTALLED[shell]
+
+    return install
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
-def test_bash(run, program):
-    assert str(program) in run("--install-completion bash").stdout
-    script = program / ".local/share/bash-completion/completions/mbsvib"
-    typed = f'source "{script}"; COMP_WORDS=(mbsvib modes quarter); COMP_CWORD=2; _mbsvib; echo "${{COMPREPLY[@]}}"'
-    done = subprocess.run(["bash", "-c", typed], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("quarter_car\n", "")
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+@pytest.mark.parametrize("typed", TYPED)
+def test_tab_in_a_terminal(installed, program, shell, typed):
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    script = installed(shell)
+    assert completed(shell, script, typed, program) == TYPED[typed]
 
 
-@pytest.mark.parametrize(("name", "place"), [("zsh", ".local/share/zsh/site-functions/_mbsvib"),
-                                              ("fish", ".config/fish/completions/mbsvib.fish")])  # fmt: skip
-def test_zsh_and_fish(run, program, name, place):
-    assert run(f"--install-completion {name}").exit_code == 0
-    script = (program / place).read_text()
-    assert script == run(f"--show-completion {name}").stdout
-    assert "mbsvib --complete" in script
-    if shutil.which(name):
-        subprocess.run([name, "-n", str(program / place)], check=True, capture_output=True)
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("fish") is None, reason="fish is not installed")
+@pytest.mark.parametrize("typed", TYPED)
+def test_fish(installed, program, typed):
+    """Its ``complete -C`` prints the words that fit."""
+    script = installed("fish")
+    done = subprocess.run(["fish", "-c", "source $argv[1]; complete -C $argv[2]", script, typed], cwd=program,
+                          capture_output=True, text=True, check=True)  # fmt: skip
+    words = done.stdout.split("\n")[:-1]
+    assert done.stderr == ""
+    whole = [] if TYPED[typed] == typed else [shlex.split(TYPED[typed])[-1]]
+    assert words == (["models", "modes"] if whole == ["mode"] else whole)
+
+
+@pytest.mark.parametrize("shell", INSTALLED)
+def test_scripts_are_installed(installed, shell):
+    script = installed(shell)
+    assert "mbsvib --complete" in script.read_text()
+    if shutil.which(shell):
+        subprocess.run([shell, "-n", script], check=True, capture_output=True)
+
+
+def test_lines_of_bash_are_parted_as_it_does(run, tmp_path):
+    """Quotes, escapes, and what readline puts in place: the end of the word from the last break between words."""
+    for name in ("my car.yaml", "a:b.yaml"):
+        (tmp_path / name).write_text("")
+
+    def of_line(line, breaks=" \"'=:"):
+        return invoke(["--complete-line", line, breaks]).stdout.split("\n")[:-1]
+
+    assert of_line("mbsvib mo") == ["models", "modes"]
+    for word in ("my\\ ", "'my ", '"my '):
+        assert of_line(f"mbsvib modes {word}") == ["my car.yaml"]
+    assert of_line("mbsvib modes a:") == ["b.yaml"]
+    assert of_line("mbsvib modes a:", " ") == of_line("mbsvib modes 'a:") == ["a:b.yaml"]
+    assert of_line("mbsvib bode slider.yaml --input=") == ["F"]
+    assert of_line("mbsvib bode slider.yaml --input ") == ["F"]
 
 
 def test_the_shell_is_that_of_the_user(run, monkeypatch):
     monkeypatch.setenv("SHELL", "/usr/bin/fish")
-    assert run("--show-completion").stdout.startswith("complete -c mbsvib")
+    assert run("--show-completion").stdout.startswith("function __mbsvib")
     monkeypatch.delenv("SHELL")
     result = run("--show-completion")
     assert result.exit_code == 2
