@@ -70,16 +70,9 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
 
 
 def _chosen(candidates: Any, kind: str, known: tuple[str, ...], equations: Any) -> list[int]:
-    if candidates is None:
-        return list(range(len(known)))
-    names = [candidates] if isinstance(candidates, str) else list(candidates)
-    mine, other = [], equations.inputs if kind == "output" else equations.outputs
-    for name in names:
-        try:
-            mine += selected(name, known, kind, equations.name)
-        except ResponseError:
-            selected(name, other, "input" if kind == "output" else "output", equations.name)
-    return list(dict.fromkeys(mine))
+    first = 0 if kind == "output" else len(equations.outputs)
+    ports = selected(candidates, equations.outputs + equations.inputs, "output or input", equations.name)
+    return [number - first for number in ports if 0 <= number - first < len(known)]
 
 
 def _with(data: ResponseData, kind: str, number: int, equations: Any) -> ResponseData | None:

@@ -369,5 +369,5 @@ def test_a_candidate_takes_the_noise_and_the_sign_of_its_kind(kind, order):
     widest = int(spread[0].argmax())
     assert one.widest == fit.names[widest]
     assert one.narrower == pytest.approx(np.sqrt(spread[0][widest] / spread[1][widest]), rel=1e-5)
-    with pytest.raises(ResponseError, match="'nothing'"):
+    with pytest.raises(ResponseError, match=r"output or input 'nothing'.* It has z0, z1, z2, F, F0\."):
         fit.next_sensor(["nothing"])
