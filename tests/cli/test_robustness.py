@@ -34,7 +34,7 @@ def test_a_controller_that_is_not_robust(run, tmp_path):
     result = run("robust slider.yaml -l k.stiffness=0.4 --controller law.json")
     assert result.exit_code == 1
     assert "Not stable at all values within the limits." in result.stdout
-    assert "at 0.5 times" in result.stdout
+    assert "0.5 times as far" in result.stdout
 
 
 @pytest.mark.slow
