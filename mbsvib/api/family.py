@@ -150,19 +150,27 @@ class Family(Batch):
 
         return interpolated(self, self.plant, error)
 
-    def plot(self, *, ax: Given | None = None) -> Figure | Given:
+    def plot(self, mode: int | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Draw the natural frequencies over the poses.
 
         Parameters
         ----------
+        mode : int, optional
+            Number of the one mode that is drawn, from 1; default: all modes, in a map the lowest one that is no
+            rigid-body mode in all poses.
         ax : Axes or sequence of Axes, optional
             Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure, or ``ax``
-            Lines over one coordinate; a map of the lowest frequency over a grid of two; else lines over the number of
-            the pose, or histograms over a grid of more.
+            Lines over one coordinate; a map over a grid of two; else lines over the number of the pose, or histograms
+            over a grid of more.
+
+        Raises
+        ------
+        ModelError
+            If there is no such mode.
         """
         from mbsvib.plots.over_variables import over_variables
 
@@ -171,9 +179,20 @@ class Family(Batch):
         grid = len(self.shape) > 1
         if len(varied) != 1 and not grid:
             columns = varied = {"pose": np.arange(float(len(self)))}
-        units = dict(zip(self.plant.names, self.plant.units, strict=True)) | {"natural frequency": "Hz"}
-        return over_variables(self.frequencies, "natural frequency", columns, varied, grid=grid, units=units,
-                              name=self.name, entries=[f"{k + 1}" for k in range(self.dof)], ax=ax)  # fmt: skip
+        shown = self._shown(mode, grid and len(varied) == 2)
+        label = "natural frequency" + (f" of mode {shown[0] + 1}" if len(shown) == 1 < self.dof else "")
+        units = dict(zip(self.plant.names, self.plant.units, strict=True)) | {label: "Hz"}
+        return over_variables(self.frequencies[:, shown], label, columns, varied, grid=grid, units=units,
+                              name=self.name, entries=[f"{k + 1}" for k in shown], ax=ax)  # fmt: skip
+
+    def _shown(self, mode: int | None, single: bool) -> list[int]:
+        """Numbers from 0 of the modes that are drawn; ``single``: of which the first one is."""
+        if mode is not None:
+            if check.count(mode, "Family.plot", "mode", 1) > self.dof:
+                raise check.refuse("Family.plot", "mode", mode, f"the number of a mode, 1 to {self.dof}")
+            return [mode - 1]
+        moving = np.flatnonzero(self.frequencies.max(axis=0) > 0.0).tolist()
+        return moving if single and moving else list(range(self.dof))
 
     def _told(self, i: int) -> str:
         return told(i, self.pose(i))

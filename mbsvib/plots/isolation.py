@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, Sheet, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SHADE = 0.15  # opacity of the band of singular values
 
 
 def isolation(
@@ -41,25 +43,48 @@ def isolation(
     with sheet("plots.isolation", ax, (style.ALONE, 5.2), 2) as paper:
         top, below = paper.panels
         paper.join(paper.panels)
-        ends = [float("inf"), 0.0]
+        ends, crossed = [float("inf"), 0.0], False
         for number, (name, study) in enumerate(named):
             f, look = study.frequencies, style.line(paper.first + number)
             if len(named) == 1:
                 values = study.singular_values
-                top.fill_between(f, values[-1], values[0], color=look["color"], alpha=0.15, linewidth=0.0)
+                top.fill_between(f, values[-1], values[0], color=look["color"], alpha=SHADE, linewidth=0.0)
             top.plot(f, study.index, label=name, **look)
             below.plot(f, study.compliance_values[0], **look)
             ends = [min(ends[0], f[0]), max(ends[1], f[-1])]
             if f[0] < study.crossover < f[-1]:
+                crossed = True
                 top.plot([study.crossover], [1.0], "o", color=look["color"], mfc="white", markersize=5.0, zorder=3)
         top.axhline(1.0, color=style.MARK, linewidth=0.8)
         top.set_ylabel("transmissibility [1]")
-        below.set_ylabel("compliance [m/N]")
+        below.set_ylabel("largest compliance [m/N]")
         style.frequency_axis(below, ends[0], ends[1])
         style.logarithmic(top.yaxis, below.yaxis)
         top.set_title(f"Isolation of {named[0][1].scene.body} from {named[0][1].scene.base}")
-        paper.name([name for name, _ in named])
+        _explain(paper, [name for name, _ in named], crossed)
     return paper.result
+
+
+def _explain(paper: Sheet[Any], names: Sequence[str], crossed: bool) -> None:
+    """Say what curves, the band of a single study and circles are."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    looks = [style.line(paper.first + number) for number in range(len(names))]
+    alone = len(names) == 1
+    handles: list[Any] = [Line2D([], [], label="Frobenius index" if alone else name, **look)
+                          for name, look in zip(names, looks, strict=True)]  # fmt: skip
+    if alone:
+        handles.append(Patch(color=looks[0]["color"], alpha=SHADE, linewidth=0.0,
+                             label="from smallest to largest singular value"))  # fmt: skip
+    if crossed:
+        handles.append(Line2D([], [], linestyle="none", marker="o", color=style.INK, mfc="white", markersize=5.0,
+                              label="isolation begins"))  # fmt: skip
+    if alone:
+        paper.name(names)
+        paper.legend(handles)
+    else:
+        paper.legend(handles, loc="outside upper right", columns=5)
 
 
 def named_studies(studies: Any, labels: Sequence[str] | None, who: str) -> list[tuple[str, Any]]:

@@ -76,8 +76,8 @@ def margin_text(margins: Margins, i: int) -> str:
     if not margins.stable:
         return "unstable"
     low, high = margins.lower[i], margins.gain[i]
-    words = [f"gain {low:.3g} … {high:.3g}" if low > 0.0 else f"gain < {high:.3g}" if np.isfinite(high) else "any gain"]
-    words.append(f"phase {margins.phase[i]:.3g} deg" if np.isfinite(margins.phase[i]) else "any phase")
+    words = [f"gain margin {low:.3g} … {'∞' if np.isinf(high) else f'{high:.3g}'}"]
+    words.append(f"phase margin {margins.phase[i]:.3g} deg" if np.isfinite(margins.phase[i]) else "any phase")
     return ", ".join(words)
 
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.feedback.feedback_loop import FeedbackLoop
 
-# What is shown of a loop gain that grows beyond all bounds, around the critical point.
-FARTHEST = 4.0
+# Largest distance from the critical point up to which all of a loop gain is shown, and what is shown of larger ones.
+WHOLE, FARTHEST = 12.0, 4.0
 
 
 def loop_nyquist(
@@ -75,7 +75,8 @@ def loop_nyquist(
                 axes.legend(loc="upper left")
             else:
                 style.remark(axes, "unstable", top=True)
-            reach = min(FARTHEST, max(1.6, 1.1 * float(np.abs(gain + 1.0).max())))
+            reach = max(1.6, 1.1 * float(np.abs(gain + 1.0).max()))
+            reach = reach if reach <= WHOLE else FARTHEST
             axes.set_xlim(-1.0 - reach, -1.0 + reach)
             axes.set_ylim(-reach, reach)
             axes.set_aspect("equal")

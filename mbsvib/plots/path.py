@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # Modes that are drawn, and markers of special points.
 LOWEST = 6
-MARKERS = {"limit": ("o", "extreme of the force"), "turning": ("s", "extreme of the coordinate"),
+MARKERS = {"limit": ("o", "limit point"), "turning": ("s", "turning point"),
            "branch": ("D", "another path crosses")}  # fmt: skip
 
 

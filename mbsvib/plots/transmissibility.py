@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, Sheet, sheet
 from mbsvib.plots.isolation import named_studies
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+THIN = {"linestyle": "--", "linewidth": 0.7}  # look of what comes from other axes
 COUPLED = 1e-9  # share of the largest transmissibility below which an axis is not excited by another one
 
 
@@ -50,17 +51,33 @@ def transmissibility(
     rows = -(-len(axes_drawn) // columns)
     size = style.panel_size(rows, columns, 2.8, 4.0)
     with sheet("plots.transmissibility", ax, size, rows, columns, len(axes_drawn)) as paper:
+        coupled = False
         for panel, (direction, axes) in enumerate(zip(axes_drawn, paper.panels, strict=True)):
             for number, (label, study) in enumerate(named, paper.first):
                 row = np.abs(study.scaled[DIRECTIONS.index(direction)])
                 others = np.linalg.norm(np.delete(row, panel, axis=0), axis=0)
                 axes.plot(study.frequencies, row[panel], label=label, **style.line(number))
                 if others.max(initial=0.0) > COUPLED * row.max():
-                    axes.plot(study.frequencies, others, **style.line(number) | {"linestyle": "--", "linewidth": 0.7})
+                    axes.plot(study.frequencies, others, **style.line(number) | THIN)
+                    coupled = True
             style.frequency_axis(axes, named[0][1].frequencies[0], named[0][1].frequencies[-1],
                                  "frequency [Hz]" if panel + columns >= len(axes_drawn) else "")  # fmt: skip
             style.logarithmic(axes.yaxis)
             axes.set_title(f"base.{direction} → {direction}")
             axes.set_ylabel("transmissibility [1]" if panel % columns == 0 else "")
-        paper.name([label for label, _ in named], columns - 1)
+        names = [label for label, _ in named]
+        if len(named) == 1:
+            paper.name(names, columns - 1)
+        paper.legend(_entries(paper, names, coupled), columns=4)
     return paper.result
+
+
+def _entries(paper: Sheet[Any], names: Sequence[str], coupled: bool) -> list[Any]:
+    """What curves are: those of each study, and thin and dashed ones if there are any."""
+    from matplotlib.lines import Line2D
+
+    labels = ["base along this axis"] if len(names) == 1 else names
+    looks = [style.line(paper.first + number) for number in range(len(names))]
+    entries = [Line2D([], [], label=label, **look) for label, look in zip(labels, looks, strict=True)]
+    thin = (looks[0] if len(names) == 1 else {"color": style.INK}) | THIN
+    return [*entries, Line2D([], [], label="base along all other axes", **thin)] if coupled else entries

@@ -266,3 +266,22 @@ def test_figures(values, kind):
         assert axes.get_xlabel() == ("leg1.slide.z [m]" if kind == "lines" else "pose")
         np.testing.assert_allclose(axes.lines[0].get_ydata(), family.frequencies[:, 0])
         assert axes.get_ylabel() == "natural frequency [Hz]"
+
+
+def test_a_map_leaves_rigid_body_modes_out_unless_one_is_asked_for():
+    """Two links on hinges; a spring in the second hinge alone, so that the whole arm turns freely."""
+    model = mv.Model("arm")
+    for name, x, before in (("upper", 0.5, "ground"), ("lower", 1.5, "upper")):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), position=(x, 0, 0))
+        model.add_joint(f"{name}.hinge", "revolute", before, name, position=(x - 0.5, 0, 0), axis=(0, 0, 1))
+    model.add_torsion_spring("k", "upper", "lower", (0, 0, 1), stiffness=100.0)
+    family = model.family({"upper.hinge.rz": [0.0, 0.3], "lower.hinge.rz": [-0.5, 0.0, 0.5]}, grid=True)
+    assert (family.frequencies[:, 0] == 0.0).all()
+    for figure in (family.plot(), family.plot(mode=2)):
+        values = figure.axes[0].collections[0].get_array()
+        np.testing.assert_allclose(np.ravel(values), family.frequencies[:, 1])
+        assert figure.axes[1].get_ylabel() == "natural frequency of mode 2 [Hz]"
+    np.testing.assert_array_equal(family.plot(1).axes[0].collections[0].get_array(), np.zeros((2, 3)))
+    for wrong in (0, 3):
+        with pytest.raises(mv.ModelError, match=r"Family\.plot: mode"):
+            family.plot(wrong)

@@ -17,9 +17,25 @@ def test_transmissibility_and_compliance():
     assert np.array_equal(top.lines[0].get_ydata(), first.index)
     assert np.array_equal(below.lines[1].get_ydata(), second.compliance_values[0])
     assert top.get_ylabel().endswith("[1]")
-    assert len(plots.isolation(first).axes) == 2
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["light", "heavy", "isolation begins"]
+    alone = plots.isolation(first)
+    assert len(alone.axes) == 2
+    assert [text.get_text() for text in alone.legends[0].get_texts()] == [
+        "Frobenius index", "from smallest to largest singular value", "isolation begins"]  # fmt: skip
     with pytest.raises(mv.ModelError, match="a label for each"):
         plots.isolation([first, second], ["light"])
+
+
+def test_what_comes_from_other_axes_is_explained():
+    hexapod = mv.library.stewart_isolator()
+    study = isolation.study(hexapod, "platform", frequencies=[1.0, 10.0, 100.0])
+    words = [text.get_text() for text in plots.transmissibility(study).legends[0].get_texts()]
+    assert words == ["base along this axis", "base along all other axes"]
+    words = [text.get_text() for text in plots.transmissibility([study, study], ["a", "b"]).legends[0].get_texts()]
+    assert words == ["a", "b", "base along all other axes"]
+    single = isolation.study(one_axis(0.05), "payload", directions="z")
+    assert [text.get_text() for text in plots.transmissibility(single).legends[0].get_texts()] == [
+        "base along this axis"]  # fmt: skip
 
 
 @pytest.mark.slow

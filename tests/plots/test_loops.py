@@ -77,7 +77,8 @@ def test_loop_gain_and_its_margins_are_drawn():
     at, ends = below.lines[-1].get_data()
     assert_allclose(at, margins.phase_at[0])
     assert abs(abs(ends[1] - ends[0]) - margins.phase[0]) < 0.5
-    assert f"phase {margins.phase[0]:.3g} deg" in top.get_legend().get_texts()[0].get_text()
+    words = f"gain margin {margins.lower[0]:.3g} … {margins.gain[0]:.3g}, phase margin {margins.phase[0]:.3g} deg"
+    assert top.get_legend().get_texts()[0].get_text() == words
 
 
 @pytest.mark.slow

@@ -77,8 +77,8 @@ def test_names_overlap_nothing(make, dpi):
 @pytest.mark.slow
 def test_the_legend_explains_what_is_drawn():
     words = [text.get_text() for text in mechanism(mv.library.quadruped()).legends[0].get_texts()]
-    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing, torsion spring",
-                     "input (», torque)", "ground"]  # fmt: skip
+    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing",
+                     "input (torque: two heads)", "ground"]  # fmt: skip
     loops = [text.get_text() for text in mechanism(mv.library.stewart_isolator()).legends[0].get_texts()]
     assert {"spring", "cut joint"} <= set(loops)
 
@@ -200,3 +200,15 @@ def test_slim_mechanisms_leave_the_corner_to_the_directions(name, view):
     axes = mechanism(mv.library.build(name), view).axes[0]
     sizes = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
     assert min(sizes) == pytest.approx(0.5 * max(sizes))
+
+
+def test_the_legend_names_the_families_that_occur():
+    model = mv.Model("bench")
+    model.add_body("mass", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0, 0))
+    model.add_beam("arm", "ground", "mass", {"type": "circle", "radius": 0.01}, {"E": 7e10, "nu": 0.3, "rho": 2700.0},
+                   (0, 0, 0), (1.0, 0, 0), elements=2)  # fmt: skip
+    model.add_torsion_spring("twist", "ground", "mass", (1, 0, 0), stiffness=1.0)
+    words = [text.get_text() for text in mechanism(model).legends[0].get_texts()]
+    assert {"beam", "torsion spring"} <= set(words)
+    model.add_bushing("mount", "ground", "mass", (1.0, 0, 0), (1, 1, 1, 0, 0, 0))
+    assert "torsion spring, bushing" in [text.get_text() for text in mechanism(model).legends[0].get_texts()]

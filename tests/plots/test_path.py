@@ -19,7 +19,7 @@ def test_a_latch_over_its_stretched_pose():
     markers = above.lines[2].get_xydata()
     assert np.array_equal(markers, [(point.value, point.force) for point in data.points])
     assert [text.get_text() for text in above.figure.legends[0].get_texts()] == [
-        "stable", "unstable", "extreme of the force"]  # fmt: skip
+        "stable", "unstable", "limit point"]  # fmt: skip
     assert (above.get_ylabel(), below.get_xlabel()) == ("holding moment [N m]", "base.rz [rad]")
     heights = below.lines[0].get_ydata()
     assert np.isnan(heights).sum() == 4  # two unstable values, and gaps beside them
