@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted
+from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -208,6 +209,7 @@ def family(
     from mbsvib.api.plant import compiled
 
     columns, shape = columns_of(model, values, grid)
+    model = with_angles(model, columns)
     plant = compiled(model, [], independent=independent, pose=list(columns), relaxed=relaxed)
     if independent is None and len(plant.coordinates) == len(columns):
         plant = compiled(model, [], independent=list(columns), pose=list(columns), relaxed=relaxed)

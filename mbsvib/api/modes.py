@@ -41,7 +41,7 @@ class Modes(result.Modes):
         tuple of str
             One sentence each.
         """
-        doubts = () if self._provenance is None else unit_warnings(self._provenance.parts)
+        doubts = () if self._provenance is None else unit_warnings(self._provenance.parts, self._provenance.origin)
         return (*super().remarks(), *(f"Doubtful: {text}" for text in doubts), *self._range_notes)
 
     def animate(

@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted, nearest
+from mbsvib.mechanism.unit_warnings import angle_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -152,6 +153,10 @@ class Run(Columnar, Displayed):
         stop += "" if self.ended_by is None else f", ended by '{self.ended_by}'"
         contents = f"{counted(len(self.coordinates), 'coordinate')}, {counted(len(self.outputs), 'output')}"
         return f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {contents}{stop})"
+
+    def __str__(self) -> str:
+        doubts = angle_warnings({name: values[:1] for name, values in self.coordinates.items()})
+        return "\n".join([repr(self), *(f"Doubtful: {text}" for text in doubts)])
 
     @property
     def model(self) -> Mechanism:

@@ -19,6 +19,7 @@ from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.mechanism.topology import cut_elsewhere
+from mbsvib.mechanism.unit_warnings import TURNS_OF_CYCLES, with_angles
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -108,6 +109,7 @@ def machine(
     serve again; the other arguments are those of ``Model.cycle``.
     """
     prescription = prescribed(model, drive, angles, speed, motion)
+    model = with_angles(model, dict(zip(prescription.names, prescription.values.T, strict=True)), TURNS_OF_CYCLES)
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
     cut, closing = cut_elsewhere(model, {*prescription.joints, *coupled})
     if closing is not None:

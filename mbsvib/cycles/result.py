@@ -147,7 +147,8 @@ class CycleData(Displayed):
             rows.append((f"torque at {drive} [{unit}]" if unit == "N m" else f"force at {drive} [{unit}]",
                          f"{self.rms('torque', drive):.7g}", f"{self.peak('torque', drive):.7g}"))  # fmt: skip
         at = " ".join(f"{entry:.6g}" for entry in self.about)
-        notes = [f"{len(self.shaking_force)} samples; moments about ({at}) m."]
+        notes = [f"{len(self.shaking_force)} samples; moments about ({at}) m.",
+                 *(f"Doubtful: {text}" for text in self.machine.model.doubts)]  # fmt: skip
         return {"title": f"Cycle of {self.machine.model.name}", "columns": [("", "left"), ("rms", "right"),
                 ("peak", "right")], "rows": rows, "notes": notes}  # fmt: skip
 

@@ -23,6 +23,7 @@ from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -133,7 +134,8 @@ class EquilibriumPath(Columnar, Displayed, Generic[M]):
             rows += [self._point_row(point, count) for point in self.points if point.before == k]
             rows.append((f"{self.values[k]:.6g}", f"{self.forces[k]:.6g}", _yes(self.stable[k]),
                          _yes(self.stable_held[k]), *map(_hertz, self.frequencies[k, :count])))  # fmt: skip
-        return {"title": f"Path of equilibria of {self.name}", "columns": columns, "rows": rows}
+        return {"title": f"Path of equilibria of {self.name}", "columns": columns, "rows": rows,
+                "notes": [f"Doubtful: {text}" for text in self.models[0].doubts]}  # fmt: skip
 
     def _point_row(self, point: PathPoint[M], count: int) -> tuple[str, ...]:
         return (f"{point.value:.6g}", f"{point.force:.6g}", f"{point.kind} point", "", *[""] * count)
@@ -157,6 +159,7 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     if switch not in (-1, 0, 1):
         raise ModelError(f"path: switch = {switch!r}; expected 1 or -1, or 0 to stay on the path.", field="switch")
     refuse_curved(model.couplers.values(), "which a path leaves; it holds for linear equations.")
+    model = with_angles(model, {coordinate: requested})
     articulated_model = static_model(articulated(model))
     first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)

@@ -22,6 +22,7 @@ from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
+from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -61,6 +62,7 @@ def moved(
     if not isinstance(values, Mapping):
         raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
     displacements = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
+    model = with_angles(model, displacements)
     stiff = with_rigid_parts(model)
     cut_joints = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
     try:

@@ -54,7 +54,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         lines += ["forces in joints", *(text for forces in undetermined for text in forces.explained())]
     if system.gyroscopic is not None or system.circulatory is not None:
         lines += ["symmetry", *_unsymmetric(system)]
-    doubtful = unit_warnings(system.provenance.parts)
+    doubtful = unit_warnings(system.provenance.parts, system.provenance.origin)
     if doubtful:
         lines += ["doubtful", *(f"  {text}" for text in doubtful)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system, basis))]

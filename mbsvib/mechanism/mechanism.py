@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -57,7 +57,8 @@ class Mechanism:
         If the name is not a text, or gravity or travel is not a vector.
     """
 
-    _engine = "alignments composed declared_parts derived expansion gravity_parts groups kind nodes with_changed"
+    _engine = ("alignments composed declared_parts derived doubts expansion gravity_parts groups kind nodes "
+               "with_changed with_doubts")
 
     kind: ClassVar[str] = "model"
 
@@ -80,6 +81,7 @@ class Mechanism:
         self._elements: dict[str, Part] = {}  # and those that carry forces
         self._expansion: Expansion | None = None
         self._alignments: tuple[Any, ...] = ()
+        self._doubts: tuple[str, ...] = ()
         self._derived: dict[tuple[Hashable, ...], Any] = {}
 
     @property
@@ -181,6 +183,28 @@ class Mechanism:
     def alignments(self) -> tuple[Any, ...]:
         """Joints whose axes were aligned, with angle [rad] and shift [m], of a mechanism that ``aligned`` returned."""
         return self._alignments
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on the displacements that led to this pose, if they are likely to be in wrong units."""
+        return self._doubts
+
+    def with_doubts(self, doubts: Sequence[str]) -> Self:
+        """Return a copy that has further ``doubts``.
+
+        Parameters
+        ----------
+        doubts : sequence of str
+            One sentence each.
+
+        Returns
+        -------
+        Mechanism
+            The copy; this one does not change.
+        """
+        result = self.__copy__()
+        result.__setstate__({"_doubts": tuple(dict.fromkeys((*self._doubts, *doubts)))})
+        return result
 
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:

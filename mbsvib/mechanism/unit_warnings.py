@@ -1,14 +1,20 @@
-"""Warnings of values that suggest wrong units; ``explain`` shows them, but they are not refused."""
+"""Warnings of values that suggest wrong units; results show them, but they are not refused."""
 
 from __future__ import annotations
 
-from math import dist, sqrt
-from typing import TYPE_CHECKING, Any
+from math import dist, pi, sqrt
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from mbsvib.elements.body import principal
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.mechanism.mechanism import Mechanism
+
+M = TypeVar("M", bound="Mechanism")
 
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
@@ -17,18 +23,38 @@ LARGE, SMALL = 20.0, 2e-3
 # Speeds of sound sqrt(E / rho) [m/s] of solids: 30 in soft rubber, 5200 in steel, 18000 in diamond. Moduli in MPa or
 # GPa and densities in g/cm^3 are beyond these by their factors of 1000 and more.
 SLOWEST, FASTEST = 10.0, 3e4
+# Turns of a joint beyond which its angle is likely to be in degrees. Cycles of engines have two.
+TURNS, TURNS_OF_CYCLES = 1, 2
+# Rounding of angles of whole turns, as numpy.linspace has it.
+WHOLE_TURNS = 1e-9
 
 
-def unit_warnings(parts: Sequence[Any]) -> list[str]:
+def with_angles(model: M, displacements: Mapping[str, Any], turns: int = TURNS) -> M:
+    """Return the model with the doubts of ``angle_warnings``."""
+    doubts = angle_warnings(displacements, turns)
+    return model.with_doubts(doubts) if doubts else model
+
+
+def angle_warnings(displacements: Mapping[str, Any], turns: int = TURNS) -> list[str]:
+    """Return a sentence on each joint coordinate whose displacements [rad] by name are more than so many turns."""
+    largest = {name: float(np.abs(np.asarray(values, dtype=float)).max(initial=0.0))
+               for name, values in displacements.items() if name.rpartition(".")[2] in ("rx", "ry", "rz")}  # fmt: skip
+    return [f"'{name}' is displaced by {value:.6g} rad, {value / (2.0 * pi):.3g} turns; is it in rad, not in degrees?"
+            for name, value in largest.items() if value > (1.0 + WHOLE_TURNS) * 2.0 * pi * turns]  # fmt: skip
+
+
+def unit_warnings(parts: Sequence[Any], model: Mechanism | None = None) -> list[str]:
     """Return the warnings, one sentence each.
 
     They are about materials with a speed of sound that no solid has, bodies whose radius of gyration is far larger than
-    the mechanism, and large mechanisms whose bodies all have a far smaller one.
+    the mechanism, large mechanisms whose bodies all have a far smaller one, and, of a ``model`` that has moved, joints
+    that turned further than around.
     """
-    result = [f"{part.family} '{part.name}': E = {material.E:.3g} and rho = {material.rho:.3g}, a speed of sound of "
-              f"{speed:.3g} m/s; are they in N/m^2 and kg/m^3?"
-              for part in parts if (material := getattr(part, "material", None)) is not None
-              if not SLOWEST < (speed := sqrt(material.E / material.rho)) < FASTEST]  # fmt: skip
+    result = [] if model is None else list(model.doubts)
+    result += [f"{part.family} '{part.name}': E = {material.E:.3g} and rho = {material.rho:.3g}, a speed of sound of "
+               f"{speed:.3g} m/s; are they in N/m^2 and kg/m^3?"
+               for part in parts if (material := getattr(part, "material", None)) is not None
+               if not SLOWEST < (speed := sqrt(material.E / material.rho)) < FASTEST]  # fmt: skip
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
     known = [point for point in points if point is not None]
     if not known:

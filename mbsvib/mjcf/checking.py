@@ -87,6 +87,13 @@ def look_for_left(scene: Scene) -> None:
             scene.remark("contact in this pose of", pair)
 
 
+def angles(file: Compiled, pose: Mapping[str, Any]) -> dict[str, float]:
+    """Return the angles [rad] of the hinges that are named in a pose, by coordinate."""
+    numbers = {name: file.names("joint").index(name) for name in pose}
+    return {f"{name}.rz": float(file.position(i)[0]) for name, i in numbers.items()
+            if int(file.m.jnt_type[i]) == HINGE}  # fmt: skip
+
+
 def refuse_beyond(file: Compiled, pose: Mapping[str, Any]) -> None:
     """Refuse positions of hinges and slides that are named in a pose beyond their range, as degrees usually are."""
     m, names = file.m, file.names("joint")

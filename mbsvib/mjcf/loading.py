@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning
+from mbsvib.mechanism.unit_warnings import with_angles
 from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
 from mbsvib.mjcf.closing import close_equalities
 from mbsvib.mjcf.compiled import Compiled, compiled
@@ -88,7 +89,8 @@ def load_mjcf(
     checking.refuse_beyond(file, pose or {})
     close_equalities(file, pose or {})
     checking.refuse_unknown(file)
-    model = Model(_name(file) if name is None else name, _gravity(file, gravity))
+    model = with_angles(Model(_name(file) if name is None else name, _gravity(file, gravity)),
+                        checking.angles(file, pose or {}))
     scene = Scene(file, model, np.zeros(file.m.nv))
     bodies.add_bodies(scene)
     bodies.add_springs(scene, stiffness, damping)

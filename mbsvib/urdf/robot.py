@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.unit_warnings import with_angles
 from mbsvib.urdf.extended import beside, extended
 from mbsvib.urdf.extensions import in_words
 from mbsvib.urdf.groups import Group
@@ -113,7 +114,8 @@ def load_urdf(
                       LeftOutWarning, stacklevel=2)  # fmt: skip
     _known("pose", pose or {}, robot)
     frames = frames_in_pose(robot, pose or {}, path)
-    model = Model(robot.name if name is None else name, gravity)
+    angles = {f"{joint}.rz": q for joint, q in (pose or {}).items() if robot.joints[joint].kind != "prismatic"}
+    model = with_angles(Model(robot.name if name is None else name, gravity), angles)
     groups = _groups(robot, frames, floating)
     moving = [group for group in dict.fromkeys(groups.values()) if group.name != GROUND]
     if repaired := [group.name for group in moving if group.add(model, path, REPAIR, inertia == "repair")]:

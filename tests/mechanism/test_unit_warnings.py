@@ -1,5 +1,6 @@
-"""Units that are likely to be wrong are told by explain, and by nothing where units are right."""
+"""Units that are likely to be wrong are doubted in results, and nothing is doubted where units are right."""
 
+import numpy as np
 import pytest
 
 import mbsvib as mv
@@ -60,3 +61,39 @@ def test_positions_in_millimetres_are_doubted_where_modes_are_read():
 def test_inertia_in_gram_square_millimetres_is_doubted_where_modes_are_read():
     model = in_metres(1.0).with_values({"b.inertia.yy": 1e4, "b.inertia.xx": 1e4, "b.inertia.zz": 1e4})
     assert "is its inertia in kg m^2?" in str(model.linearize().modes())
+
+
+def test_angles_in_degrees_are_doubted_where_modes_are_read():
+    arm = in_metres(1.0)
+    doubt = "'r.rz' is displaced by 30 rad, 4.77 turns; is it in rad, not in degrees?"
+    there = arm.moved({"r.rz": 30.0}, relaxed=True)
+    assert f"Doubtful: {doubt}" in str(there.linearize().modes())
+    assert doubt in there.linearize().explain()
+    assert doubt in str(there.with_values({"b.mass": 3.0}).linearize().modes())
+    family = arm.family({"r.rz": [0.0, 15.0, -30.0]})
+    assert doubt in str(family[0].modes())
+    assert doubt in str(family.models[2].linearize().modes())
+    around = arm.moved({"r.rz": 2.0 * np.pi}, relaxed=True)
+    for fine in (arm, around, arm.family({"r.rz": np.radians([0.0, 30.0])}).models[1]):
+        assert fine.doubts == ()
+        assert "Doubtful" not in str(fine.linearize().modes())
+
+
+def test_displacements_are_not_angles():
+    model = mv.Model("slide")
+    model.add_body("b", 1.0, (0.1, 0.1, 0.1), position=(0, 0, 1))
+    model.add_joint("rail", "cylindrical", "ground", "b", position=(0, 0, 0))
+    assert model.moved({"rail.z": 30.0}).doubts == ()
+    assert len(model.moved({"rail.rz": 30.0}).doubts) == 1
+
+
+def test_angles_in_degrees_are_doubted_by_paths_cycles_and_runs():
+    path = mv.library.hinged_rod().path("hinge.rz", [0.0, 10.0])
+    assert "Doubtful: 'hinge.rz' is displaced by 10 rad, 1.59 turns" in str(path)
+    assert "Doubtful" not in str(mv.library.hinged_rod().path("hinge.rz", [0.0, 0.2]))
+    linkage = mv.library.hoeken()
+    for angles, doubted in ((np.arange(0.0, 360.0, 5.0), True), (np.linspace(0.0, 4.0 * np.pi, 49), False)):
+        assert ("Doubtful: 'crank.rz' is displaced by" in str(linkage.cycle("crank.rz", angles, speed=1.0))) is doubted
+    for angle, doubted in ((45.0, True), (0.5, False)):
+        run = mv.library.hinged_rod().simulate([0.0, 0.01], initial={"hinge.rz": angle})
+        assert ("Doubtful: 'hinge.rz' is displaced by" in str(run)) is doubted

@@ -245,6 +245,14 @@ def test_a_pose_beyond_the_range_is_refused(tmp_path):
         mv.load_mjcf(path, pose={"hinge": 30})
 
 
+def test_angles_in_degrees_are_doubted(tmp_path):
+    path = write(tmp_path, PENDULUM.replace("<worldbody>", '<worldbody><body><joint name="along" type="slide"/>' + ROD
+                                            + "</body>"))  # fmt: skip
+    assert mv.load_mjcf(path, pose={"hinge": 30, "along": 30.0}).doubts == (
+        "'hinge.rz' is displaced by 30 rad, 4.77 turns; is it in rad, not in degrees?",)  # fmt: skip
+    assert mv.load_mjcf(path, pose={"hinge": 0.5}).doubts == ()
+
+
 def test_armature_feels_no_turning_of_the_ground(tmp_path):
     """And pushes it with no moment: it is inertia of the joint alone."""
     path = write(tmp_path, PENDULUM.replace("axis", 'armature="2" axis'), head="<option gravity='0 0 0'/>")

@@ -55,6 +55,14 @@ def test_the_same_arm_by_denavit_and_hartenberg(robot):
     np.testing.assert_allclose(ours.B, other.B, atol=1e-14)
 
 
+def test_angles_in_degrees_are_doubted(robot):
+    path = robot(link("base") + link("l", 1.0) + link("s", 1.0) + joint("j", "continuous", "base", "l")
+                 + joint("along", "prismatic", "l", "s"))  # fmt: skip
+    doubt = "'j.rz' is displaced by 30 rad, 4.77 turns; is it in rad, not in degrees?"
+    assert mv.load_urdf(path, pose={"j": 30.0, "along": 20.0}).doubts == (doubt,)
+    assert mv.load_urdf(path, pose={"j": 0.5}).doubts == ()
+
+
 def test_origins_turn_by_quaternions(robot):
     """A turn of 2 atan(1/2) about (1, 2, 2) / 3, of which the axes are rational."""
     words = link("base") + link("b", 1.0) + joint("j", "revolute", "base", "b", at='0 0 0" quat_xyzw="1 2 2 6')
