@@ -56,20 +56,12 @@ class DeflectionShape(Displayed):
         self, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1, view: Any = "3-D",
         frames: int = 30, rate: float = 20.0,
     ) -> Animation:  # fmt: skip
-        """Return the shape in motion, as ``Modes.animate`` does a mode, and write it to a file if one is named.
+        """Return the shape in motion, and write it to a file if one is named, as ``Modes.animate`` does a mode.
 
         Parameters
         ----------
-        path : str or path-like, optional
-            A file that ends in .gif, .mp4 (needs ffmpeg: ``pip install "mbsvib[video]"``) or .html.
-        amplitude : float
-            How far the farthest point goes, as a share of the mechanism's size.
-        view : str or sequence of 2 float
-            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
-        frames : int
-            Pictures in one period.
-        rate : float
-            Pictures in a second [Hz].
+        path, amplitude, view, frames, rate : optional
+            As of ``Modes.animate``.
 
         Returns
         -------
@@ -78,10 +70,8 @@ class DeflectionShape(Displayed):
 
         Raises
         ------
-        ResponseError
-            If there is no such view, or a number is refused.
-        ExportError
-            If the file cannot be written.
+        ResponseError, ExportError
+            As of ``Modes.animate``.
         """
         from mbsvib.plots.animation import in_motion
 

@@ -58,7 +58,6 @@ def gains(loop: FeedbackLoop, which: list[int], frequencies: Array) -> Complex:
     return np.array([1.0 / s[i, i] - 1.0 for i in which])
 
 
-def shape(count: int) -> tuple[int, int]:
-    """Return rows and columns of so many panels."""
-    columns = 2 if count in (2, 4) else min(count, 3)
-    return -(-count // columns), columns
+def columns_of(count: int) -> int:
+    """Return how many of so many panels stand in a row."""
+    return 2 if count in (2, 4) else min(count, 3)

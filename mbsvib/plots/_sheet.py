@@ -111,13 +111,24 @@ def sheet(
 
 
 @contextmanager
+def in_rows(
+    who: str, ax: Given | None, count: int, columns: int, heights: tuple[float, float]
+) -> Iterator[Sheet[Given]]:
+    """Give ``count`` panels, ``columns`` of them in a row; ``heights`` [inch]: of one row, of each of several rows."""
+    rows = -(-count // columns)
+    with sheet(who, ax, _size(rows, columns, heights), rows, columns, count) as made:
+        yield made
+
+
+@contextmanager
 def pairs(
-    who: str, ax: Given | None, rows: int, columns: int, count: int
+    who: str, ax: Given | None, count: int, columns: int
 ) -> Iterator[tuple[Sheet[Given], list[tuple[Axes, Axes]]]]:
     """Give ``count`` pairs of panels, magnitude above phase, ``columns`` of them in a row."""
+    rows = -(-count // columns)
     cells = [(2 * (k // columns) + below, k % columns) for k in range(count) for below in (0, 1)]
     order = sorted(range(2 * count), key=cells.__getitem__)
-    with sheet(who, ax, style.panel_size(rows, columns, 3.4, 4.8), cells=cells,
+    with sheet(who, ax, _size(rows, columns, (4.8, 3.4)), cells=cells,
                height_ratios=[2.0, 1.15] * rows) as made:  # fmt: skip
         if made.own:
             made.panels = [made.panels[k] for k in order]
@@ -126,6 +137,12 @@ def pairs(
         for couple in couples:
             made.join(couple)
         yield made, couples
+
+
+def _size(rows: int, columns: int, heights: tuple[float, float]) -> tuple[float, float]:
+    """The size [inch] of a figure of panels in rows; ``heights``: of a single row, and of each of several."""
+    width = style.ALONE if columns == 1 else min(columns * style.PANEL_WIDTH, style.WIDEST)
+    return width, heights[0] if rows == 1 else heights[1] * rows
 
 
 def _last(cell: Any) -> int:

@@ -92,12 +92,6 @@ def line(number: int, faint: bool = False) -> dict[str, Any]:
     return {**look, "color": MARK, "linewidth": 0.8} if faint else look
 
 
-def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[float, float]:
-    """Return the size [inch] of a figure that is ``tall`` with one row of panels and else ``height`` for each."""
-    width = ALONE if columns == 1 else min(columns * PANEL_WIDTH, WIDEST)
-    return width, tall if rows == 1 else height * rows
-
-
 def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
     """Explain the curves of a figure outside its panels, in as many columns as there is room for.
 

@@ -79,7 +79,7 @@ def bode(
     lines = [curves(system, flat, grid) for _, system in named]
     columns = max(map(len, panels))
     magnitudes = _magnitudes(lines[0], decibels)
-    with pairs("plots.bode", ax, len(panels), columns, len(flat)) as (paper, couples):
+    with pairs("plots.bode", ax, len(flat), columns) as (paper, couples):
         tops = []
         for number, (top, below) in enumerate(couples):
             drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]

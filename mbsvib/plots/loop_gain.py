@@ -59,8 +59,8 @@ def loop_gain(
     loop = loops.closed(loop, "plots.loop_gain")
     which, grid = loops.numbers(loop, actuators), loops.grid(loop, frequencies, span, "plots.loop_gain")
     values, margins = loops.gains(loop, which, grid), loop.margins()
-    rows, columns = loops.shape(len(which))
-    with pairs("plots.loop_gain", ax, rows, columns, len(which)) as (paper, panels):
+    columns = loops.columns_of(len(which))
+    with pairs("plots.loop_gain", ax, len(which), columns) as (paper, panels):
         for number, (i, (top, below)) in enumerate(zip(which, panels, strict=True)):
             _magnitude(top, grid, values[number], margins, i, decibels)
             _phase(below, grid, values[number], margins, i)

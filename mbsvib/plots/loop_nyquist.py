@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.plots import _loops as loops
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import finer
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,9 +58,8 @@ def loop_nyquist(
     if frequencies is None:
         grid = finer(grid)
     values, margins = loops.gains(loop, which, grid), loop.margins()
-    rows, columns = loops.shape(len(which))
     around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
-    with sheet("plots.loop_nyquist", ax, style.panel_size(rows, columns, 3.6, 4.6), rows, columns, len(which)) as paper:
+    with in_rows("plots.loop_nyquist", ax, len(which), loops.columns_of(len(which)), (4.6, 3.6)) as paper:
         for number, (i, axes) in enumerate(zip(which, paper.panels, strict=True)):
             gain, look = values[number], style.line(0)
             axes.plot(gain.real, gain.imag, **look)

@@ -51,7 +51,7 @@ def measured(
     columns = min(len(drawn), 3)
     f = data.frequencies
     shown = f > 0.0
-    with pairs("plot", ax, -(-len(drawn) // columns), columns, len(drawn)) as (paper, panels):
+    with pairs("plot", ax, len(drawn), columns) as (paper, panels):
         for (i, j), (top, below) in zip(drawn, panels, strict=True):
             curves = [("measured", data.responses[i, j])] + ([] if model is None else [(label, model[i, j])])
             for n, (name, values) in enumerate(curves, paper.first):

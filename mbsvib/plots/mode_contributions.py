@@ -10,7 +10,7 @@ from mbsvib.common import units
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import curves, shared_grid
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +56,7 @@ def mode_contributions(
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system], flat, frequencies, span)
     columns = max(map(len, panels))
-    size = style.panel_size(len(panels), columns, 3.2, 4.0)
-    with sheet("plots.mode_contributions", ax, size, len(panels), columns, len(flat)) as paper:
+    with in_rows("plots.mode_contributions", ax, len(flat), columns, (4.0, 3.2)) as paper:
         for axes, pair, curve in zip(paper.panels, flat, curves(system, flat, grid), strict=True):
             axes.set_title(f"{curve.source} → {curve.output}")
             axes.set_ylabel(f"magnitude [{units.pretty(units.ratio(curve.output_unit, curve.source_unit))}]")

@@ -10,7 +10,7 @@ from mbsvib.common import units
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import curves, finer, shared_grid
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,8 +64,8 @@ def nyquist(
     if frequencies is None:
         grid = finer(grid)
     lines = [curves(system, flat, grid) for _, system in named]
-    rows, columns = len(panels), max(map(len, panels))
-    with sheet("plots.nyquist", ax, style.panel_size(rows, columns, 3.6, 4.6), rows, columns, len(flat)) as paper:
+    columns = max(map(len, panels))
+    with in_rows("plots.nyquist", ax, len(flat), columns, (4.6, 3.6)) as paper:
         for number, ((output, source), axes) in enumerate(zip(flat, paper.panels, strict=True)):
             drawn = [group[number] for group in lines]
             largest = max(float(np.abs(curve.values).max()) * (not curve.negligible) for curve in drawn)

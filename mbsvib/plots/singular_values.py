@@ -12,7 +12,7 @@ from mbsvib.linalg.singular_values import singular_values as singular
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import Curve, curves, shared_grid
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,9 +79,7 @@ def singular_values(
                             f"outputs={groups[0].outputs!r}, inputs={groups[0].inputs!r}.")  # fmt: skip
     grid = shared_grid([system for _, system in named], [group[:2] for group in groups], frequencies, span)
     columns = min(len({tuple(group.inputs) for group in groups}), 4)
-    rows = -(-len(groups) // columns)
-    size = style.panel_size(rows, columns, 2.9, 4.0)
-    with sheet("plots.singular_values", ax, size, rows, columns, len(groups)) as paper:
+    with in_rows("plots.singular_values", ax, len(groups), columns, (4.0, 2.9)) as paper:
         for axes, group in zip(paper.panels, groups, strict=True):
             _panel(axes, named, group, grid, paper.first)
         for axes in paper.panels[:-columns]:

@@ -12,7 +12,7 @@ from mbsvib.plots import _choice as choice
 from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import zeros
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 from mbsvib.plots.grid import time_grid
 
 if TYPE_CHECKING:
@@ -81,8 +81,8 @@ def step(
     t = time_grid(group, marks.until_settled(group, known, zero) if duration is None else duration)
     factor, unit = units.prefix("s", t[-1])
     responses = [_responses(system, t, {source for row in panels for _, source in row}) for system in group]
-    rows, columns = len(panels), max(map(len, panels))
-    with sheet("plots.step", ax, style.panel_size(rows, columns, 2.6, 3.6), rows, columns, len(flat)) as paper:
+    columns = max(map(len, panels))
+    with in_rows("plots.step", ax, len(flat), columns, (3.6, 2.6)) as paper:
         for number, ((output, source), axes) in enumerate(zip(flat, paper.panels, strict=True)):
             drawn = [Drawn(name, system, y[source][system.outputs.index(output)],
                            bool(none[system.outputs.index(output), system.inputs.index(source)]))

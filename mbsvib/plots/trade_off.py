@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import units
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,9 +36,7 @@ def trade_off(data: Any, *, ax: Given | None = None) -> Figure | Given:
     """
     pairs = list(combinations(list(data.values)[:MOST], 2))
     columns = min(len(pairs), COLUMNS)
-    rows = -(-len(pairs) // columns)
-    size = style.panel_size(rows, columns, 3.2, 4.0)
-    with sheet("plots.trade_off", ax, size, rows, columns, len(pairs)) as paper:
+    with in_rows("plots.trade_off", ax, len(pairs), columns, (4.0, 3.2)) as paper:
         for axes, pair in zip(paper.panels, pairs, strict=True):
             _panel(axes, data, pair)
         paper.head(f"Trade-off of {data.name}")

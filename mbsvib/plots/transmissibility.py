@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, Sheet, sheet
+from mbsvib.plots._sheet import Given, Sheet, in_rows
 from mbsvib.plots.isolation import named_studies
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ def transmissibility(
     named = named_studies(studies, labels, "transmissibility plot")
     axes_drawn = named[0][1].scene.base_directions
     columns = min(len(axes_drawn), 3)
-    rows = -(-len(axes_drawn) // columns)
-    size = style.panel_size(rows, columns, 2.8, 4.0)
-    with sheet("plots.transmissibility", ax, size, rows, columns, len(axes_drawn)) as paper:
+    with in_rows("plots.transmissibility", ax, len(axes_drawn), columns, (4.0, 2.8)) as paper:
         coupled = False
         for panel, (direction, axes) in enumerate(zip(axes_drawn, paper.panels, strict=True)):
             for number, (label, study) in enumerate(named, paper.first):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, sheet
+from mbsvib.plots._sheet import Given, in_rows, sheet
 from mbsvib.plots.over_variables import MOST_LINES, bins
 
 if TYPE_CHECKING:
@@ -60,10 +60,7 @@ def tolerances(
     ``sampled``, ``linear`` (n, k): numbers of the samples, and their first-order values. ``nominal`` (k,): numbers of
     the nominal model.
     """
-    count = len(labels)
-    columns = min(3, count)
-    rows = -(-count // columns)
-    with sheet("plot", ax, style.panel_size(rows, columns, 2.3, 4.0), rows, columns, count) as paper:
+    with in_rows("plot", ax, len(labels), min(3, len(labels)), (4.0, 2.3)) as paper:
         for i, (axes, label) in enumerate(zip(paper.panels, labels, strict=True)):
             shown, first = (table[np.isfinite(table[:, i]), i] for table in (sampled, linear))
             low, high = np.quantile(np.concatenate((shown, first)), (0.0005, 0.9995))
