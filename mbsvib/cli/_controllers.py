@@ -36,6 +36,20 @@ def check_delay(delay: float, rate: float | None) -> None:
         raise shell.UsageProblem(f"--delay {delay:g}: give --rate too; in continuous time nothing is delayed.")
 
 
+def holds_controller(path: Path) -> bool:
+    """Whether a file is a controller, or another state space, and no model: its content has matrices."""
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS or not path.is_file():
+        return False
+    if suffix != ".json":
+        return True
+    try:
+        fields = read_json_content(content_of(path, ModelError, "a model or a controller"))
+    except ContentError:  # what is wrong with it is said where it is read as a model
+        return False
+    return isinstance(fields, dict) and "bodies" not in fields and {"A", "B"} <= set(fields)
+
+
 def read_controller(
     path: Path, sensors: list[str] | None, actuators: list[str] | None, rate: float | None
 ) -> tuple[Any, float | None]:
@@ -66,7 +80,7 @@ def read_controller(
     period = _period(content, path, rate)
     from mbsvib import StateSpace
 
-    law = StateSpace.from_arrays(*(content[name] for name in MATRICES), **names)
+    law = StateSpace.from_arrays(*(content[name] for name in MATRICES), **(names | {"name": path.stem}))
     if period is None:
         return law, rate
     import control

@@ -12,7 +12,6 @@ from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import (
     INPUTS,
     JSON,
-    MODEL,
     OUTPUTS,
     Command,
     ModelFile,
@@ -22,16 +21,17 @@ from mbsvib.cli._arguments import (
     option,
     positional,
 )
+from mbsvib.cli._controllers import holds_controller, read_controller
 from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import model_of, system_of
 from mbsvib.errors import nearest
 from mbsvib_export.targets import BY_SUFFIX, TARGETS
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib_export import CosimulationCheck
 
 KINDS = {target.suffixes[0]: target.contents for target in TARGETS} | {".yaml": "the model itself, to be edited"}
+SHORT = 2  # letters of a suffix that is near to most others
 STEP = 1e-4  # s between samples of .c
 # options that some formats have, and the argument of the exporter
 CHOICES = {
@@ -45,11 +45,11 @@ def export(
     version: str | None = None, platforms: str | None = None, tunable: list[str] | None = None,
     inputs: list[str] | None = None, outputs: list[str] | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
-    """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
+    """Write the linear system, frequency responses, the model (.yaml) or a controller, by the suffix of the file."""
     suffix = file.suffix.lower()
     if suffix not in KINDS:
         known = "; ".join(f"{kind}: {words}" for kind, words in KINDS.items())
-        hint = nearest(suffix, KINDS)
+        hint = nearest(suffix, [kind for kind in KINDS if len(kind) > SHORT])  # .csv is no misspelt .c
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
     values: dict[str, Any] = {
         "realization": realization, "step": step, "method": method, "version": version, "tunable": tunable,
@@ -62,11 +62,17 @@ def export(
         if values[argument] is not None and suffix not in kinds:
             raise shell.UsageProblem(f"{name}: '{file}' has no such choice; give {name} with a file that ends in "
                                      f"{' or '.join(kinds)}.")  # fmt: skip
-    source = model_of(model)
+    law = _controller_of(model, suffix, file)
+    source = model_of(model) if law is None else None
     if file.exists() and Path(model.word).exists() and file.samefile(model.word):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
     content = KINDS[suffix]
-    if suffix == ".yaml":
+    if source is None:
+        part = law.with_ports(values.pop("outputs"), values.pop("inputs"))
+        if suffix == ".c":
+            values["method"] = values["method"] or "tustin"
+        content = _write(part, file, {name: value for name, value in values.items() if value is not None})
+    elif suffix == ".yaml":
         from mbsvib.files import save
 
         save(source, file)
@@ -79,7 +85,21 @@ def export(
         shell.say(f"Written: {shell.shown(file)} ({content})")
 
 
-def _write(system: System, file: Path, choices: dict[str, Any]) -> str:
+def _controller_of(model: ModelFile, suffix: str, file: Path) -> Any:
+    """The controller of a file in continuous time, None if the file is a model."""
+    path = Path(model.word)
+    if not holds_controller(path):
+        return None
+    if suffix == ".yaml":
+        raise shell.UsageProblem(f"'{file}': {path} holds a controller, and .yaml is for models; give another format.")
+    law, rate = read_controller(path, None, None, None)
+    if rate is not None:
+        raise shell.UsageProblem(f"{path} is in discrete time, at {rate:g} Hz; only controllers in continuous time are "
+                                 f"exported. For a computer it is ready as it is.")  # fmt: skip
+    return law
+
+
+def _write(system: Any, file: Path, choices: dict[str, Any]) -> str:
     """Write a system by the suffix of a file; return what it contains."""
     suffix = file.suffix.lower()
     target = BY_SUFFIX[suffix]
@@ -148,7 +168,8 @@ def _record(result: CosimulationCheck) -> dict[str, Any]:
 
 COMMANDS = {
     "export": Command(export, (
-        MODEL,
+        positional("model", "MODEL", "Model file, name of a built-in model, or controller with A, B, C, D (.json, "
+                   ".npz, .mat).", completes="model"),
         file_argument(f"Where to: {', '.join(KINDS)}.", required=True),
         INPUTS,
         OUTPUTS,

@@ -189,3 +189,39 @@ def test_fmi_version_platform_and_tunable_parameters(run):
     description = read_model_description(result["file"])
     assert description.fmiVersion == "2.0"
     assert [one.name for one in description.modelVariables if one.variability == "tunable"] == ["k.stiffness"]
+
+
+def test_a_controller_is_exported_as_plants_are(run, tmp_path):
+    """u = 1e5 / (s + 500) y - 250 y; by Tustin's rule at a step of 1 ms, s = 2000 (z - 1) / (z + 1)."""
+    law = {"A": [[-500.0]], "B": [[1.0]], "C": [[1e5]], "D": [[-250.0]], "inputs": ["x"], "outputs": ["F"]}
+    (tmp_path / "law.json").write_text(json.dumps(law))
+    assert run("export law.json -o law.npz").exit_code == 0
+    back = mx.from_npz(tmp_path / "law.npz")
+    assert (back.name, back.inputs, back.outputs) == ("law", ("x",), ("F",))
+    np.testing.assert_array_equal(back.C @ back.B, [[1e5]])
+    assert run("export law.json -o law.c --step 1e-3").exit_code == 0
+    source = (tmp_path / "law.c").read_text()
+    assert "tustin" in source.lower()
+    result = run("export law.json -o law.yaml")
+    assert result.exit_code == 2
+    assert "holds a controller" in result.stderr
+    (tmp_path / "sampled.json").write_text(json.dumps(law | {"dt": 1e-3}))
+    result = run("export sampled.json -o law.npz")
+    assert result.exit_code == 2
+    assert "discrete time, at 1000 Hz" in result.stderr
+
+
+@pytest.mark.slow
+def test_plant_and_controller_of_files_are_co_simulated(run, tmp_path):
+    law = {"A": [[-500.0]], "B": [[1.0]], "C": [[1e5]], "D": [[-250.0]], "inputs": ["x"], "outputs": ["F"]}
+    (tmp_path / "law.json").write_text(json.dumps(law))
+    assert run("export slider.yaml -o plant.fmu").exit_code == 0
+    assert run("export law.json -o law.fmu").exit_code == 0
+    assert run("cosim plant.fmu law.fmu --step 1e-3 --master iteration").exit_code == 0
+
+
+def test_no_format_is_suggested_for_a_suffix_that_is_far_from_all(run):
+    result = run("export slider.yaml -o response.csv")
+    assert result.exit_code == 2
+    assert "Did you mean" not in result.stderr
+    assert "Did you mean '.yaml'" in run("export slider.yaml -o model.yml").stderr
