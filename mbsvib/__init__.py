@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.measurement.comparing import compare
     from mbsvib.measurement.data import Measurement
     from mbsvib.measurement.modes import MeasuredModes
+    from mbsvib.measurement.records import Records
     from mbsvib.mjcf import load_mjcf
     from mbsvib.modes.disparity import modal_disparity
     from mbsvib.studies import optimize, sweep, tolerances, track
@@ -57,6 +58,7 @@ __all__ = [
     "ModelError",
     "Modes",
     "NearSingularWarning",
+    "Records",
     "ResponseError",
     "Run",
     "SimulationError",
@@ -97,6 +99,7 @@ _HOMES = {
     "Measurement": "mbsvib.measurement.data",
     "Model": "mbsvib.api.model",
     "Modes": "mbsvib.api.modes",
+    "Records": "mbsvib.measurement.records",
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.sparse_system",

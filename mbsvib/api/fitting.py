@@ -13,14 +13,17 @@ from mbsvib.common.progress import counting
 from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.fitting.data import KINDS, conditioned, mode_data, response_data
+from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data
 from mbsvib.fitting.knowledge import knowledge
 from mbsvib.fitting.minimizing import STEPS, STEPS_FAR, minimized
+from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.problem import Problem
+from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData
 from mbsvib.fitting.result import Fit
 from mbsvib.fitting.variables import limited, variables
 from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.records import Records
 from mbsvib.mechanism.changes import to_angular_velocities
 
 if TYPE_CHECKING:
@@ -31,7 +34,6 @@ if TYPE_CHECKING:
     from mbsvib.common.progress import Progress
     from mbsvib.fitting.knowledge import Knowledge
     from mbsvib.fitting.minimizing import Found
-    from mbsvib.fitting.mode_data import ModeData
     from mbsvib.fitting.variables import Variables
 
 # Factor of positive values, and change of others in parts of their size, by which starts differ from the first.
@@ -92,20 +94,25 @@ def _problem(
     """All data, one scene for each condition in which they were measured; ``known``: prior and bounds of values."""
     conditions: list[dict[str, float]] = []
     scenes: list[Scene] = []
-    parts: list[ResponseData | ModeData] = []
+    parts: list[ResponseData | RecordData | ModeData] = []
     for k, (values, measured) in enumerate(data, start=1):
         if values not in conditions:
             conditions.append(values)
             scenes.append(Scene(_in_condition(model, values, chosen), chosen.parameters))
         number = conditions.index(values)
         name, scene = f"data {k}", scenes[number]
-        if isinstance(measured, Measurement):
-            part, added = response_data(measured, name, number, scene, kinds, len(chosen.names), chosen.names)
+        if isinstance(measured, (Measurement, Records)):
+            of: Any = response_data if isinstance(measured, Measurement) else record_data
+            part, added = of(measured, name, number, scene, kinds, len(chosen.names), chosen.names)
             chosen = chosen.with_channels(added)
             parts.append(part)
         else:
             parts.append(mode_data(measured, name, number, scene))
-    problem = Problem(limited(chosen, *known), tuple(scenes), tuple(parts))
+    chosen = limited(chosen, *known)
+    parts = [part if not isinstance(part, RecordData) else
+             part.with_free_states(scenes[part.scene](chosen.map @ chosen.start, None)[0], chosen.start)
+             for part in parts]  # fmt: skip
+    problem = Problem(chosen, tuple(scenes), tuple(parts))
     if problem.numbers < len(chosen.names):
         raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers} numbers were measured; give "
                          f"more data, fix values or tie them.", field="free")  # fmt: skip
@@ -136,7 +143,7 @@ def _started(problem: Problem) -> Problem:
     """The problem with starts of gains and delays."""
     values = problem.variables.start
     for data in problem.data:
-        if isinstance(data, ResponseData):
+        if not isinstance(data, ModeData):
             equations, _ = problem.scenes[data.scene](problem.variables.map @ values, None)
             values = data.started(equations, values)
     return Problem(problem.variables.starting(values), problem.scenes, problem.data)
@@ -148,10 +155,13 @@ def _best(problem: Problem, starts: int, seed: int, tell: Any) -> Found:
     spread = np.where(problem.variables.positive, np.log(SPREAD), SPREAD - 1.0)
     spread[len(spread) - int((~problem.variables.map.any(axis=0)).sum()) :] = 0.0  # channels have starts of their own
     found, refused = [], None
+    # responses that short records tell may lead astray, so that these are searched without them as well
+    both = any(isinstance(part, RecordData) and part.estimate is not None for part in problem.data)
     for k in range(starts):
         try:
-            far = minimized(problem, first + (spread * rng.standard_normal(len(first)) if k else 0.0), True, tell)
-            found.append(minimized(problem, far.x, False, tell))
+            start = first + (spread * rng.standard_normal(len(first)) if k else 0.0)
+            far = minimized(problem, start, True, tell)
+            found += [minimized(problem, x, False, tell) for x in ([far.x, start] if both else [far.x])]
         except MbsvibError as error:  # a start that is no mechanism
             refused = error
     if not found:

@@ -227,7 +227,7 @@ class Model(
 
         Parameters
         ----------
-        data : Measurement, MeasuredModes, or list of these
+        data : Measurement, Records, MeasuredModes, or list of these
             What was measured. Data of another payload or pose are pairs of values and measured object,
             ``({"payload.mass": 12.0, "leg1.slide.z": 0.02}, measurement)``; springs of a moved pose are relaxed there.
         free : str or sequence of str
@@ -240,8 +240,10 @@ class Model(
             Limits of values; None: no limit. Positive values, such as masses and stiffnesses, stay within a factor of a
             million of the model's.
         channels : str or sequence of str
-            What each measured channel may have: "gain" (the first input's is held), "delay" [s] and "lag" [s], a
-            first-order low-pass 1 / (1 + s T), of the outputs. They are values "NAME.gain", "NAME.delay", "NAME.lag".
+            What each measured channel may have: "gain" (the first input's is held), "delay" [s], "lag" [s], a
+            first-order low-pass 1 / (1 + s T), "lowpass" and "highpass" of second order, 1 / d and (s / w)^2 / d with
+            d = 1 + 2 zeta s / w + (s / w)^2, of the outputs. They are values "NAME.gain", "NAME.delay", "NAME.lag",
+            "NAME.lowpass.frequency" [Hz], "NAME.lowpass.damping_ratio" and alike.
         starts : int
             How many searches begin, the first at the model, the others around it.
         seed : int

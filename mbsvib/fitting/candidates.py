@@ -19,7 +19,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.problem import Problem
-from mbsvib.fitting.response_data import HELD, ResponseData
+from mbsvib.fitting.response_data import ResponseData
 from mbsvib.fitting.responses import responses
 from mbsvib.linalg.rank import TIE_BREAK
 
@@ -93,10 +93,8 @@ def _with(data: ResponseData, kind: str, number: int, equations: Any) -> Respons
     with np.errstate(all="ignore"), catch_warnings():
         simplefilter("ignore", RuntimeWarning)  # lines without data
         typical = np.nan_to_num(np.nanmedian(chosen, axis=0))[None]
-    held = np.array([HELD])
     end: dict[str, Any] = {"rows": np.array([number])} if kind == "output" else {"columns": np.array([number])}
-    channels = (data.channels._replace(gain=held, delay=held, lag=held) if kind == "output"
-                else data.channels._replace(input_gain=held))  # fmt: skip
+    channels = data.channels.of_new_output() if kind == "output" else data.channels.of_new_input()
     factor = sign[alike[0]][None] if alike else np.ones(sign[:1].shape)
     weight, sign = np.moveaxis(typical, 0, axis), np.moveaxis(factor, 0, axis)
     result: ResponseData = replace(data, weight=weight, sign=sign.astype(complex), whitening=None, channels=channels,

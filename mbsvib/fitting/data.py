@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,21 +10,33 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import shown
 from mbsvib.errors import ResponseError
+from mbsvib.fitting.channels import HELD, Channels
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.response_data import HELD, Channels, ResponseData, weights
+from mbsvib.fitting.record_data import RecordData
+from mbsvib.fitting.response_data import ResponseData, weights
+from mbsvib.fitting.variables import FARTHEST
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.estimation import local_polynomials
 from mbsvib.measurement.modes import MeasuredModes
+from mbsvib.measurement.records import Records
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.measurement.matching import Matching
 
-    Channel = tuple[str, str, float, float, float, float]
+    Channel = tuple[str, str, float, float, float, float, bool]
 
 # What a channel may have, each with its unit, its value if it is held, and its natural size.
-KINDS = ("gain", "delay", "lag")
+KINDS = ("gain", "delay", "lag", "lowpass", "highpass")
+# A filter of second order starts with this damping ratio, and so many times beyond the lines.
+BUTTERWORTH, BEYOND = 0.5**0.5, 2.0
+# Estimated responses count from afar where they are so many times their noise.
+CLEAR = 3.0
+# and where the power of inputs around is at least this share of its median over all lines.
+QUIET, SMOOTHED = 1e-3, 15
 # Relative standard deviations of frequencies and damping ratios, and that of shapes in parts of their largest entry.
 FREQUENCY, DAMPING, SHAPE = 1e-3, 0.1, 0.05
 
@@ -53,7 +66,7 @@ def response_data(
     if not (weight > 0.0).any():
         raise ResponseError(f"fit: {name} has no line that was measured with a known noise; expected finite responses "
                             f"and variances.")  # fmt: skip
-    channels, added = _channels(measurement, kinds, first, known, name)
+    channels, added = _channels(measurement, measurement.omega, kinds, first, known, name)
     return ResponseData(
         name, number, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
         whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, is_known,
@@ -80,27 +93,95 @@ def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Comple
 
 
 def _channels(
-    measurement: Measurement, kinds: Sequence[str], first: int, known: Sequence[str], name: str
+    measured: Measurement | Records, omega: Array, kinds: Sequence[str], first: int, known: Sequence[str], name: str
 ) -> tuple[Channels, list[Channel]]:
-    """Gains of the first input, and delays and lags of all inputs, are held: only products and sums are measured."""
+    """Gains of the first input, and delays and filters of all inputs, are held: only products and sums are measured."""
     added: list[Channel] = []
-    period = 2.0 * np.pi / float(measurement.omega[-1])
-    taken = set(known)
+    taken, lowest, highest = set(known), float(omega[omega > 0.0].min(initial=np.inf)), float(omega[-1])
+    corner = {"lowpass": BEYOND * highest / (2.0 * np.pi), "highpass": min(lowest, highest) / BEYOND / (2.0 * np.pi)}
 
     def number(signal: str, kind: str) -> int:
+        if kind not in kinds:
+            return HELD
         label = f"{signal}.{kind}"
         if label in taken:
             label = f"{name}.{label}"
         taken.add(label)
-        unit, start, size = ("", 1.0, 1.0) if kind == "gain" else ("s", 0.0, period)
-        added.append((label, unit, start, size, 0.0 if kind == "lag" else -np.inf, np.inf))
-        return first + len(added) - 1
+        if kind in corner:
+            entries: list[Channel] = [
+                (f"{label}.{field}", unit, start, start, start / FARTHEST, start * FARTHEST, True)
+                for field, unit, start in (("frequency", "Hz", corner[kind]), ("damping_ratio", "", BUTTERWORTH))]
+        elif kind == "gain":
+            entries = [(label, "", 1.0, 1.0, -np.inf, np.inf, False)]
+        else:
+            least = 0.0 if kind == "lag" else -np.inf
+            entries = [(label, "s", 0.0, 2.0 * np.pi / highest, least, np.inf, False)]
+        added.extend(entries)
+        return first + len(added) - len(entries)
 
-    outer = {kind: np.array([number(signal, kind) if kind in kinds else HELD for signal in measurement.outputs],
-                            dtype=np.intp) for kind in KINDS}  # fmt: skip
-    inner = np.array([number(signal, "gain") if "gain" in kinds and i else HELD
-                      for i, signal in enumerate(measurement.inputs)], dtype=np.intp)  # fmt: skip
-    return Channels(outer["gain"], outer["delay"], outer["lag"], inner), added
+    outer = {kind: np.array([number(signal, kind) for signal in measured.outputs], dtype=np.intp) for kind in KINDS}
+    inner = np.array([number(signal, "gain") if i else HELD for i, signal in enumerate(measured.inputs)], dtype=np.intp)
+    lowpass, highpass = (np.where(outer[kind][:, None] >= 0, outer[kind][:, None] + np.arange(2), HELD)
+                         for kind in ("lowpass", "highpass"))  # fmt: skip
+    return Channels(outer["gain"], outer["delay"], outer["lag"], lowpass, highpass, inner), added
+
+
+def record_data(
+    records: Records, name: str, number: int, scene: Any, kinds: Sequence[str], first: int, known: Sequence[str]
+) -> tuple[RecordData, list[Channel]]:
+    """Return time records as data, and the values of their channels, as ``response_data`` does."""
+    match, outputs, inputs = records.matched(scene.model), scene.plant.outputs, scene.plant.inputs
+    for partner in match.inputs:
+        if partner.derivatives:
+            raise ResponseError(f"fit: the input '{partner.measured}' of {name} is in {partner.measured_unit}, that of "
+                                f"the model in {partner.unit}; give records of what the model has as its input.")
+    rows, columns = (np.array([listed.index(one) for one in names], dtype=np.intp)
+                     for listed, names in ((outputs, match.output_names), (inputs, match.input_names)))  # fmt: skip
+    numbers = records.lines()
+    omega = 2.0 * np.pi * numbers / (records.samples * records.t)
+    channels, added = _channels(records, omega, kinds, first, known, name)
+    measured, driven = records.spectra("output"), records.spectra("input")
+    driven = driven * np.array([partner.sign for partner in match.inputs]).reshape(-1, 1)
+    power, whitening = records.power(), None
+    if power is None:
+        size = np.median(np.abs(measured), axis=(0, 2))[None]
+    else:
+        size = np.sqrt(np.einsum("nii->ni", power))
+        if records.covariance is not None:
+            whitening = np.linalg.inv(np.linalg.cholesky(power[0] / size[0][:, None] / size[0]))
+    weight = np.broadcast_to(np.sqrt(2.0) / size[:, :, None], measured.shape)
+    result = RecordData(
+        name, number, omega, records.t, records.hold, driven, measured, weight, whitening, rows, columns,
+        np.array([partner.sign for partner in match.outputs]),
+        np.array([partner.derivatives for partner in match.outputs], dtype=np.intp),
+        channels, power is not None, None)
+    return replace(result, estimate=_estimated(records, numbers, result, match)), added
+
+
+def _estimated(records: Records, numbers: Index, data: RecordData, match: Matching) -> ResponseData | None:
+    """Responses of the records by local polynomials, None where these do not tell them."""
+    if not len(records.inputs):
+        return None
+    from scipy.ndimage import uniform_filter1d
+
+    every = np.array([*records.outputs.values(), *records.inputs.values()]).swapaxes(0, 1)
+    try:
+        found = local_polynomials(every, (len(records.outputs), len(records.inputs), 0), numbers - 1)
+    except ResponseError:
+        return None
+    ports = tuple(records.outputs), tuple(records.inputs)
+    smooth = Measurement(data.omega, found.responses, *ports, found.variance).smoothed()
+    responses, variance = np.moveaxis(found.responses, 2, 0), np.moveaxis(np.asarray(smooth.variance), 2, 0)
+    weight, known = weights(responses, variance, None)
+    drive = uniform_filter1d((np.abs(data.driven) ** 2).mean(axis=2), SMOOTHED, axis=0)
+    driven = (drive > QUIET * np.median(drive, axis=0)).all(axis=1)
+    clear = np.abs(responses) > CLEAR * np.sqrt(variance)  # logarithms of noise tell nothing
+    weight = np.where(clear & driven[:, None, None], weight, 0.0)
+    if not (weight > 0.0).any():
+        return None
+    sign = np.moveaxis(match.factor(data.omega), 2, 0)
+    return ResponseData(data.name, data.scene, data.omega, responses, weight, None, data.rows, data.columns, sign,
+                        data.channels, known)
 
 
 def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> ModeData:
@@ -134,12 +215,13 @@ def conditioned(data: Any) -> list[tuple[dict[str, float], Any]]:
     """
     several = list(data) if isinstance(data, list) else [data]
     if not several:
-        raise ResponseError("fit: data is empty; expected a Measurement, MeasuredModes or a list of these.")
+        raise ResponseError("fit: data is empty; expected a Measurement, Records, MeasuredModes or a list "
+                            "of these.")  # fmt: skip
     result = []
     for item in several:
         values, measured = item if isinstance(item, tuple) and len(item) == 2 else ({}, item)
-        if not isinstance(measured, (Measurement, MeasuredModes)) or not hasattr(values, "items"):
-            raise ResponseError(f"fit: data has {shown(item)}; expected a Measurement, MeasuredModes, or a pair of "
-                                f"values and one of these, ({{'payload.mass': 12.0}}, measurement).")  # fmt: skip
+        if not isinstance(measured, (Measurement, Records, MeasuredModes)) or not hasattr(values, "items"):
+            raise ResponseError(f"fit: data has {shown(item)}; expected a Measurement, Records, MeasuredModes, or a "
+                                f"pair of values and one of these, ({{'payload.mass': 12.0}}, measurement).")
         result.append(({str(key): check.number(value, "fit", str(key)) for key, value in values.items()}, measured))
     return result

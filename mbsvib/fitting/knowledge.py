@@ -18,8 +18,8 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.fitting.minimizing import CONVERGED
+from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.problem import real_rows
-from mbsvib.fitting.response_data import ResponseData
 from mbsvib.linalg.rank import TIE_BREAK
 
 if TYPE_CHECKING:
@@ -96,11 +96,11 @@ def knowledge(problem: Problem, x: Array) -> Knowledge:
 
 def _scores(problem: Problem, x: Array) -> Array:
     """J^T r of blocks of neighbouring lines, and of each of the other numbers (blocks, v)."""
-    scores, lines = [], sum(len(data.omega) for data in problem.data if isinstance(data, ResponseData))
+    scores, lines = [], sum(len(data.omega) for data in problem.data if not isinstance(data, ModeData))
     for k, block in problem.blocks(x):
         slopes, residual = real_rows(block)
         pieces = len(residual)
-        if k >= 0 and isinstance(problem.data[k], ResponseData):
+        if k >= 0 and not isinstance(problem.data[k], ModeData):
             pieces = max(1, min(len(block.residual), round(BLOCKS * len(x) * len(block.residual) / lines)))
         width = len(residual) // len(block.residual)
         ends = np.linspace(0, len(residual) // width, pieces + 1).round().astype(int) * width
@@ -127,7 +127,7 @@ def _test(problem: Problem, residuals: Sequence[Complex], freedom: int, told: in
     left = CONVERGED if problem.known else 0.0  # of residuals without noise, by a search that ended
     along, power, count, bands = 0.0, 0.0, 0, []
     for data, r in zip(problem.data, residuals, strict=True):
-        if isinstance(data, ResponseData) and len(r) > 2 and np.linalg.norm(r) > max(data.rounding, left):
+        if not isinstance(data, ModeData) and len(r) > 2 and np.linalg.norm(r) > max(data.rounding, left):
             along += float((r[1:] * r[:-1].conj()).real.sum())
             power += float((np.abs(r) ** 2).sum())
             count += 2 * int((data.weight[1:] > 0.0).sum())

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.response_data import Block, ResponseData
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.fitting.mode_data import ModeData
+    from mbsvib.fitting.record_data import RecordData
     from mbsvib.fitting.variables import Variables
 
     # parameters (p,) and directions (p, v) to the equations there and their derivatives (v, ...) by name
@@ -39,7 +40,7 @@ class Problem:
 
     variables: Variables
     scenes: tuple[Scene, ...]
-    data: tuple[ResponseData | ModeData, ...]
+    data: tuple[ResponseData | RecordData | ModeData, ...]
 
     def blocks(self, x: Array, far: bool = False, slopes: bool = True) -> Iterator[tuple[int, Block]]:
         """Yield the number of the data with residuals and their derivatives to x, some lines at a time."""
@@ -103,7 +104,7 @@ class Problem:
         residuals = self.residuals(x)
         share = self.numbers / max(1, self.numbers - len(x))
         return replace(self, data=tuple([
-            data.reweighted(residual, share) if isinstance(data, ResponseData) and not data.known else data
+            data.reweighted(residual, share) if not isinstance(data, ModeData) and not data.known else data
             for data, residual in zip(self.data, residuals, strict=True)]))  # fmt: skip
 
     def residuals(self, x: Array) -> list[Complex]:

@@ -1,6 +1,6 @@
 """Measured frequency responses in a fit: residuals, derivatives, and the channels through which they were measured.
 
-A pair of output o and input i has the response H = g_o g_i e^(-i w (tau_o + tau_i)) / (1 + i w T_o) G of the model's G.
+A pair of output o and input i has the response H = F_o g_i G of the model's G, see ``channels``.
 Residuals r = sqrt(2) (H - Y) / sigma have real and imaginary parts of variance 1 where sigma^2 = E|noise|^2; from afar
 log(H / Y) leads where peaks do not meet.
 
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.fitting.channels import Channels, values_of
 from mbsvib.fitting.responses import blocks, responses
 
 if TYPE_CHECKING:
@@ -37,32 +38,6 @@ class Block(NamedTuple):
 
     residual: Complex
     slopes: Complex | None
-
-
-# In the place of the number of a value: what is held.
-HELD = -1
-
-
-class Channels(NamedTuple):
-    """Numbers among all values of the gains, delays and lags of outputs, and of the gains of inputs, or HELD."""
-
-    gain: Index
-    delay: Index
-    lag: Index
-    input_gain: Index
-
-    def factor(self, values: Array, omega: Array, without_gains: bool = False) -> Complex:
-        """Return H / G (n, outputs, inputs)."""
-        s = 1j * omega[:, None]
-        rows = np.exp(-s * _of(values, self.delay, 0.0)) / (1.0 + s * _of(values, self.lag, 0.0))
-        if without_gains:
-            return np.repeat(rows[:, :, None], len(self.input_gain), axis=2)
-        rows = rows * _of(values, self.gain, 1.0)
-        return np.asarray(rows[:, :, None] * _of(values, self.input_gain, 1.0))
-
-
-def _of(values: Array, number: Index, held: float) -> Array:
-    return np.where(number >= 0, values[number], held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,30 +76,11 @@ class ResponseData:
                 change *= weight * factor
                 every = change
                 if len(change) < len(values):
-                    more = self._of_channels(values, which, self.sign[which] * response, total, len(change))
+                    more = self.channels.slopes(values, self.omega[which], self.sign[which] * response, len(change))
                     every = np.concatenate((change, weight * more))
                 if self.whitening is not None and not far:
                     every = self.whitening[which] @ every
             yield Block(residual, every)
-
-    def _of_channels(self, values: Array, which: slice, model: Complex, total: Complex, first: int) -> Complex:
-        """Derivatives (channels, n, outputs, inputs) to gains, delays and lags, which come behind the ``first`` values.
-        """
-        s, channels = 1j * self.omega[which, None], self.channels
-        slopes = np.zeros((len(values) - first, *total.shape), dtype=complex)
-        bare = channels.factor(values, self.omega[which], without_gains=True) * model
-        outer, inner = _of(values, channels.gain, 1.0), _of(values, channels.input_gain, 1.0)
-        for o in range(len(self.rows)):
-            gain, delay, lag = (int(number[o]) for number in channels[:3])
-            if gain >= 0:
-                slopes[gain - first, :, o] = bare[:, o] * inner
-            if delay >= 0:
-                slopes[delay - first, :, o] = -s * total[:, o]
-            if lag >= 0:
-                slopes[lag - first, :, o] = -s / (1.0 + s * values[lag]) * total[:, o]
-        for i in np.flatnonzero(channels.input_gain >= 0).tolist():
-            slopes[channels.input_gain[i] - first, :, :, i] = bare[:, :, i] * outer
-        return slopes
 
     def _weighted(self, which: slice, total: Complex, far: bool) -> tuple[Complex, Complex | Array]:
         """Residuals of responses H, and what dH is multiplied with to be theirs before outputs are whitened."""
@@ -181,14 +137,14 @@ class ResponseData:
             delays = np.arange(-1.0, PERIODS, STEP) * (2.0 * np.pi / self.omega.max())
             fits = np.abs((np.exp(1j * np.outer(delays, self.omega)) @ turn[:, o]).real).sum(axis=1)
             values[channels.delay[o]] = delays[int(fits.argmax())]
-        turn = turn * np.exp(1j * self.omega[:, None] * _of(values, channels.delay, 0.0))[:, :, None]
+        turn = turn * np.exp(1j * self.omega[:, None] * values_of(values, channels.delay, 0.0))[:, :, None]
         size = np.where(counts, np.log(np.abs(ratio)), 0.0)
         for o in np.flatnonzero(channels.gain >= 0).tolist():
             first = counts[:, o, 0].any()
             where = np.s_[:, o, 0] if first else np.s_[:, o]
             values[channels.gain[o]] = _gain(size[where], turn[where], counts[where])
         if (channels.gain >= 0).any():
-            gain = _of(values, channels.gain, 1.0)
+            gain = values_of(values, channels.gain, 1.0)
             size = size - np.log(np.abs(gain))[:, None] * counts
             turn = turn * np.sign(gain)[:, None]
         for i in np.flatnonzero(channels.input_gain >= 0).tolist():

@@ -70,16 +70,18 @@ class Variables:
         """Return the lowest and highest x."""
         return self.unknowns(self.low), self.unknowns(self.high)
 
-    def with_channels(self, channels: Sequence[tuple[str, str, float, float, float, float]]) -> Variables:
-        """Return these with values of channels: name, unit, start, size, lowest and highest value of each."""
+    def with_channels(self, channels: Sequence[tuple[str, str, float, float, float, float, bool]]) -> Variables:
+        """Return these with values of channels: name, unit, start, size, lowest and highest value of each, and whether
+        it is positive.
+        """
         if not channels:
             return self
-        names, units, *columns = zip(*channels, strict=True)
+        names, units, *columns, positive = zip(*channels, strict=True)
         start, size, low, high = (np.array(column, dtype=float) for column in columns)
         n = len(names)
         return Variables(
             self.names + names, self.units + units, np.append(self.start, start), np.append(self.size, size),
-            np.append(self.low, low), np.append(self.high, high), np.append(self.positive, np.zeros(n, dtype=bool)),
+            np.append(self.low, low), np.append(self.high, high), np.append(self.positive, positive),
             np.concatenate((self.prior, np.full((n, 2), np.nan))), self.parameters,
             np.pad(self.map, ((0, 0), (0, n))),
         )  # fmt: skip

@@ -198,7 +198,7 @@ class Measurement(Doors, Displayed):
         for name in ("modes", "lines", "left_out", "notes"):
             set_(name, tuple(getattr(self, name)))
         set_("nodes", tuple(nodes))
-        set_("quantity", _quantities(self.quantity, self.outputs, self.output_units))
+        set_("quantity", quantities_of(self.quantity, self.outputs, self.output_units))
 
     @property
     def frequencies(self) -> Array:
@@ -380,7 +380,7 @@ def _array(value: Any, shape: tuple[int, ...], field: str, kind: type) -> Any:
     return result
 
 
-def _quantities(given: Any, names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
+def quantities_of(given: Any, names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
     """Return the quantity of each output; "" where neither quantity nor unit says it."""
     listed: tuple[Any, ...] = (given,) * len(names) if given is None or isinstance(given, str) else tuple(given)
     if len(listed) != len(names):

@@ -12,7 +12,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.measurement import estimation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -28,41 +28,44 @@ SI = {"g": (9.80665, "m/s^2"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-
       "mm/s": (1e-3, "m/s"), "Nm": (1.0, "N m")}  # fmt: skip
 
 
-def stacked(groups: Mapping[str, Mapping[str, ArrayLike]]) -> tuple[Array, tuple[int, int, int]]:
-    """Return records (experiments, channels, N) and the number of channels of each group."""
+def stacked(
+    groups: Mapping[str, Mapping[str, ArrayLike]], who: str = "from_records",
+    needed: Sequence[str] = ("output", "input"),
+) -> tuple[Array, tuple[int, int, int]]:  # fmt: skip
+    """Return records (experiments, channels, N) and the number of channels of each group; ``needed`` are not empty."""
     stacked: list[Array] = []
     for kind, group in groups.items():
-        if not hasattr(group, "items") or (not group and kind != "reference"):
-            raise ResponseError(f"from_records: {kind}s = {shown(group)}; expected records by name, {{'F': array}}.")
+        if not hasattr(group, "items") or (not group and kind in needed):
+            raise ResponseError(f"{who}: {kind}s = {shown(group)}; expected records by name, {{'F': array}}.")
         for name, values in group.items():
-            record = np.atleast_2d(reals(values, "from_records", f"'{name}'", "a record of numbers"))
+            record = np.atleast_2d(reals(values, who, f"'{name}'", "a record of numbers"))
             if record.ndim != 2 or (stacked and record.shape != stacked[0].shape):
-                raise ResponseError(f"from_records: '{name}' has shape {record.shape}; expected experiments and "
+                raise ResponseError(f"{who}: '{name}' has shape {record.shape}; expected experiments and "
                                     f"samples{f', {stacked[0].shape} as the others' if stacked else ''}.")  # fmt: skip
             if not np.isfinite(record).all():
                 at = np.argwhere(~np.isfinite(record))[0][-1]
-                raise ResponseError(f"from_records: '{name}' is not finite at sample {at}; cut or repair the record.")
+                raise ResponseError(f"{who}: '{name}' is not finite at sample {at}; cut or repair the record.")
             if (np.ptp(record) if len(record) else 0.0) == 0.0:
-                raise ResponseError(f"from_records: '{name}' is constant; leave this {kind} out.")
+                raise ResponseError(f"{who}: '{name}' is constant; leave this {kind} out.")
             stacked.append(record - record.mean(axis=1, keepdims=True))
     outputs, inputs, references = (len(groups[kind]) for kind in ("output", "input", "reference"))
     if references and references < inputs:
-        raise ResponseError(f"from_records: {references} references for {inputs} inputs; expected as many or more.")
+        raise ResponseError(f"{who}: {references} references for {inputs} inputs; expected as many or more.")
     return np.stack(stacked, axis=1), (outputs, inputs, references)
 
 
-def step_of(t: ArrayLike, count: int) -> float:
+def step_of(t: ArrayLike, count: int, who: str = "from_records") -> float:
     """Return the time between samples [s]."""
-    times = reals(t, "from_records", "t", "even times [s], or the time between samples [s]")
+    times = reals(t, who, "t", "even times [s], or the time between samples [s]")
     if times.ndim == 0 and times > 0.0:
         return float(times)
     if times.shape != (count,) or count < 2 or not np.isfinite(times).all():
-        raise ResponseError(f"from_records: t has shape {times.shape}, records have {count} samples; expected one time "
+        raise ResponseError(f"{who}: t has shape {times.shape}, records have {count} samples; expected one time "
                             f"[s] each, or the time between samples.")  # fmt: skip
     step = float(times[-1] - times[0]) / (count - 1)
     off = np.abs(times - times[0] - step * np.arange(count)).max()
     if not step > 0.0 or off > EVEN * step:
-        raise ResponseError(f"from_records: times are uneven: off by {off:.3g} s from steps of {step:.6g} s; resample "
+        raise ResponseError(f"{who}: times are uneven: off by {off:.3g} s from steps of {step:.6g} s; resample "
                             f"the records.")  # fmt: skip
     return step
 
@@ -84,24 +87,25 @@ def samples_of(count: int, step: float, segments: int | None, period: float | No
 
 
 def check_length(
-    seconds: float, band: tuple[float, float] | None, lowest: tuple[float, float] | None, method: str
-) -> None:
+    seconds: float, band: tuple[float, float] | None, lowest: tuple[float, float] | None, method: str,
+    who: str = "from_records",
+) -> None:  # fmt: skip
     """Refuse lines that stretches of that length do not resolve."""
     windowed = method in ("H1", "H2", "Hv")
     what = f"segments of {seconds:.4g} s" if windowed else f"{seconds:.4g} s"
     hint = "Record longer" + (", take fewer segments, or method='local'." if windowed else ".")
     if band is not None and not (0.0 < band[0] < band[1] and band[0] * seconds >= 1.0):
-        raise ResponseError(f"from_records: band = {shown(band)} Hz with {what}, whose lowest line is "
+        raise ResponseError(f"{who}: band = {shown(band)} Hz with {what}, whose lowest line is "
                             f"{1 / seconds:.4g} Hz; expected a band above it. {hint}")  # fmt: skip
     if lowest is not None:
         frequency, ratio = lowest
         if not (frequency > 0.0 and ratio > 0.0):
-            raise ResponseError(f"from_records: lowest = {shown(lowest)}; expected a frequency [Hz] and a damping "
+            raise ResponseError(f"{who}: lowest = {shown(lowest)}; expected a frequency [Hz] and a damping "
                                 f"ratio.")  # fmt: skip
         times = RESOLVED.get(method, 1)
         if seconds * frequency * ratio < times:
             least = times / (ratio * frequency)
-            raise ResponseError(f"from_records: {what} for a mode at {frequency:g} Hz with damping ratio {ratio:g}; "
+            raise ResponseError(f"{who}: {what} for a mode at {frequency:g} Hz with damping ratio {ratio:g}; "
                                 f"expected {times} / (ratio f) = {least:.4g} s or more. {hint}")  # fmt: skip
 
 

@@ -79,7 +79,7 @@ def time_response_sensitivities(
     count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time), 1))
     for which, change in basis.matrix_derivatives_in_parts(parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
-        matrices = [_exponential(base, h, da, db) for h in steps]
+        matrices = [exponential(base, h, da, db) for h in steps]
         x, z = _march(matrices, kind, force, (begin, _begun(base, system, change, start)), hold == "first")
         result[which] = base.C @ z + dc @ x + dd @ force
     return result
@@ -116,8 +116,8 @@ def _steps(time: Array) -> tuple[Array, Index]:
     return np.bincount(group, step, number) / np.maximum(np.bincount(group, minlength=number), 1), group
 
 
-def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, Array]:
-    """exp of [[A, B, 0], [0, 0, 1 / h], [0, 0, 0]] h, first rows, and its derivatives (v, 2m, 2m + 2 inputs)."""
+def exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, Array]:
+    """Return exp of [[A, B, 0], [0, 0, 1 / h], [0, 0, 0]] h, first rows, and its derivatives (v, 2m, 2m + 2 inputs)."""
     n, i = base.B.shape
     matrix, change = np.zeros((n + 2 * i, n + 2 * i)), np.zeros((len(da), n + 2 * i, n + 2 * i))
     matrix[:n, :n], matrix[:n, n : n + i], matrix[n : n + i, n + i :] = h * base.A, h * base.B, np.eye(i)

@@ -11,8 +11,10 @@ import mbsvib as mv
 from mbsvib.api.fitting import _problem
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.fitting import knowledge
+from mbsvib.fitting.channels import Channels
 from mbsvib.fitting.data import conditioned
-from mbsvib.fitting.response_data import HELD, Channels, ResponseData, weights
+from mbsvib.fitting.mode_data import ModeData
+from mbsvib.fitting.response_data import ResponseData, weights
 from mbsvib.fitting.variables import FARTHEST, variables
 from tests.fitting.scenes import away, chain, measured
 from tests.fitting.test_derivatives import spinning
@@ -120,10 +122,9 @@ def test_weights_of_few_averages_stay_near_their_neighbours():
 def one_output(residual, weight=1.0, omega=OMEGA):
     """Data of one pair with some residuals."""
     n = len(residual)
-    held = np.array([HELD])
     full = np.broadcast_to(weight, n).reshape(n, 1, 1).astype(float)
     return ResponseData("data 1", 0, omega[:n], np.ones((n, 1, 1), dtype=complex), full, None, np.array([0]),
-                        np.array([0]), np.ones((n, 1, 1)), Channels(held, held, held, held), True)  # fmt: skip
+                        np.array([0]), np.ones((n, 1, 1)), Channels.held(1, 1), True)  # fmt: skip
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.0, 1.6])
@@ -136,7 +137,7 @@ def test_residuals_are_noise_or_are_not(scale, smooth, known):
     for k in range(1, 60):
         white[k] = smooth * white[k - 1] + np.sqrt(1 - smooth**2) * white[k]
     r, other = scale * white[:, None, None], rng.standard_normal(5) + 0j
-    problem = SimpleNamespace(known=known, data=(one_output(white), SimpleNamespace()))
+    problem = SimpleNamespace(known=known, data=(one_output(white), object.__new__(ModeData)))
     test = knowledge._test(problem, [r, other], 117, 3)
     total = np.sum(np.abs(r) ** 2) + np.sum(np.abs(other) ** 2)
     if known:
