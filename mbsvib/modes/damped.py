@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 CORRECTION = 1e-4
 # The square of a step this small is less than rounding.
 SQUARED = 1e-9
+# Vectors in the resolvent are as inexact as those whose errors it bounds: these errors are up to twice as large.
+INEXACT = 2.0
 # A tiny divisor in place of 0, so that quotients become large and not infinite.
 TINY = 1e-290
 # Columns of work space with which LAPACK's eigenvalues go block by block.
@@ -142,13 +144,13 @@ def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms
     return _Forms(np.array((h.T.dot(h), gamma, stiffness)), magnitude)
 
 
-def _dampers(system: Equations, shapes: Array) -> Array | None:
-    """Rows L with L^T L = Gamma; None if a damper is negative."""
+def _dampers(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
+    """Rows L with L^T L = Gamma, and the sizes of their terms; None if a damper is negative."""
     used = system.row_damping != 0.0
     if (system.row_damping < 0.0).any():
         return None
-    rows: Array = (system.elastic_rows[used] @ shapes) * np.sqrt(system.row_damping[used])[:, None]
-    return rows
+    rows, weights = system.elastic_rows[used], np.sqrt(system.row_damping[used])[:, None]
+    return (rows @ shapes) * weights, (np.abs(rows) @ np.abs(shapes)) * weights
 
 
 def _coupled(
@@ -260,20 +262,28 @@ def _rayleigh(
     distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
     projection, separation, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    uncertainty = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, projection), TINY)))
+    weight = np.maximum(np.abs(exact_slope) * speed, TINY)
+    slopes = np.sqrt(np.maximum(np.abs(exact_slope), TINY))
+    together = projection * (_both(slopes, complex_count)[:, None] / slopes)  # of what eigenvalues that meet share
+    r = slice(basis.rigid)  # damped rigid-body modes, at the eigenvalue 0 with the slope Gamma
+    brakes = forms.matrices[1].diagonal()[r, None]
+    at_rest = np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
+    uncertainty = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, together), TINY)))
+    uncertainty = INEXACT * (uncertainty + np.add.reduce(np.abs(residual[r] * at_rest)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
     uncertainty += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
-    weight = np.maximum(np.abs(exact_slope) * speed, TINY)
     reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
     if np.count_nonzero(small) < len(small):
         reducible[~small] = 1.0
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
+    if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
+        within = np.abs(improved[:, None] - improved) <= (reducible * speed)[:, None]
+        mixed = np.where(within, reducible[:, None] ** 2, 0.0).max(axis=0)
+        reducible, bound = np.maximum(reducible, mixed), np.maximum(bound, mixed)
     none = np.zeros(share.shape, dtype=complex)
     mixing = np.divide(share, distance, out=none, where=projection < CORRECTION * separation)
     y = y - every.dot(mixing)
-    if basis.rigid:
-        brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)
-        y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
+    y[r] -= at_rest
     y *= 1.0 / _lengths(y)
     damping = forms.matrices[1].dot(y.view(float)).view(complex)
     exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + damping)
@@ -309,10 +319,13 @@ def _uncertain_refined(
 
 
 def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Eigensolution | None:
-    """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
+    """Values, vectors, slopes and bounds of all eigenvalues but 0; None if they are not ``count``."""
     from mbsvib.modes.general_spectrum import spectrum
 
-    _, solution = spectrum(system, rtol)
+    try:
+        _, solution = spectrum(system, rtol)
+    except np.linalg.LinAlgError:  # dampers hide which motions have the eigenvalue 0
+        return None
     complex_count = int(np.count_nonzero(solution.turns))
     order = np.argsort(~solution.turns, kind="stable")
     if complex_count + len(order) != count or not np.isfinite(solution.errors).all():
@@ -325,18 +338,23 @@ def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> 
 
 
 def _with_forces(
-    eigensolution: _Eigensolution, dampers: Array, uncertainty: Array, basis: Undamped, free: int, rtol: float
+    eigensolution: _Eigensolution, dampers: tuple[Array, Array], uncertainty: Array, basis: Undamped, free: int,
+    rtol: float,
 ) -> _Eigensolution:
     """Values, vectors, slopes and bounds; inaccurate ones with the dampers' forces as unknowns if that is better."""
     complex_count = _complex_count(eigensolution[0])
     values, y, slope = (_both(part, complex_count) for part in eigensolution[:3])
     bound, uncertainty = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], uncertainty))
-    equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
+    equations = forces(basis.square[free:], dampers[0][:, free:], basis.rigid - free)
     new, shapes, slopes, errors = improved(equations, values, uncertainty, rtol)
     motion = np.zeros_like(y)
     motion[free:] = shapes
     size = np.abs(slopes * new)
-    trust = _trust(np.abs(new), np.abs(motion), basis)
+    # the equations with forces take the basis as exact: products of different modes are rounding as well
+    part = np.sqrt(2.0 * (basis.errors + EPS))[:, None] * np.abs(motion)
+    trust = (np.abs(new) * part.sum(axis=0)) ** 2 + (basis.omega @ part) ** 2
+    cancel = EPS * (dampers[1] @ np.abs(motion))  # rounding of the dampers' relative motions
+    trust += 2.0 * np.abs(new) * (cancel * (np.abs(dampers[0] @ motion) + cancel)).sum(axis=0)
     errors += np.divide(trust, size, out=np.zeros_like(size), where=size > 0.0)
     better = errors < bound
     values[better], y[:, better], slope[better], bound[better] = (

@@ -180,9 +180,14 @@ def _stationary(equations: DamperForces, s: Any) -> tuple[Any, Any, Any, Array]:
         slope = (x * x * scale**2 * equations.slopes(s)).sum(axis=1)
         step = np.einsum("ki,ki->k", x, np.einsum("kij,kj->ki", matrix, x)) / slope
         s = s - step
-    size = np.einsum("ki,ki->k", np.abs(x), np.einsum("kij,kj->ki", np.abs(matrix), np.abs(x)))
+    matrix, scale = equations.matrix(s)
+    residual, terms = matrix @ x[:, :, None], np.abs(matrix) @ np.abs(x)[:, :, None]
+    # what is wrong with x, by its residual, acts twice: in x and from the left
+    off = np.abs(_near(equations, s, partial(_solution, residual[:, :, 0]))[0])
+    size = ROUNDING * EPS * np.einsum("ki,ki->k", np.abs(x), terms[:, :, 0])
+    size += np.einsum("ki,ki->k", off, (np.abs(residual) + EPS * terms)[:, :, 0])
     speed = np.abs(s)
-    errors = ROUNDING * EPS * size / (np.abs(slope) * speed) + np.abs(step) / speed
+    errors = size / (np.abs(slope) * speed) + np.abs(step) / speed
     y = x[:, :n] * scale[:, :n]
     length = np.linalg.norm(y, axis=1)
     return s, (y / length[:, None]).T, slope / length**2, errors

@@ -208,10 +208,8 @@ LOOSE_CHAINS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LOOSE_CHAINS)
-def test_strong_dampers_in_loose_chains(name):
-    """A strong damper locks some parts, others rest or swing: eigenvalues and responses, to many digits."""
-    masses, stiffness, damping = LOOSE_CHAINS[name]
+def loose_chain(masses, stiffness, damping):
+    """Sliders along x with forces and displacements as ports, the first held by the first element if it has values."""
     model = mv.Model("loose")
     for i, (mass, k, c) in enumerate(zip(masses, stiffness, damping, strict=True)):
         model.add_body(f"b{i}", mass, (0.1, 0.1, 0.1), position=(0, 0, i))
@@ -221,7 +219,14 @@ def test_strong_dampers_in_loose_chains(name):
                               (c, 0, 0, 0, 0, 0))  # fmt: skip
         model.add_input(f"F{i}", f"b{i}", "x")
         model.add_output(f"x{i}", f"b{i}", "x")
-    system = model.linearize()
+    return model.linearize()
+
+
+@pytest.mark.parametrize("name", LOOSE_CHAINS)
+def test_strong_dampers_in_loose_chains(name):
+    """A strong damper locks some parts, others rest or swing: eigenvalues and responses, to many digits."""
+    masses, stiffness, damping = LOOSE_CHAINS[name]
+    system = loose_chain(masses, stiffness, damping)
     modes = system.modes(rtol=1e-12)
     error, ratio = worst(modes, eigenvalues(system))
     assert error <= 1e-12
@@ -236,6 +241,27 @@ def test_strong_dampers_in_loose_chains(name):
             exact = np.array((dynamic**-1).tolist(), dtype=complex).reshape(n, n)
             result = system.frequency_response(omega)[:, :, k]
             np.testing.assert_allclose(result, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
+
+
+# stiffnesses and dampings of the elements below unit masses
+RELAXATIONS = {
+    "beside rigid-body modes": ((0, 1e3, 0, 1e3, 10, 0, 1e3), (1e-3, 1, 3.78375e6, 1e-3, 3.78375e6, 0, 3.78375e6)),
+    "that meet": ((0, 1e3, 0, 1e3), (1e-3, 8.7428e7, 8.7428e7, 8.7428e7)),
+    "that are hardly apart": (
+        (1e3, 0, 0, 1e3, 0), (3654852.5886995066, 1, 1e-3, 3654852.5886995066, 3654852.5886995066)),
+    "far below the others": ((0, 1e3, 0, 1e3, 10, 1e3), (1e-3, 1e-3, 100649080.43271133, 1e-3, 100649080.43271133, 1)),
+    "of which rounding hides zeros": (
+        (1e3, 0, 0, 1e3, 10, 0, 10), (1.015118272989e9, 1.015118272989e9, 1, 1e-3, 1, 1.015118272989e9, 1)),
+}  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.AccuracyWarning")
+@pytest.mark.parametrize("name", RELAXATIONS)
+def test_bounds_hold_for_relaxations(name):
+    """Strong dampers with springs beside them relax slowly, several of them alike: errors stay below their bounds."""
+    stiffness, damping = RELAXATIONS[name]
+    system = loose_chain((1,) * len(stiffness), stiffness, damping)
+    assert worst(system.modes(rtol=1e-12), eigenvalues(system))[1] <= 1.0
 
 
 @pytest.mark.slow
