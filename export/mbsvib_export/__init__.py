@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mbsvib_export.synthesis_ import augw, h2syn, hinfsyn, mixsyn
     from mbsvib_export.transfer_ import to_transfer_function
     from mbsvib_export.uff_ import densities_from_uff, from_uff, records_from_uff, to_uff
+    from mbsvib_export.xarray_ import to_xarray
 
 __all__ = [
     "BatchData", "CFiles", "CasadiModel", "Comparison", "CosimulationCheck", "ExportCheck", "FmuFile", "MasterCheck",
@@ -41,7 +42,7 @@ __all__ = [
     "from_hdf5", "from_json", "from_mat", "from_npz", "from_npz_batch", "from_uff", "h2syn", "hinfsyn", "json_schema",
     "mixsyn", "named", "records_from_uff", "to_c", "to_casadi", "to_casadi_eigenvalues", "to_casadi_response",
     "to_control", "to_dmig", "to_exudyn", "to_fmu", "to_frd", "to_hdf5", "to_json", "to_mat", "to_modelica", "to_npz",
-    "to_npz_batch", "to_op4", "to_scipy", "to_ssp", "to_transfer_function", "to_uff", "with_names",
+    "to_npz_batch", "to_op4", "to_scipy", "to_ssp", "to_transfer_function", "to_uff", "to_xarray", "with_names",
 ]  # fmt: skip
 
 # The names of each file, which is imported when one of them is asked for.
@@ -54,7 +55,7 @@ _NAMES = {
     "names_": "SignalNames", "naming": "named with_names", "neutral": "SystemData",
     "npz_": "BatchData from_npz to_npz from_npz_batch to_npz_batch", "op4_": "to_op4", "scipy_": "to_scipy",
     "synthesis_": "augw h2syn hinfsyn mixsyn", "transfer_": "to_transfer_function",
-    "uff_": "densities_from_uff from_uff records_from_uff to_uff",
+    "uff_": "densities_from_uff from_uff records_from_uff to_uff", "xarray_": "to_xarray",
 }  # fmt: skip
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
 

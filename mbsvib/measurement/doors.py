@@ -15,6 +15,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.columnar import pandas_for
 from mbsvib.common.expected import a_path, reals
 from mbsvib.common.file_content import LARGEST_UNPACKED, content_of, shortened
+from mbsvib.common.labelled import Labelled, of_responses
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.measurement.time_records import check_length, estimate, samples_of, si, stacked, step_of
@@ -249,6 +250,30 @@ class Doors:
         columns = pandas.MultiIndex.from_product([data.outputs, data.inputs], names=ENDS)
         index = pandas.Index(data.frequencies, name=HERTZ)
         return pandas.DataFrame(data.responses.reshape(len(columns), len(index)).T, index=index, columns=columns)
+
+    def to_xarray(self) -> Any:
+        """Return the responses and their noise as a data set of xarray.
+
+        Returns
+        -------
+        xarray.Dataset
+            "response" and, as far as known, "variance", "coherence" and "noise_variance" (output, input, frequency),
+            "covariance" (output, other_output, frequency); coordinates "frequency" [Hz], "output", "input", and
+            "output_unit", "input_unit" of each.
+
+        Raises
+        ------
+        ExportError
+            If xarray is not installed.
+        """
+        data, axes = cast("Any", self), ("output", "input", "frequency")
+        known: dict[str, Labelled] = {"response": (axes, data.responses, None)}
+        known |= {name: (axes, array, None) for name in ("variance", "coherence", "noise_variance")
+                  if (array := getattr(data, name)) is not None}  # fmt: skip
+        if data.covariance is not None:
+            known["covariance"] = ("output", "other_output", "frequency"), data.covariance, None
+        return of_responses("to_xarray", data.frequencies, (data.outputs, data.inputs),
+                            (data.output_units, data.input_units), known)  # fmt: skip
 
     @classmethod
     def from_pandas(cls, table: Any, **channels: Any) -> Self:

@@ -15,6 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
+from mbsvib.common.labelled import Labelled, dataset
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.plots.over_variables import over_variables
 
@@ -163,6 +164,40 @@ class Sweep(Columnar, Displayed):
         if self.errors:
             result["error"] = np.array([self.errors.get(i, "") for i in range(len(self))])
         return result
+
+    def to_xarray(self) -> Any:
+        """Return variables and results as a data set of xarray.
+
+        Returns
+        -------
+        xarray.Dataset
+            Results over the variables of a grid, or over "point" where these vary together; entries of vectors have
+            the axis "mode" in tracks, else "LABEL entry", which counts from 1. "error" where points failed.
+
+        Raises
+        ------
+        ExportError
+            If xarray is not installed.
+        """
+        grid = len(self.shape) > 1 or len(self.axes) == 1
+        axes = tuple(self.axes) if grid else ("point",)
+        coordinates: dict[str, Labelled] = {name: ((name,) if grid else axes, values, self.units.get(name))
+                                            for name, values in self.axes.items()}  # fmt: skip
+        if self.entries:
+            coordinates["mode"] = ("mode",), list(self.entries), None
+        variables: dict[str, Labelled] = {}
+        for label in self.results:
+            values = self.grid(label)
+            sizes = values.shape[len(axes) :]
+            own = ["mode"] if self.entries else [f"{label} entry{f' {k + 1}' if len(sizes) > 1 else ''}"
+                                                 for k in range(len(sizes))]  # fmt: skip
+            for name, size in zip(own, sizes, strict=True):
+                coordinates.setdefault(name, ((name,), np.arange(1, size + 1), None))
+            variables[label] = (*axes, *own), values, self.units.get(label)
+        if self.errors:
+            errors = np.array([self.errors.get(i, "") for i in range(len(self))])
+            variables["error"] = axes, errors.reshape(self.shape), None
+        return dataset("to_xarray", variables, coordinates, self.name)
 
     def table(self) -> dict[str, Any]:
         """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.
