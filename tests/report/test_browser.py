@@ -298,6 +298,14 @@ def test_the_first_response_is_not_zero_by_symmetry(look):
     assert page.trouble == []
 
 
+def test_frequencies_at_ticks_are_whole_numbers(page, stewart):
+    """0.2, 0.5, 1, 2, ...: a 2 beside a 10 would be read as 2 Hz where 20 Hz are meant."""
+    choose_pair(page, "Fz", "z")
+    values, texts = page.evaluate("(({tickvals, ticktext}) => [tickvals, ticktext])(by('bode').layout.xaxis)")
+    assert [float(text) for text in texts] == pytest.approx(values)
+    assert len(values) >= 3
+
+
 def test_names_in_the_topology_do_not_overlap_on_a_phone(look):
     page = look(mv.library.stewart_isolator())
     page.set_viewport_size({"width": 390, "height": 800})

@@ -10,14 +10,14 @@ function drawShares(which) {
   const low = Math.min(0, ...z.flat()), high = Math.max(1, ...z.flat()), size = Math.max(high, -low);
   const colour = (share, rgb) => `rgb(${rgb.map((value) => Math.round(255 + (value - 255) * Math.abs(share) / size)).join()})`;
   const zero = -low / (high - low), scale = [[0, colour(low, [196, 50, 31])], [zero, "#fff"], [1, colour(high, [43, 92, 158])]];
-  by("shares").style.height = `${110 + 22 * Math.max(rowsOf.length, 4)}px`;
+  by("shares").style.height = `${124 + 22 * Math.max(rowsOf.length, 4)}px`;
   Plotly.react("shares", [{type: "heatmap", z, x: z.length ? z[0].map((_, i) => i + 1) : [], y: rowsOf.map((_, i) => i), xgap: 1, ygap: 1,
     zmin: low, zmax: high, colorscale: scale.slice(zero ? 0 : 1), colorbar: {title: {text: "share [%]", side: "right"}, thickness: 12},
     text: z.map((values) => values.map((value) => (Math.abs(value) >= 0.5 ? value.toFixed(0) : ""))), customdata: rowsOf.map(([name]) => Array(count).fill(plain(name))),
     texttemplate: count <= 20 && by("shares").clientWidth > 34 * count + 220 ? "%{text}" : "",
     hovertemplate: "<b>%{customdata}</b><br>mode %{x}: %{z:.2f} %<extra></extra>"}],
   layout({xaxis: modeAxis("shares", count), yaxis: {tickvals: rowsOf.map((_, i) => i), ticktext: rowsOf.map(([name]) => plain(name)), ticks: "outside", tickcolor: "#fff", ticklen: 4,
-    autorange: "reversed", showgrid: false, zeroline: false, automargin: true}, margin: {l: 20, r: 10, t: 14, b: 50}}), CONFIG);
+    autorange: "reversed", showgrid: false, zeroline: false, automargin: true}, margin: {l: 20, r: 10, t: matchMedia("(hover: none)").matches ? 36 : 14, b: 50}}), CONFIG);  // above: room for the tools
 }
 if (!data.topology) {
   for (const id of ["energy", "structure"]) { by(id).remove(); document.querySelector(`nav a[href="#${id}"]`).remove(); }

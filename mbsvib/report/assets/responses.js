@@ -76,7 +76,7 @@ function drawBode() {
   Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
     title: {text: `${plain(input)} → ${plain(output)}`, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
-    xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", ...ticks(low, high), minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
+    xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", minor: MINOR, ...ticks(low, high)}),
     yaxis: axis(decibel ? `magnitude [dB${unit === "1" ? "" : ` re 1 ${plain(unit)}`}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power", ...(decibel ? {} : decades(traces))}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
   const worst = Math.max(...chosen.map(({source}) => source.form.error));
@@ -92,8 +92,17 @@ function decades(traces) {
   const wide = values.reduce((most, value) => Math.max(most, value), -Infinity) - values.reduce((least, value) => Math.min(least, value), Infinity);
   return wide > 1.2 ? {dtick: Math.ceil(wide / 8)} : {};
 }
-// One labelled tick a decade, two or three of them on short ranges, and automatic ones where a window is narrow.
-const ticks = (low, high) => (high / low < 8 ? {} : {dtick: high / low < 300 ? "D2" : 1});
+// Ticks at 1, 2 and 5 of a decade, or at full decades, all with whole numbers; automatic ones where a window is narrow.
+const MINOR = {showgrid: true, gridcolor: "#f2f4f6"};
+function ticks(low, high) {
+  if (high / low < 8) return {};
+  const tickvals = [], lines = [], first = Math.floor(Math.log10(low)), steps = high / low < 300 ? [1, 2, 5] : [1];
+  for (let k = first; k <= Math.log10(high); k++) {
+    tickvals.push(...steps.map((step) => step * 10 ** k));
+    lines.push(...[1, 2, 3, 4, 5, 6, 7, 8, 9].map((step) => step * 10 ** k));
+  }
+  return {tickvals, ticktext: tickvals.map((value) => String(Number(value.toPrecision(3)))), minor: {...MINOR, tickvals: lines}};
+}
 
 function drawStep() {
   if (!chosen.length) return;
