@@ -216,4 +216,4 @@ def _in_words(combination: Mapping[str, float], chosen: Variables) -> str:
     if len(combination) == 1:
         return next(iter(combination))
     changes = [f"{name} {'+' if share > 0.0 else '-'}{abs(share):.2g} %" for name, share in combination.items()]
-    return f"{' with '.join(changes)} leaves the data as they are"
+    return f"{', '.join(changes[:-1])} and {changes[-1]} together leave the data as they are"

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 LEAST, MOST = 1e-3, 1e7
 
 
+NOT_CONVERGED = ("The search did not converge. Begin with a model nearer to the data, bound values or give a prior, or "
+                 "free fewer of them.")  # fmt: skip
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Fit(Columnar, Displayed):
     """The ``model`` that measured data tell, and what is known of its ``values``, {name: value}.
@@ -208,11 +212,11 @@ class Fit(Columnar, Displayed):
         for name, value in self.values.items():
             low, high = self.intervals[name]
             shown, *ends = _rounded(value, low, high)
-            width = " ... ".join(ends) if np.isfinite(high - low) else "not told by the data"
+            width = " ... ".join(ends) if np.isfinite(high - low) else "not determined by the data"
             rows.append((name, shown, width, self.units[name]))
         test = self.residual_test
-        notes = [] if self.converged else ["The search did not converge."]
-        notes += [f"Not told by the data: {words}." for words in self.unidentified]
+        notes = [] if self.converged else [NOT_CONVERGED]
+        notes += [f"Not determined by the data: {words}." for words in self.unidentified]
         if test.passed:
             notes.append("The residuals are noise.")
         else:

@@ -176,7 +176,7 @@ def test_springs_in_series_are_told_by_their_sum_only():
     assert "upper.stiffness" in fit.unidentified[0]
     assert fit.intervals["lower.stiffness"] == (0.0, np.inf)
     assert np.isinf(fit.covariance[0, 0])
-    assert "not told by the data" in str(fit)
+    assert "not determined by the data" in str(fit)
     series_stiffness = 1.0 / (1.0 / fit.values["lower.stiffness"] + 1.0 / fit.values["upper.stiffness"])
     assert series_stiffness == pytest.approx(1.0 / (1e-4 + 0.5e-4), rel=2e-3)
     both = start.fit(data, ["lower.stiffness", "upper.stiffness"])

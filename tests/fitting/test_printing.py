@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbsvib.fitting import knowledge
+from mbsvib.fitting.result import NOT_CONVERGED
 from tests.fitting.scenes import chain, measured
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 60.0, 80)
@@ -26,12 +27,12 @@ def test_a_fit_prints_its_values_and_what_it_does_not_know():
                     units={"a": "N/m", "b": "m", "c": "", "d": "kg", "e": ""})  # fmt: skip
     rows, notes = table_of(shown)
     assert rows == [("a", "12346", "12340 ... 12351", "N/m"), ("b", "2.00e-05", "1.90e-05 ... 2.10e-05", "m"),
-                    ("c", "-0.50", "-0.75 ... -0.25", ""), ("d", "3", "not told by the data", "kg"),
+                    ("c", "-0.50", "-0.75 ... -0.25", ""), ("d", "3", "not determined by the data", "kg"),
                     ("e", "1.0", "0.0 ... 2.0", "")]  # fmt: skip
     assert notes == ["The residuals are noise."]
     test = knowledge.ResidualTest(False, 6.25, 0.456, ((1.0, 2.0), (30.126, 40.0)))
     rows, notes = table_of(replace(fit, converged=False, unidentified=("a with b",), residual_test=test))
-    assert notes == ["The search did not converge.", "Not told by the data: a with b.",
+    assert notes == [NOT_CONVERGED, "Not determined by the data: a with b.",
                      "The model does not explain the data: residuals 2.5 times as large as the stated noise, with a "
                      "correlation of 0.46 from line to line are no noise.", "Intervals come from the residuals.",
                      "Not reached: 1 to 2, 30.13 to 40 Hz."]  # fmt: skip
