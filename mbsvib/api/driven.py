@@ -11,6 +11,7 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.sensitivities import SensitiveVerbs
 from mbsvib.api.state_space import StateSpace
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import angular
 from mbsvib.common.selection import port_numbers
 from mbsvib.errors import ResponseError, counted
 from mbsvib.random.verbs import RandomVerbs
@@ -179,9 +180,10 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         ResponseError
             If a frequency is not finite or a pole, or 0 with a velocity or acceleration, or a name is unknown.
         """
+        w = angular(omega)
         part = self.with_ports(outputs, inputs)
         equations = part.ends
-        response: Complex = driven_response(equations.frequency_response(omega), equations.inputs, part.drives, omega)
+        response: Complex = driven_response(equations.frequency_response(w), equations.inputs, part.drives, w)
         return response
 
     def reduced(self, order: int | None = None, error: float | None = None, method: str = "balanced",

@@ -149,8 +149,8 @@ class Operating:
         """
         from scipy.optimize import linear_sum_assignment
 
-        system = cast("Any", self).with_ports(outputs, inputs)
         w = angular(omega)
+        system = cast("Any", self).with_ports(outputs, inputs)
         s, total, space = 1j * w, system.frequency_response(w), _motions(system).state_space()
         values, right = np.linalg.eig(space.A)
         modes = system.modes()

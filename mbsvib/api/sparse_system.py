@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import PortedVerbs
 from mbsvib.sparse.equations import SparseEquations
@@ -153,8 +154,9 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         from mbsvib.common.selection import port_numbers
         from mbsvib.sparse.response import frequency_response
 
+        w = angular(omega)
         rows, columns = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
-        return frequency_response(self, omega)[np.ix_(rows, columns)]
+        return frequency_response(self, w)[np.ix_(rows, columns)]
 
     def static_compliance(self) -> Array:
         """Return the static displacements of the outputs per unit input, Cq K^-1 B (and D where it has accelerations).

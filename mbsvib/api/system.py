@@ -14,6 +14,7 @@ from mbsvib.api.operating import Operating
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.expected import angular
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import counted
 from mbsvib.mechanism.mechanism import Mechanism
@@ -162,7 +163,8 @@ class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, S
         """
         from mbsvib.responses.frequency_response import frequency_response
 
-        return frequency_response(self.with_ports(outputs, inputs).basis, omega)
+        w = angular(omega)
+        return frequency_response(self.with_ports(outputs, inputs).basis, w)
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None,

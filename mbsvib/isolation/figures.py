@@ -262,9 +262,13 @@ class Figures(Columnar):
         """
         f = self.frequencies
         static = self.compliance_values[:, 0]
+        # a maximum at the first frequency is the end of a response that only falls
+        peak = (("resonance", _hertz(self.resonance)), ("amplification at resonance",
+                f"{self.amplification:.4g} ({_decibel(self.amplification)})"))  # fmt: skip
+        if self.resonance <= f[0] and not len(self.undamped):
+            peak = (("resonance", "none in this band"), ("amplification at resonance", f"none: {peak[1][1]} at most"))
         rows = [
-            ("resonance", _hertz(self.resonance)),
-            ("amplification at resonance", f"{self.amplification:.4g} ({_decibel(self.amplification)})"),
+            *peak,
             ("isolation starts at (crossover)",
              f"{'below ' if self.crossover == f[0] else ''}{_hertz(self.crossover)}"),
             ("index one decade above crossover",

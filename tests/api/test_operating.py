@@ -104,3 +104,11 @@ def test_motions_without_mass_contribute_by_their_single_eigenvalue():
     single = np.abs(poles.imag) == 0.0
     expected = np.array([parts[:, ~single].sum(axis=1), parts[:, single].sum(axis=1)])
     np.testing.assert_allclose(system.mode_contributions(omega)[:, 0, 0], expected, rtol=1e-12)
+
+
+def test_names_in_place_of_frequencies_are_told_as_such():
+    """What is wrong is the first argument, not the names behind it."""
+    system, driven = mv.library.quarter_car().linearize(), mv.library.chain(600).linearize()
+    for call in (system.frequency_response, system.mode_contributions, driven.frequency_response):
+        with pytest.raises(mv.errors.ResponseError, match="omega = 'body.az'; expected a vector of numbers"):
+            call("body.az", "road")

@@ -143,3 +143,13 @@ def test_csv_holds_every_digit(tmp_path):
 def test_mistakes_are_told(words, message):
     with pytest.raises(mv.MbsvibError, match=message):
         isolation.study(library.stewart(), **words)
+
+
+def test_a_response_that_only_falls_has_no_resonance():
+    """Force feedback without leak takes the static stiffness away: the index is largest where the band begins."""
+    plant = isolation.actuated(one_axis(0.05), "payload", directions="z")
+    loop = plant.with_gains(isolation.force_feedback(plant, 400.0))
+    rows = dict(loop.isolation().table()["rows"])
+    assert rows["resonance"] == "none in this band"
+    assert rows["amplification at resonance"].startswith("none: ")
+    assert dict(isolation.study(one_axis(0.05), "payload", directions="z").table()["rows"])["resonance"].endswith(" Hz")
