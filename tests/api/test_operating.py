@@ -110,5 +110,5 @@ def test_names_in_place_of_frequencies_are_told_as_such():
     """What is wrong is the first argument, not the names behind it."""
     system, driven = mv.library.quarter_car().linearize(), mv.library.chain(600).linearize()
     for call in (system.frequency_response, system.mode_contributions, driven.frequency_response):
-        with pytest.raises(mv.errors.ResponseError, match="omega = 'body.az'; expected a vector of numbers"):
+        with pytest.raises(mv.errors.ResponseError, match=r"omega = 'body\.az'; expected a vector of numbers"):
             call("body.az", "road")
