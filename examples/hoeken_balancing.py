@@ -42,7 +42,8 @@ def draw():
     """The linkage, the force on its frame, and the front."""
     import matplotlib.pyplot as plt
 
-    _, (left, hodograph, right) = plt.subplots(1, 3, figsize=(13.5, 4.4), layout="constrained")
+    _, panels = plt.subplot_mosaic("ac;bc", figsize=(8.6, 5.8), layout="constrained", width_ratios=(5, 4))
+    left, hodograph, right = (panels[name] for name in "abc")
     for i in range(0, 72, 9):
         ends = {name: [before.positions[name][i] + sign * 0.5 * length * before.orientations[name][i][:, 0]
                        for sign in (-1, 1)] for name, length in (("link1", 0.1), ("link2", 0.25), ("link3", 0.25))}
@@ -51,18 +52,18 @@ def draw():
             left.plot(x, y, color=colour, alpha=1.0 if i == 9 else 0.25, lw=2.5, label=name if i == 9 else None)
     left.plot([0, 200], [0, 0], "k^", ms=8)
     left.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", title="Hoeken's linkage, eight positions")
-    left.legend()
     for what, mark in (("moment", "o-"), ("torque", "s--")):
         right.plot(rms["force"], rms[what], mark, ms=4, label=f"{what} of optimal designs")
     right.plot([1, 1], [1, 1], "k*", ms=11, label="without counterweights")
     right.plot([0, 0], [berkof.rms(what) / before.rms(what) for what in WHAT[1:]], "kx", ms=8, label="Berkof and Lowen")
     right.set(xlabel="rms shaking force, relative [1]", ylabel="rms moment and torque, relative [1]", title="Trade-off")
-    right.legend()
     for cycle, label in ((before, "without"), (between, "in between"), (berkof, "Berkof and Lowen")):
         force = np.vstack((cycle.shaking_force, cycle.shaking_force[:1]))
         hodograph.plot(force[:, 0], force[:, 1], ".-" if cycle is not berkof else "ko", label=label)
     hodograph.set(xlabel="force along x [N]", ylabel="force along y [N]", aspect="equal", title="Shaking force")
-    hodograph.legend(loc="lower right")
+    for axes in (left, hodograph):
+        axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
     plt.show()
 
 

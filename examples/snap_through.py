@@ -47,7 +47,7 @@ def draw():
     """Moment and frequency of the latch, and the force of the pushed arch."""
     import matplotlib.pyplot as plt
 
-    _, (left, middle, right) = plt.subplots(1, 3, figsize=(12.5, 3.8), layout="constrained")
+    _, (left, middle, right) = plt.subplots(1, 3, figsize=(12.5, 4.1), layout="constrained")
 
     def curve(axes, path, colour, label):
         stable = path.curve_stable[:-1] | path.curve_stable[1:]
@@ -67,7 +67,7 @@ def draw():
         curve(right, path, f"C{i}", f"{pusher:.0f} N/m")
     right.set(xlabel="displacement of the slider [m]", ylabel="force [N]", title="Arch pushed by a spring")
     for axes in (left, right):
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3)
     for axes in (left, middle, right):
         axes.grid(alpha=0.3)
         axes.axhline(0.0, color="k", lw=0.6)
