@@ -13,7 +13,7 @@ from mbsvib.common.selection import signal_names
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.products import nonzero_eigenrows
 from mbsvib.mechanism.topology import Topology
 
 if TYPE_CHECKING:
@@ -139,10 +139,9 @@ def _rows(matrix: Array) -> tuple[Array, Array, Array | None]:
     scaled = matrix / size[:, None] / size
     scaled_antisymmetric = 0.5 * (scaled - scaled.T)
     scaled_antisymmetric[np.abs(scaled_antisymmetric) <= SYMMETRIC * np.maximum(1.0, np.abs(scaled))] = 0.0
-    weights, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T)) if len(matrix) else (np.zeros(0), matrix)
-    used = np.abs(weights) > len(matrix) * EPS * np.abs(weights).max(initial=0.0)
+    weights, rows = nonzero_eigenrows(0.5 * (matrix + matrix.T), size)
     antisymmetric = np.asarray(scaled_antisymmetric * size[:, None] * size) if scaled_antisymmetric.any() else None
-    return vectors[:, used].T * size, weights[used], antisymmetric
+    return rows, weights, antisymmetric
 
 
 def _outputs(

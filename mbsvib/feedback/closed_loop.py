@@ -19,6 +19,7 @@ from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
 from mbsvib.feedback.noise import with_noise
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.sampled import SampledLoop
+from mbsvib.linalg.products import nonzero_eigenrows
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
@@ -80,10 +81,8 @@ def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, 
     skew[np.abs(skew) <= noise] = 0.0
     symmetric = 0.5 * (change + change.T)
     scale = np.sqrt(np.maximum(np.abs(symmetric).max(axis=0, initial=0.0), np.finfo(float).tiny))
-    weights, vectors = np.linalg.eigh(symmetric / scale[:, None] / scale) if len(change) else (np.zeros(0), symmetric)
-    used = np.abs(weights) > len(forces) * EPS * np.abs(weights).max(initial=0.0)
-    rows = vectors[:, used].T * scale
-    return symmetric + skew, rows, weights[used], skew if skew.any() else None
+    weights, rows = nonzero_eigenrows(symmetric, scale)
+    return symmetric + skew, rows, weights, skew if skew.any() else None
 
 
 def _sum(first: Array | None, second: Array | None) -> Array | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.memory import MANY
-from mbsvib.linalg.rank import ZERO_EIGENVALUE, ZERO_SUM
+from mbsvib.linalg.rank import EPS, ZERO_EIGENVALUE, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -113,11 +113,21 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
     return _scaled_eigenrows(matrix, np.sqrt(np.abs(np.einsum("...ii->...i", matrix))))
 
 
-def _scaled_eigenrows(matrix: Array, scale: Array) -> tuple[Array, Array]:
+def nonzero_eigenrows(matrix: Array, scale: Array) -> tuple[Array, Array]:
+    """Return values v (r,) and rows U (r, n), without what is rounding, with matrix (n, n) = U^T diag(v) U.
+
+    ``scale`` (n,): sizes by which rows and columns are divided, so that units do not mix.
+    """
+    values, rows = _scaled_eigenrows(matrix, scale, len(matrix) * EPS)
+    nonzero = values != 0.0
+    return values[nonzero], rows[nonzero]
+
+
+def _scaled_eigenrows(matrix: Array, scale: Array, zero: float = ZERO_EIGENVALUE) -> tuple[Array, Array]:
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(matrix / scale[..., None] / scale[..., None, :])
     size = np.abs(values)
-    values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
+    values[size <= zero * size.max(axis=-1, keepdims=True, initial=0.0)] = 0.0
     return values, np.swapaxes(vectors * scale[..., None], -1, -2)
 
 
