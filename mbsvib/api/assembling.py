@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mbsvib.api.system import System
 from mbsvib.assembly.connections import WHO, connections_of, part_of
 from mbsvib.assembly.responses import assembled_responses
+from mbsvib.assembly.sparse_systems import assembled_sparse
 from mbsvib.assembly.systems import assembled_system
-from mbsvib.common.arguments import shown
-from mbsvib.common.expected import names, real
+from mbsvib.common.arguments import DIRECTIONS, shown
+from mbsvib.common.expected import kind_of, names, real
+from mbsvib.elements.superelement_files import Reduced
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -17,7 +22,7 @@ if TYPE_CHECKING:
 
 def assemble(
     parts: Mapping[str, Any], connect: Iterable[tuple[Any, ...]], *, remove: str | Iterable[str] = (),
-    distance: float = 1e-3, name: str = "assembly",
+    distance: float = 1e-3, name: str = "assembly", positions: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return parts that are joined at their ports.
 
@@ -27,8 +32,9 @@ def assemble(
 
     Parameters
     ----------
-    parts : mapping of str to Model, System or Measurement
-        By name. Each is in balance by itself: connections carry no force at rest.
+    parts : mapping of str to Model, System, SparseSystem, Measurement or superelements.Reduced
+        By name. Each is in balance by itself: connections carry no force at rest. Sparse systems are those of
+        ``System.from_matrices``; ports of reduced matrices from files are the numbers of their grid points.
     connect : iterable of (str, str, how) or (str, str, how, directions)
         Two ports PART.PORT, as ``model.add_port`` makes them: inputs and outputs PORT.x ... PORT.rz. ``how`` is
         "rigid", a stiffness (d,) or (d, d) [N/m, N m/rad], or a pair: stiffness and damping, or stiffness and
@@ -41,12 +47,15 @@ def assemble(
         How far ports that are joined may be apart [m], where their places are known.
     name : str
         Name of the system.
+    positions : mapping of str to array-like, shape (3,), optional
+        Places [m] of ports PART.PORT of which the part does not know them, such as nodes of matrices, world axes.
 
     Returns
     -------
-    System or AssembledMeasurement
+    System, SparseSystem or AssembledMeasurement
         A system, where no part is measured or taken away; names are PART.NAME, motions of the ground have one input.
-        Else responses at the measured lines with ``variance``, ``condition`` and ``kept``, printed as a table.
+        It is sparse if a part is. Else responses at the measured lines with ``variance``, ``condition`` and ``kept``,
+        printed as a table.
 
     Raises
     ------
@@ -61,7 +70,14 @@ def assemble(
     if not hasattr(parts, "items") or len(parts) < 2:
         raise ModelError(f"{WHO}: parts = {shown(parts)}; expected two or more by name, "
                          f"{{\"base\": system, \"payload\": other}}.")  # fmt: skip
-    held = {key: part_of(key, given) for key, given in parts.items()}
+    places: dict[str, dict[str, Any]] = {key: {} for key in parts}
+    for port, place in (positions or {}).items():
+        owner = max((key for key in parts if port.startswith(f"{key}.")), key=len, default=None)
+        if owner is None:
+            raise ModelError(f"{WHO}: positions has '{port}', which belongs to none of {', '.join(parts)}; expected "
+                             f"names PART.PORT.", element=str(port))  # fmt: skip
+        places[owner][port.removeprefix(f"{owner}.")] = place
+    held = {key: part_of(key, _linear(key, given), places[key]) for key, given in parts.items()}
     apart = real(distance, WHO, "distance", "a distance [m], 0 or more", least=0.0)
     connections = connections_of(held, connect, apart)
     gone = names(remove, WHO, "remove", ModelError)
@@ -73,5 +89,19 @@ def assemble(
         if gone:
             raise ModelError(f"{WHO}: remove = {', '.join(gone)}, but no part is measured; expected a measurement, "
                              f"whose lines the result has. Of systems, leave the part out.")  # fmt: skip
-        return assembled_system(listed, connections, name)
+        sparse = any(kind_of(part.linear) == "sparse system" for part in listed)
+        return (assembled_sparse if sparse else assembled_system)(listed, connections, name)
     return assembled_responses(listed, connections, gone)
+
+
+def _linear(name: str, given: Any) -> Any:
+    """The system of reduced matrices, with ports at their grid points."""
+    if not isinstance(given, Reduced):
+        return given
+    if not given.labels:
+        raise ModelError(f"{WHO}: the reduced matrices '{name}' have no labels of grid points; make a system of them, "
+                         f"System.from_matrices with inputs and outputs NODE.x, and so on.", element=name)  # fmt: skip
+    at = [k for k, (_, component) in enumerate(given.labels) if component]
+    rows = np.eye(len(given.labels))[at]
+    names = [f"{given.labels[k][0]}.{DIRECTIONS[given.labels[k][1] - 1]}" for k in at]
+    return System.from_matrices(given.M, given.C, given.K, rows.T, rows, inputs=names, outputs=names, name=name)

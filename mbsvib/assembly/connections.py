@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, shown
 from mbsvib.common.expected import kind_of
 from mbsvib.elements.dynamic import Dynamic
@@ -33,13 +35,14 @@ EXPECTED = '("base.tip", "payload.root", "rigid")'
 @dataclass(frozen=True)
 class Part:
     """A part by its ``name``: a ``linear`` system or a measurement, with the ``ports`` {port: directions} and places
-    of its channels.
+    of its channels; ``positions`` [m] of ports are those that were given.
     """
 
     name: str
     linear: Any
     ports: Mapping[str, tuple[str, ...]]
     places: Mapping[tuple[str, str], Place]
+    positions: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def is_measured(self) -> bool:
@@ -49,22 +52,32 @@ class Part:
     def channels(self, port: str, directions: Iterable[str]) -> tuple[list[int], list[int]]:
         """Return the numbers of the outputs and of the inputs of a port."""
         names = [f"{port}.{direction}" for direction in directions]
-        return [self.linear.outputs.index(name) for name in names], [self.linear.inputs.index(name) for name in names]
+        outputs, inputs = self._numbers
+        return [outputs[name] for name in names], [inputs[name] for name in names]
+
+    @cached_property
+    def _numbers(self) -> tuple[dict[str, int], dict[str, int]]:
+        outputs, inputs = ({name: k for k, name in enumerate(names)}
+                           for names in (self.linear.outputs, self.linear.inputs))  # fmt: skip
+        return outputs, inputs
 
     def position(self, port: str) -> Array | None:
         """Return where a port is (3,) [m]; None where that is not known."""
+        if port in self.positions:
+            return self.positions[port]
         found = [place for direction in self.ports[port]
                  if (place := self.places.get(("output", f"{port}.{direction}"))) is not None]  # fmt: skip
         return found[0].position if found else None
 
 
-def part_of(name: Any, given: Any) -> Part:
-    """Return a part that is a model, a system or a measurement."""
+def part_of(name: Any, given: Any, positions: Mapping[str, Any] | None = None) -> Part:
+    """Return a part that is a model, a system, a sparse one or a measurement; ``positions`` of its ports [m]."""
     if not isinstance(name, str) or not name:
         raise ModelError(f"{WHO}: a part has the name {shown(name)}; expected a text that is not empty.")
     linear = given.linearize() if kind_of(given) == "model" else given
-    if not isinstance(linear, Measurement) and kind_of(linear) != "system":
-        hint = ("It is held sparse: give some of its modes, reduced(40) without correction."
+    matrices = getattr(linear, "matrices", None)
+    if not isinstance(linear, Measurement) and kind_of(linear) != "system" and matrices is None:
+        hint = ("It is a mechanism that is held sparse: give some of its modes, reduced(40) without correction."
                 if kind_of(linear) == "sparse system" else "Of a state space, give the responses.")  # fmt: skip
         raise ModelError(f"{WHO}: part '{name}' is a {kind_of(linear) or type(linear).__name__}; expected a Model, a "
                          f"System or a Measurement. {hint}", element=name)  # fmt: skip
@@ -74,7 +87,13 @@ def part_of(name: Any, given: Any) -> Part:
         if port and direction in DIRECTIONS and output in known:
             ports[port] = (*ports.get(port, ()), direction)
     ordered = {port: tuple(d for d in DIRECTIONS if d in directions) for port, directions in ports.items()}
-    return Part(name, linear, ordered, model_places(linear))
+    given_places = {port: np.array(check.vector(place, WHO, f"positions['{name}.{port}']"))
+                    for port, place in (positions or {}).items()}  # fmt: skip
+    for port in given_places:
+        if port not in ordered:
+            raise ModelError(f"{WHO}: positions has '{name}.{port}', which is no port of '{name}'."
+                             f"{nearest(port, list(ordered))}", element=f"{name}.{port}")  # fmt: skip
+    return Part(name, linear, ordered, model_places(linear), given_places)
 
 
 def connections_of(parts: Mapping[str, Part], connect: Iterable[Any], distance: float) -> list[Connection]:
@@ -116,6 +135,8 @@ def _by_position(
     first: list[tuple[Part, str]], second: list[tuple[Part, str]], given: Any
 ) -> list[tuple[tuple[Part, str], tuple[Part, str]]]:
     """Each port of the shorter list with the nearest one of the other."""
+    from scipy.spatial import KDTree
+
     swap = len(first) > len(second)
     few, many = (second, first) if swap else (first, second)
     places = [[part.position(port) for part, port in ports] for ports in (few, many)]
@@ -124,13 +145,14 @@ def _by_position(
             raise ModelError(f"{WHO}: {shown(given[0])} and {shown(given[1])} are matched by position, but that of "
                              f"'{part.name}.{port}' is not known; name the ports one by one.",
                              element=f"{part.name}.{port}")  # fmt: skip
-    apart = np.linalg.norm(np.array(places[0])[:, None] - np.array(places[1])[None], axis=2)
-    nearest_ones = apart.argmin(axis=1).tolist()
-    for k, chosen in enumerate(nearest_ones):
-        if nearest_ones.index(chosen) < k:
+    nearest_ones = KDTree(np.array(places[1])).query(np.array(places[0]))[1].tolist()
+    taken: set[int] = set()
+    for chosen in nearest_ones:
+        if chosen in taken:
             part, port = many[chosen]
             raise ModelError(f"{WHO}: '{part.name}.{port}' is the nearest of two ports of {shown(given[0])} and "
                              f"{shown(given[1])}; name the ports one by one.", element=f"{part.name}.{port}")
+        taken.add(chosen)
     pairs = [(few[k], many[chosen]) for k, chosen in enumerate(nearest_ones)]
     return [(b, a) for a, b in pairs] if swap else pairs
 

@@ -273,32 +273,39 @@ def _reduction(whole: Equations, rows: Array, rigid: Sequence[Ends]) -> tuple[In
     Coordinates are compared by the motion of unit kinetic energy, rows by their largest entry; coordinates of earlier
     parts remain where sizes are equal.
     """
-    n = rows.shape[1]
-    size = (1.0 + TIE_BREAK * np.arange(n)) / np.sqrt(whole.M.diagonal())
-    scaled = rows * size
     turns = np.array([direction[0] == "r" for one in rigid for direction in one.connection.directions])
+    kept, dependent, independent, block = eliminated(rows, np.sqrt(whole.M.diagonal()), turns, rigid[-1].name)
+    matrix = np.zeros((rows.shape[1], len(independent)))
+    matrix[independent, np.arange(len(independent))] = 1.0
+    matrix[dependent] = block
+    return kept, dependent, Reduction(independent, matrix, ())
+
+
+def eliminated(rows: Array, unit: Array, turns: Any, beside: str) -> tuple[Index, Index, Index, Array]:
+    """Return independent rows of L q = 0, dependent and independent coordinates, and q_d = N q_i (d, i).
+
+    ``unit`` (n,): roots of masses; ``turns`` (rows,): which rows are rotations; ``beside``: the last connection.
+    """
+    n = rows.shape[1]
+    size = (1.0 + TIE_BREAK * np.arange(n)) / unit
+    scaled = rows * size
     largest = np.abs(scaled).max(axis=1, initial=0.0)
     for kind in (turns, ~turns):
         scaled[kind & (largest <= ZERO_SUM * largest[kind].max(initial=0.0))] = 0.0
-    unit = np.where(scaled.any(axis=1), largest, 1.0)
-    scaled /= unit[:, None]
+    scaled /= np.where(scaled.any(axis=1), largest, 1.0)[:, None]
     qr, order, _ = pivoted_qr(scaled)
     pivots = np.abs(qr.diagonal())
     rank = int(np.count_nonzero(pivots > DEPENDENT_ROWS))
     if rank < len(pivots) and rank and pivots[rank] * RANK_GAP > pivots[rank - 1]:
         raise SingularPoseError(
             f"{WHO}: it is in doubt whether a rigid connection locks a motion or repeats another one (pivots "
-            f"{pivots[rank - 1]:.1e} and {pivots[rank]:.1e}, beside {rigid[-1].name}). Move ports that nearly "
+            f"{pivots[rank - 1]:.1e} and {pivots[rank]:.1e}, beside {beside}). Move ports that nearly "
             f"coincide, or join some of them by a stiffness.")  # fmt: skip
     dependent = np.sort(order[:rank])
     kept = np.sort(pivoted_qr(scaled[:, dependent].T)[1][:rank])
     independent = np.setdiff1d(np.arange(n), dependent)
-    matrix = np.zeros((n, len(independent)))
-    matrix[independent, np.arange(len(independent))] = 1.0
-    if rank:
-        block = np.ix_(kept, dependent)
-        matrix[dependent] = -np.linalg.solve(rows[block], rows[np.ix_(kept, independent)])
-    return kept, dependent, Reduction(independent, matrix, ())
+    block = np.asarray(-np.linalg.solve(rows[np.ix_(kept, dependent)], rows[np.ix_(kept, independent)]), dtype=float)
+    return kept, dependent, independent, block
 
 
 def _with_forces(whole: Any, forces: Array, rows: Array, kept: Index, dependent: Index) -> Any:

@@ -22,7 +22,12 @@ def explain(system: SparseEquations) -> str:
     """
     if system.matrices is not None:
         given = system.matrices
-        return (f"{system.name}: {system.dof} DOF, sparse matrices\n  made of matrices; there is no mechanism\n"
+        joined = [f"  {one.explained}\n" for one in system.connections[:SHOWN]]
+        if len(system.connections) > SHOWN:
+            farthest = max((one.distance or 0.0 for one in system.connections), default=0.0)
+            joined.append(f"  and {len(system.connections) - SHOWN} more, at most {1e3 * farthest:.3g} mm apart\n")
+        origin = "assembled of parts" if joined else "made of matrices; there is no mechanism"
+        return (f"{system.name}: {system.dof} DOF, sparse matrices\n  {origin}\n{''.join(joined)}"
                 f"  {len(system.joint_coordinates)} coordinates, {len(given.massless)} of them without mass\n"
                 f"  {given.M.nnz} entries in M, {given.C.nnz} in C, {given.K.nnz} in K")  # fmt: skip
     topology = system.topology

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Removed
+    from mbsvib.equations.equations import Connection, Removed
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -44,8 +44,8 @@ class SparseEquations:
     """
 
     _engine = (
-        "constraints elastic_rows inertia_factor input_rows kind layout loading loop_rows matrices output_rows "
-        "removed row_damping row_owner row_stiffness separation structure tableau undetermined"
+        "connections constraints elastic_rows inertia_factor input_rows kind layout loading loop_rows matrices "
+        "output_rows removed row_damping row_owner row_stiffness separation structure tableau undetermined"
     )
 
     kind: ClassVar[str] = "sparse system"
@@ -80,6 +80,7 @@ class SparseEquations:
     gyroscopic: csr_matrix | None = None
     separation: SparseSeparation | None = None
     matrices: SparseMatrices | None = None
+    connections: tuple[Connection, ...] = ()
 
     @property
     def dof(self) -> int:
