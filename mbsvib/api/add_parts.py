@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mbsvib.elements import body as _body
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import dynamic_bushing as _dynamic
+from mbsvib.elements import dynamic_spring as _dynamic_spring
+from mbsvib.elements import dynamic_torsion as _dynamic_torsion
 from mbsvib.elements import inerter as _inerter
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import maxwell as _maxwell
-from mbsvib.elements import spring as _spring
-from mbsvib.elements import torsion_spring as _torsion
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.connection import Connection
     from mbsvib.elements.dynamic import Dynamic
     from mbsvib.elements.dynamic_bushing import DynamicBushing
+    from mbsvib.elements.dynamic_spring import DynamicSpring
+    from mbsvib.elements.dynamic_torsion import DynamicTorsionSpring
     from mbsvib.elements.inerter import Inerter
     from mbsvib.elements.torsion_spring import TorsionSpring
 
@@ -192,9 +194,11 @@ class RigidMechanism(Mechanism):
     def add_spring(
         self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike,
         stiffness: float = 0.0, damping: float = 0.0, preload: float | None = None,
-        free_length: float | None = None,
-    ) -> Spring:  # fmt: skip
+        free_length: float | None = None, *, dynamic: Dynamic | Mapping[str, Any] | None = None,
+    ) -> Spring | DynamicSpring:  # fmt: skip
         """Add a spring-damper along the line between two points.
+
+        k*(s) = k + c s, or with ``dynamic`` f, as of rubber, k*(s) = f(s) k + c s
 
         Parameters
         ----------
@@ -209,21 +213,27 @@ class RigidMechanism(Mechanism):
         preload : float, optional
             Tension in the given pose [N]; negative where it pushes.
         free_length : float, optional
-            Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length).
+            Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length), with
+            ``dynamic`` times its factor at rest.
+        dynamic : Dynamic or mapping, optional
+            How the stiffness depends on frequency: a sum of relaxations, such as ``Dynamic.prony`` and ``rational``
+            make; also its ``words``, as model files have them. Each relaxation k is a spring in
+            series with a damper: a first-order state ``"NAME.k.z"``, parameters ``NAME.gk`` and ``NAME.tauk`` [s].
 
         Returns
         -------
-        Spring
+        Spring or DynamicSpring
             The part.
 
         Raises
         ------
         ModelError
-            If a body is unknown, the points coincide, or neither stiffness, damping nor preload is given.
+            If a body is unknown, the points coincide, neither stiffness, damping nor preload is given, or ``dynamic``
+            has no states or no positive stiffness.
         """
         a, b = self._between("spring", name, first, second)
-        part = _spring.make(name, a, b, start, end, stiffness, damping, preload, free_length)
-        return self._keep(self._springs, part)
+        part = _dynamic_spring.make(name, a, b, start, end, stiffness, damping, preload, free_length, dynamic)
+        return self._keep_with_nodes(part)
 
     def add_maxwell(
         self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike, stiffness: float,
@@ -296,8 +306,8 @@ class RigidMechanism(Mechanism):
 
     def add_torsion_spring(
         self, name: str, first: str | Body, second: str | Body, axis: ArrayLike, stiffness: float = 0.0,
-        damping: float = 0.0, preload: float | None = None,
-    ) -> TorsionSpring:  # fmt: skip
+        damping: float = 0.0, preload: float | None = None, *, dynamic: Dynamic | Mapping[str, Any] | None = None,
+    ) -> TorsionSpring | DynamicTorsionSpring:  # fmt: skip
         """Add a torsion spring-damper about one axis, which ``first`` carries; it takes no force.
 
         Parameters
@@ -312,16 +322,20 @@ class RigidMechanism(Mechanism):
             N m/rad and N m s/rad, of the twist of ``second`` against ``first`` about the axis.
         preload : float, optional
             Moment about the axis on ``second`` in the given pose [N m]; ``first`` takes its reaction.
+        dynamic : Dynamic or mapping, optional
+            How the stiffness depends on frequency, as that of a bushing (``add_bushing``), with the first-order state
+            ``"NAME.k.rz"`` and the parameters ``NAME.gk`` and ``NAME.tauk`` [s] of each relaxation k.
 
         Returns
         -------
-        TorsionSpring
+        TorsionSpring or DynamicTorsionSpring
             The part.
 
         Raises
         ------
         ModelError
-            If a body is unknown, the axis is zero, or neither stiffness, damping nor preload is given.
+            If a body is unknown, the axis is zero, neither stiffness, damping nor preload is given, or ``dynamic`` has
+            no states or no positive stiffness.
         """
         a, b = self._between("torsion spring", name, first, second)
-        return self._keep(self._springs, _torsion.make(name, a, b, axis, stiffness, damping, preload))
+        return self._keep_with_nodes(_dynamic_torsion.make(name, a, b, axis, stiffness, damping, preload, dynamic))

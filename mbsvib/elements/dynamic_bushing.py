@@ -21,11 +21,11 @@ from mbsvib.common.arguments import DIRECTIONS, Matrix3, Vector
 from mbsvib.elements import bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.bushing import ZERO, Bushing, Matrix6, Six, matrix6
-from mbsvib.elements.connection import Connection
 from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell_rows import Node, as_node_joint
 from mbsvib.elements.part import ParameterField, Part, spatial_field
+from mbsvib.elements.relaxing import Relaxing, factor_of
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 GROUND = "ground"
 # Eigenvalues of a matrix with ones on its diagonal that are zero, and how far below zero rounding takes them.
@@ -44,7 +43,7 @@ _UNITS = ("N/m", "N/rad", "N m/rad")
 
 
 @dataclass(frozen=True, slots=True)
-class DynamicBushing(Connection):
+class DynamicBushing(Relaxing):
     """A bushing as ``Bushing`` is one, whose stiffness ``dynamic`` lets depend on frequency.
 
     ``dynamic_stiffness`` [N/m, N m/rad] is the part K_d that does; None: all of it.
@@ -97,34 +96,18 @@ class DynamicBushing(Connection):
                        self.orientation, self.preload)  # fmt: skip
 
     @property
-    def rest_wrench(self) -> tuple[float, ...]:
-        return self.at_rest.rest_wrench
-
-    @property
     def cross_coupling(self) -> tuple[Array, Array] | None:
         return self.at_rest.cross_coupling
-
-    def preload_form(self, size: float) -> PreloadForm | None:
-        return self.at_rest.preload_form(size)
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield from Bushing(self.name, self.first, self.second, self.position, self.stiffness, self.damping,
                            self.orientation, self.preload).parameter_fields()  # fmt: skip
         if self.dynamic_stiffness is not None:
             yield spatial_field("dynamic_stiffness", self.dynamic_stiffness, _UNITS)
-        for k, (g, tau) in enumerate(self.dynamic.terms, 1):
-            yield ParameterField(f"g{k}", g, "-")
-            yield ParameterField(f"tau{k}", tau, "s")
+        yield from self.term_fields()
 
     def with_values(self, values: Mapping[str, Any]) -> DynamicBushing:
-        terms = [tuple(values.get(f"{label}{k}", value) for label, value in zip(("g", "tau"), pair, strict=True))
-                 for k, pair in enumerate(self.dynamic.terms, 1)]  # fmt: skip
-        own = {field for k in range(1, len(terms) + 1) for field in (f"g{k}", f"tau{k}")}
-        changed = self._arguments_with({field: value for field, value in values.items() if field not in own})
-        if own & set(values):
-            changed["dynamic"] = self.dynamic.words() | dict(zip(("weights", "times"), zip(*terms, strict=True),
-                                                                 strict=True))  # fmt: skip
-        result = make(**changed)
+        result = make(**self.terms_with(values))
         assert isinstance(result, DynamicBushing)
         return result
 
@@ -160,13 +143,7 @@ def make(
             raise ModelError(f"{who}: dynamic_stiffness is given without dynamic; give both, or leave it out.",
                              element=who, field="dynamic_stiffness")  # fmt: skip
         return plain
-    factor = Dynamic.of_words(dynamic) if isinstance(dynamic, Mapping) else dynamic
-    if not isinstance(factor, Dynamic):
-        raise check.refuse(who, "dynamic", dynamic, "an mv.Dynamic, how the stiffness depends on frequency")
-    if not factor.is_rational:
-        raise ModelError(f"{who}: dynamic = {factor!r} has no states, which a mechanism needs; give the sum of "
-                         f"relaxations that is nearest over a band of frequencies [Hz], dynamic.rational((low, high)), "
-                         f"which states its error.", element=who, field="dynamic")  # fmt: skip
+    factor = factor_of(dynamic, who)
     field = "stiffness" if dynamic_stiffness is None else "dynamic_stiffness"
     own = None if dynamic_stiffness is None else bushing.coefficients(dynamic_stiffness, who, field)
     result = DynamicBushing(name, first, second, plain.position, plain.stiffness, factor, plain.damping,
@@ -191,6 +168,8 @@ def expand(part: DynamicBushing, *_: Any) -> ExpandedPart:
     bodies, joints, dampers = {}, {}, {}
     carriers = {f"{name}.rest": replace(part.at_rest, name=f"{name}.rest")}
     for k, (stiffness, tau) in enumerate(part.relaxations, 1):
+        if not part.dynamic.terms[k - 1][0]:
+            continue
         stem = f"{name}.{k}"
         node = f"{stem}.node"
         bodies[node] = Node(node, 0.0, (0.0,) * 6, point)

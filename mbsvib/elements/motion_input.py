@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.common import arguments as check
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.dynamic_bushing import DynamicBushing
+from mbsvib.elements.dynamic_spring import DynamicSpring
 from mbsvib.elements.maxwell import Maxwell
 from mbsvib.elements.part import derived
 from mbsvib.elements.ports import MOTION_UNITS, QUANTITIES, Signal, Six, placed_in_axes, unit_along, with_wrench
@@ -179,7 +180,7 @@ def check_element(part: MotionInput, element: Any) -> None:
         If it is no spring, bushing or Maxwell element with one end on ground, or the direction is not its own.
     """
     who = f"motion input '{part.name}'"
-    if not isinstance(element, (Spring, Bushing, Maxwell, DynamicBushing)):
+    if not isinstance(element, (Spring, Bushing, Maxwell, DynamicBushing, DynamicSpring)):
         what = "no element of this model" if element is None else f"a {element.family}"
         raise ModelError(f"{who}: element '{part.element}' is {what}; expected a joint, or a spring, bushing or "
                          f"Maxwell element with one end on ground.", element=part.name, field="element")  # fmt: skip

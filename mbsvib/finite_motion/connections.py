@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from mbsvib.elements.bushing import LARGEST_ANGLE, matrix6
+from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.elements.connection import Connection
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.rotations import Expression, entries
@@ -75,8 +75,8 @@ def connected(part: Any, motion: Kinematics) -> Connected:
         force, potential = force + series, potential + 0.5 * k1 * (x - y) ** 2
         dissipation, rates = dissipation + 0.5 * series**2 / c1, series / c1
     for stiffness, time in () if law.relaxations is None else getattr(part, law.relaxations):
-        matrix = ca.sparsify(ca.SX(matrix6(stiffness)))
-        acts = np.flatnonzero(matrix6(stiffness).any(axis=1)).tolist()
+        array = np.array(stiffness) if isinstance(stiffness[0], tuple) else np.diag(stiffness)
+        matrix, acts = ca.sparsify(ca.SX(array)), np.flatnonzero(array.any(axis=1)).tolist()
         own = ca.SX.sym(part.name, len(acts))
         stretch = ca.SX.zeros(x.shape)
         stretch[acts] = x[acts] - own

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.elements import bushing, dynamic_bushing, inerter, joint, maxwell, spring, torsion_spring
+from mbsvib.elements import (
+    bushing,
+    dynamic_bushing,
+    dynamic_spring,
+    dynamic_torsion,
+    inerter,
+    joint,
+    maxwell,
+    spring,
+    torsion_spring,
+)
 from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.joint_motion import Columns
@@ -29,6 +39,7 @@ JOINTS = {kind: {"kind": kind} for kind in KINDS} | {
 }
 SPATIAL = np.diag((9.0, 8.0, 7.0, 0.6, 0.5, 0.4)) + 0.1
 WRENCH = (1.0, -2.0, 3.0, 0.4, -0.5, 0.6)
+FACTOR = mv.Dynamic.prony([0.5], [0.1])
 CONNECTIONS = {
     "spring": spring.make("s", "a", "b", START, POINT, 3.0, 0.2, 1.7),
     "spring of a free length": spring.make("s", "a", "b", START, POINT, 3.0, 0.2, None, 0.4),
@@ -37,7 +48,9 @@ CONNECTIONS = {
     "bushing": bushing.make("s", "a", "b", POINT, (1, 2, 3, 4, 5, 6), (6, 5, 4, 3, 2, 1), AXES, WRENCH),
     "bushing of matrices": bushing.make("s", "a", "b", POINT, SPATIAL, 0.1 * SPATIAL, AXES, WRENCH),
     "dynamic bushing": dynamic_bushing.make("s", "a", "b", POINT, SPATIAL, 0.1 * SPATIAL, AXES, WRENCH,
-                                            mv.Dynamic.prony([0.5], [0.1])),
+                                            FACTOR),
+    "dynamic spring": dynamic_spring.make("s", "a", "b", START, POINT, 3.0, 0.2, 1.7, None, FACTOR),
+    "dynamic torsion spring": dynamic_torsion.make("s", "a", "b", AXES[:, 2], 3.0, 0.2, 1.7, FACTOR),
     "torsion spring": torsion_spring.make("s", "a", "b", AXES[:, 2], 3.0, 0.2, 1.7),
 }
 

@@ -68,13 +68,21 @@ def besides(draft):
                 size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
                 arguments[word] = share * (matrix + size * (cross - cross.T))
     if "dynamic bushing" in features:
-        _rubber(draft)
+        first, second = draft.pair()
+        _rubber(draft, bushing(draft, first, second, full=draft.chance(0.5), prefix="rubber"))
+    if "dynamic spring" in features:
+        first, second = draft.pair()
+        _rubber(draft, draft.add("spring", "strut", first=first, second=second, start=draft.near(first, 0.5),
+                                 end=draft.near(second, 0.5), stiffness=float(10 ** rng.uniform(3, 4.5)),
+                                 damping=draft.damping(1e3)))  # fmt: skip
+    if "dynamic torsion spring" in features:
+        first, second = draft.pair()
+        _rubber(draft, draft.add("torsion_spring", "coil", first=first, second=second, axis=rng.normal(size=3),
+                                 stiffness=float(10 ** rng.uniform(2, 3.5))))  # fmt: skip
 
 
-def _rubber(draft):
-    """A bushing with two relaxations and a damper that go with its stiffness."""
-    first, second = draft.pair()
-    name = bushing(draft, first, second, full=draft.chance(0.5), prefix="rubber")
+def _rubber(draft, name):
+    """Two relaxations and a damper that go with the stiffness of an element."""
     arguments = next(call for call in draft.calls if call.name == name).arguments
     arguments["dynamic"] = {"viscous": float(10 ** draft.rng.uniform(-4, -3)),
                             "weights": draft.rng.uniform(0.2, 1.0, 2), "times": 10 ** draft.rng.uniform(-2.5, -1, 2)}

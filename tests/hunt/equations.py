@@ -85,7 +85,7 @@ class Equations:
             self.internal[part.name], n = n, n + part.internal
         for call in self.scene.of("maxwell"):
             self.internal[call.name], n = n, n + 1
-        for call in self.scene.of("bushing"):
+        for call in self.scene.of("bushing", "spring", "torsion_spring"):
             self.internal[call.name], n = n, n + 6 * len(words_of(call).get("weights", ()))
         self.size = n
         ground = self.number["ground"]
@@ -211,6 +211,8 @@ class Equations:
             damped = a.get("damping", 0.0) * rows
             self.C += rows.T @ damped
             self.elements[call.name] = (a["stiffness"] * rows, damped)
+            if "dynamic" in a:
+                self._relaxations(call, rows)
         for part in self.flexible:
             # what does not let the nodes move as a rigid body stands on the ground
             to = self._to(part, against_ground=True)
@@ -226,7 +228,8 @@ class Equations:
 
     def _relaxations(self, call, rows):
         """Springs in series with dampers, which yield by displacements of their own, and a damper beside them."""
-        words, stiffness = words_of(call), square(call.arguments.get("dynamic_stiffness", call.arguments["stiffness"]))
+        words, stiffness = words_of(call), call.arguments.get("dynamic_stiffness", call.arguments["stiffness"])
+        stiffness = square(stiffness) if np.ndim(stiffness) else stiffness * np.eye(6)
         force, damped = self.elements[call.name]
         viscous = words.get("viscous", 0.0) * stiffness
         self.C += rows.T @ viscous @ rows

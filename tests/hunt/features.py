@@ -27,7 +27,8 @@ GLOBAL = ("floating", "locked", "far from origin")
 LOADING = (*LOADS, "preloaded torsion spring")
 # Features that some scenes have besides those that their seed asks for, so that the plans of seeds stay as they are.
 BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spring", "torsion spring moment",
-           "beam strain", "cross-coupled bushing", "flexure", "dynamic bushing", "dynamic bushing force")  # fmt: skip
+           "beam strain", "cross-coupled bushing", "flexure", "dynamic bushing", "dynamic bushing force",
+           "dynamic spring", "dynamic torsion spring", "dynamic spring force")  # fmt: skip
 PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
           *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
 ALL = (*PAIRED, *BESIDES)
@@ -38,6 +39,7 @@ NEEDS = {
     "modal damping": "beam", "against moving ground": "base translation", "line preload": "line spring",
     "free length": "line spring", "inerter force": "inerter", "preloaded torsion spring": "torsion spring",
     "torsion spring moment": "torsion spring", "beam strain": "beam", "dynamic bushing force": "dynamic bushing",
+    "dynamic spring force": "dynamic spring",
 }  # fmt: skip
 
 

@@ -168,11 +168,11 @@ def rescaled(scene, u):
                     a[word] = u.matrix(a[word], times)
             if a.get("preload") is not None:
                 a["preload"] = u.wrench * np.array(a["preload"])
-            if "dynamic" in a:
-                a["dynamic"] = {word: np.array(value) * (u.time if word in ("viscous", "times") else 1.0)
-                                for word, value in words_of(call).items()}  # fmt: skip
             if "dynamic_stiffness" in a:
                 a["dynamic_stiffness"] = u.matrix(a["dynamic_stiffness"], 0)
+        if "dynamic" in a:
+            a["dynamic"] = {word: np.array(value) * (u.time if word in ("viscous", "times") else 1.0)
+                            for word, value in words_of(call).items()}  # fmt: skip
         if call.kind == "coupler":
             a["coefficients"] = {name: value / (u.length if name in slides else 1.0)
                                  for name, value in a["coefficients"].items()}  # fmt: skip

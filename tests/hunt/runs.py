@@ -16,7 +16,7 @@ REFUSED = frozenset((
 DRIVEN = frozenset((
     "beam", "timoshenko beam", "beam between bodies", "beam on ground", "rayleigh damping", "modal damping",
     "superelement", "grounded superelement", "maxwell", "maxwell with static spring", "base translation",
-    "dynamic bushing", "dynamic bushing force",
+    "dynamic bushing", "dynamic bushing force", "dynamic spring", "dynamic torsion spring", "dynamic spring force",
     "against moving ground",
 ))  # fmt: skip
 NOT_TOLD = re.compile("rotation vector|other joints hold|that a moving body carries|has no inertia|fully locked|"

@@ -54,7 +54,10 @@ def forces(draft):
     wanted |= {
         "inerter force": [name for name, call in kinds.items() if call.kind == "inerter"],
         "torsion spring moment": [name for name, call in kinds.items() if call.kind == "torsion_spring"],
-        "dynamic bushing force": [name for name, call in kinds.items() if "dynamic" in call.arguments],
+        "dynamic bushing force": [name for name, call in kinds.items() if "dynamic" in call.arguments
+                                  and call.kind == "bushing"],
+        "dynamic spring force": [name for name, call in kinds.items() if "dynamic" in call.arguments
+                                 and call.kind != "bushing"],
     }
     for feature, elements in wanted.items():
         if feature not in draft.features or not elements:

@@ -35,6 +35,7 @@ ROWS = {
                                    *features.DAMPING),
     "Cross-coupled bushings": ("cross-coupled bushing",),
     "Bushings whose stiffness depends on frequency": ("dynamic bushing",),
+    "Springs and torsion springs whose stiffness depends on frequency": ("dynamic spring", "dynamic torsion spring"),
     "Maxwell elements": ("maxwell",),
     "Maxwell elements with a static spring": ("maxwell with static spring",),
     "Inerters": ("inerter",),
@@ -58,6 +59,7 @@ ROWS = {
     "Strains of beams": ("beam strain",),
     "Forces in Maxwell elements": ("maxwell force",),
     "Forces in bushings whose stiffness depends on frequency": ("dynamic bushing force",),
+    "Forces in springs whose stiffness depends on frequency": ("dynamic spring force",),
 }  # fmt: skip
 # What a single scene has against being moved or loaded, whatever its element; another scene is asked.
 OF_SCENE = re.compile(r"which no joint with|is not a linear relation|off its axis|leave no choice|wound up")

@@ -1,0 +1,109 @@
+"""Torsion springs whose stiffness depends on frequency: bushings of this kind with stiffness about one axis only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements import dynamic_bushing, torsion_spring
+from mbsvib.elements.bushing import Bushing, matrix6
+from mbsvib.elements.deformations import Law, twist
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.elements.dynamic_bushing import DynamicBushing
+from mbsvib.elements.part import Part
+from mbsvib.elements.relaxing import RelaxingAxis, check_axis, factor_of
+from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from mbsvib.elements.part import ParameterField
+    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.shared_rows import ExpandedPart
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicTorsionSpring(RelaxingAxis):
+    """A torsion spring as ``TorsionSpring`` is one, whose stiffness ``dynamic`` lets depend on frequency."""
+
+    law = Law(twist, "rest_stiffness", "rest_damping", preload="preload", wrench=True, rotations=slice(0, 1),
+              relaxations="relaxations")  # fmt: skip
+
+    axis: Vector
+    stiffness: float
+    dynamic: Dynamic
+    damping: float = 0.0
+    preload: float | None = None
+
+    @property
+    def generated_names(self) -> tuple[str, ...]:
+        return self.as_bushing.generated_names
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        return self.as_bushing.body_positions
+
+    @property
+    def as_bushing(self) -> DynamicBushing:
+        """The bushing of the same name about the axis; it has no force, so that its point does not matter."""
+        k, c, preload = ((*NOWHERE, 0.0, 0.0, value) for value in (self.stiffness, self.damping, self.preload or 0.0))
+        return DynamicBushing(self.name, self.first, self.second, NOWHERE, k, self.dynamic, c,
+                              check.frame_along(self.axis), None if self.preload is None else preload)  # fmt: skip
+
+    @property
+    def at_rest(self) -> TorsionSpring | None:
+        """The spring without relaxations; None where nothing is left."""
+        if not (self.rest_stiffness or self.rest_damping or self.preload):
+            return None
+        return TorsionSpring(self.name, self.first, self.second, self.axis, self.rest_stiffness, self.rest_damping,
+                             self.preload)  # fmt: skip
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield from TorsionSpring(self.name, self.first, self.second, self.axis, self.stiffness, self.damping,
+                                 self.preload).parameter_fields()  # fmt: skip
+        yield from self.term_fields()
+
+    def with_values(self, values: Mapping[str, Any]) -> DynamicTorsionSpring:
+        result = make(**self.terms_with(values))
+        assert isinstance(result, DynamicTorsionSpring)
+        return result
+
+    def placed(self, to: Placement) -> dict[str, Any]:
+        return self._placed_ends(to) | {"axis": to.axial(self.axis)}
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        # relaxations are relaxed there, and act in the directions in which a damper about the axis does
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
+            return self
+        there = TorsionSpring(self.name, self.first, self.second, self.axis, self.rest_stiffness, self.stiffness,
+                              self.preload).in_pose(pose, relaxed)  # fmt: skip
+        if isinstance(there, dict):
+            return there | {"stiffness": self.stiffness, "damping": self.damping, "dynamic": self.dynamic}
+        assert isinstance(there, Bushing)
+        acting = matrix6(there.damping)
+        stiffness = matrix6(there.stiffness) + (1.0 - self.dynamic.static) * acting
+        return dynamic_bushing.make(self.name, self.first, self.second, NOWHERE, stiffness,
+                                    self.damping / self.stiffness * acting, there.orientation, there.preload,
+                                    self.dynamic, acting)  # fmt: skip
+
+
+def make(
+    name: str, first: str, second: str, axis: Any, stiffness: Any = 0.0, damping: Any = 0.0, preload: Any = None,
+    dynamic: Any = None,
+) -> TorsionSpring | DynamicTorsionSpring:  # fmt: skip
+    """Check the values of a torsion spring, whose stiffness may depend on frequency, and build it."""
+    plain = torsion_spring.make(name, first, second, axis, stiffness, damping, preload)
+    if dynamic is None:
+        return plain
+    who = f"torsion spring '{name}'"
+    factor = factor_of(dynamic, who)
+    check_axis(plain, factor, who, "N m/rad")
+    return DynamicTorsionSpring(name, first, second, plain.axis, plain.stiffness, factor, plain.damping, plain.preload)
+
+
+def expand(part: DynamicTorsionSpring, *_: Any) -> ExpandedPart:
+    """Return the nodes, their joints and the bushings that replace it."""
+    return dynamic_bushing.expand(part.as_bushing)

@@ -1,0 +1,106 @@
+"""Connections whose stiffness depends on frequency: what bushings, springs and torsion springs of this kind share.
+
+f(s) = static + viscous s + sum of g s tau / (1 + s tau)
+
+A connection of stiffness k is one with ``static`` k and the damping c + ``viscous`` k, and beside it for each
+relaxation a spring g k in series with a damper g tau k. At rest dampers carry nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.common import arguments as check
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.elements.part import ParameterField
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.elements.preload_form import PreloadForm
+
+_LABELS = ("g", "tau")
+
+
+class Relaxing(Connection):
+    """A connection whose stiffness ``dynamic`` lets depend on frequency."""
+
+    __slots__ = ()
+    dynamic: Dynamic
+
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        return super().rest_wrench if self.at_rest is None else self.at_rest.rest_wrench
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        return None if self.at_rest is None else self.at_rest.preload_form(size)
+
+    def terms_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all arguments of the call with other values, those of relaxations as words of ``dynamic``."""
+        own = {f"{label}{k}": (i, k - 1) for k in range(1, len(self.dynamic.terms) + 1)
+               for i, label in enumerate(_LABELS)}  # fmt: skip
+        changed = self._arguments_with({field: value for field, value in values.items() if field not in own})
+        if own.keys() & values.keys():
+            numbers = [[pair[i] for pair in self.dynamic.terms] for i in (0, 1)]
+            for field in own.keys() & values.keys():
+                i, k = own[field]
+                numbers[i][k] = values[field]
+            changed["dynamic"] = self.dynamic.words() | dict(zip(("weights", "times"), numbers, strict=True))
+        return changed
+
+    def term_fields(self) -> Iterator[ParameterField]:
+        """Yield the parameters of relaxations."""
+        for k, (g, tau) in enumerate(self.dynamic.terms, 1):
+            yield ParameterField(f"g{k}", g, "-")
+            yield ParameterField(f"tau{k}", tau, "s")
+
+
+class RelaxingAxis(Relaxing):
+    """A relaxing connection along or about one axis, with one stiffness and one damping."""
+
+    __slots__ = ()
+    stiffness: float
+    damping: float
+
+    @property
+    def rest_stiffness(self) -> float:
+        """Stiffness without relaxations, as it acts at rest."""
+        return self.dynamic.static * self.stiffness
+
+    @property
+    def rest_damping(self) -> float:
+        """Damping without relaxations."""
+        return self.damping + self.dynamic.viscous * self.stiffness
+
+    @property
+    def relaxations(self) -> tuple[tuple[tuple[float], float], ...]:
+        """Stiffness and time constant [s] of each relaxation."""
+        return tuple([((g * self.stiffness,), tau) for g, tau in self.dynamic.terms])
+
+
+def factor_of(dynamic: Any, who: str) -> Dynamic:
+    """Return how a stiffness depends on frequency, of an ``mv.Dynamic`` or its words, checked.
+
+    Raises
+    ------
+    ModelError
+        If it is none of them, or has no states.
+    """
+    factor = Dynamic.of_words(dynamic) if isinstance(dynamic, Mapping) else dynamic
+    if not isinstance(factor, Dynamic):
+        raise check.refuse(who, "dynamic", dynamic, "an mv.Dynamic, how the stiffness depends on frequency")
+    if not factor.is_rational:
+        raise ModelError(f"{who}: dynamic = {factor!r} has no states, which a mechanism needs; give the sum of "
+                         f"relaxations that is nearest over a band of frequencies [Hz], dynamic.rational((low, high)), "
+                         f"which states its error.", element=who, field="dynamic")  # fmt: skip
+    return factor
+
+
+def check_axis(plain: Any, factor: Dynamic, who: str, unit: str) -> None:
+    """Refuse a connection along one axis whose stiffness is not positive, as relaxations then give energy."""
+    if plain.stiffness <= 0.0:
+        raise ModelError(f"{who}: stiffness = {plain.stiffness:g} {unit} with dynamic = {factor!r}; expected one above "
+                         f"0, so that its relaxations take energy.", element=who, field="stiffness")  # fmt: skip
