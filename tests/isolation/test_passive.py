@@ -151,6 +151,13 @@ def test_strokes_of_bushings_with_and_without_couplings(coupled):
         assert np.allclose(exact[:, i] * value, (up - down) / 2e-5, rtol=1e-6, atol=1e-9 * up.max()), name
 
 
+def test_joints_are_watched_by_names_and_patterns():
+    model = library.stewart()
+    for asked, expected in (("leg[12].foot", ["leg1.foot", "leg2.foot"]),
+                            (["leg3.head", "*.head"], ["leg3.head", *(f"leg{k}.head" for k in (1, 2, 4, 5, 6))])):
+        assert list(isolation.passive(model, "platform", joints=asked).joints) == expected
+
+
 @pytest.mark.slow
 def test_angles_of_joints_in_closed_form():
     # phi'' + 2 zeta w phi' + w^2 phi = -a m r / J under white noise a: <phi^2> = S (m r / J)^2 / (8 zeta w^3)

@@ -122,6 +122,8 @@ def test_cumulative_and_density_in_closed_form(spectrum):
 
     f = np.array([0.3, 0.9, 1.1, 30.0]) * FREQUENCY
     np.testing.assert_allclose(result.density(f)[2], density(f), rtol=1e-12)
+    np.testing.assert_allclose(result.density()[2], density(result.study.frequencies), rtol=1e-12)
+    np.testing.assert_array_equal(result.cumulative(), result.cumulative(result.study.frequencies))
     start = 0.0 if isinstance(spectrum, float) else 0.01
     expected = [quad(density, start, top, points=[FREQUENCY] if top > FREQUENCY else None, epsabs=0, limit=200)[0]
                 for top in f]  # fmt: skip

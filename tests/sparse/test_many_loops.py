@@ -34,6 +34,22 @@ def test_as_the_dense_path(name):
     assert_allclose(sparse.frequency_response(OMEGA), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize(("last", "dof"), [(0.6, 1), (0.9, 0)])
+def test_rows_that_depend_only_across_the_loops_of_a_large_group(last, dof, monkeypatch):
+    """Three parallel cranks under a table move; a third one that is longer holds them. Each loop alone moves."""
+    monkeypatch.setattr("mbsvib.sparse.constraints.MOST_DENSE_ENTRIES", 0)
+    model = mv.Model("cranks")
+    model.add_body("table", 1.0, scenes.INERTIA, (1.0, 1.0, 0.0))
+    for k, (x, length) in enumerate(((0.0, 0.6), (1.0, 0.6), (2.0, last))):
+        top = (x + 0.8 * length, 0.6, 0.0)
+        model.add_body(f"crank{k}", 1.0, scenes.INERTIA, (x, 0.3, 0.0))
+        model.add_joint(f"low{k}", "revolute", "ground", f"crank{k}", (x, 0.0, 0.0), axis=(0, 0, 1))
+        model.add_joint(f"high{k}", "revolute", f"crank{k}", "table", top, axis=(0, 0, 1))
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    assert sparse.dof == dense.dof == dof
+    assert len(sparse.redundant) == len(dense.redundant)
+
+
 @pytest.mark.slow
 def test_two_thousand_bodies_with_five_hundred_loops():
     """Every brace closes a spatial loop of its own; eigenvalues hold for the whole equations."""

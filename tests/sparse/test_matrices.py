@@ -286,6 +286,17 @@ def test_bounds_of_reduced_models(method, order, held):
     assert np.isfinite(small.error_bound)
 
 
+def test_the_bound_of_modes_in_closed_form():
+    """Static shares of what is left out, at the resonance of the last mode kept, which no mode left out is below."""
+    beta, order = 2e-5, 9
+    system, full = structure(alpha=0.0, beta=beta)
+    square, shapes = scipy.linalg.eigh(full.K, full.M)
+    left, inner = (ports @ shapes[:, order:] / np.sqrt(square[order:]) for ports in (full.Cq, full.B.T))
+    zeta = 0.5 * beta * np.sqrt(square[order - 1])
+    expected = np.linalg.norm(left, 2) * np.linalg.norm(inner, 2) / (2.0 * zeta * np.sqrt(1.0 - zeta**2))
+    assert system.reduced(order, method="modal").error_bound == pytest.approx(expected, rel=1e-9)
+
+
 def test_bounds_of_two_reductions_add_up():
     system, _ = structure()
     before = system.reduced(28, method="static-corrected")
