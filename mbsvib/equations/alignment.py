@@ -245,8 +245,6 @@ def _is_ball(joint: Joint) -> bool:
 def _shifted(joint: Joint, shift: Array) -> Joint:
     """The joint with its point moved."""
     x, y, z = (np.array(joint.position) + shift).tolist()
-    if joint.axis2 is not None:
-        return moved_joint(joint, (x, y, z), axis=joint.axis, axis2=joint.axis2)
     return moved_joint(joint, (x, y, z), axes=joint.axes)
 
 

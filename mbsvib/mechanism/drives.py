@@ -45,7 +45,7 @@ def with_drives_in_tree(model: Mechanism, cut: Sequence[str] | None) -> Sequence
     if loop is not None:
         raise ModelError(f"model '{model.name}': all joints of the loop that '{loop}' closes are driven; its motion "
                          f"follows from fewer. Leave out a motion input.", element=loop)  # fmt: skip
-    return joints or None
+    return joints
 
 
 def with_drives_held(model: Mechanism) -> dict[str, Joint]:

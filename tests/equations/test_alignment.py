@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equations.loop_geometry import turned
+from mbsvib.linalg.rotations import exponential
 
 Z = np.array([0.0, 0.0, 1.0])
 TILTS = [0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3]
@@ -241,7 +243,7 @@ def test_loops_that_points_lock_are_told_with_advice_that_helps(linkage, seed):
     assert model.linearize(align=1e-3).dof == 1
 
 
-@pytest.mark.parametrize(("tilt", "dof"), [(1.8e-3, 1), (2.2e-3, 0)])
+@pytest.mark.parametrize(("tilt", "dof"), [(1.8e-3, 1), (2e-3, 1), (2.2e-3, 0)])
 def test_the_tolerance_is_the_angle_from_the_mean(tilt, dof):
     """Two rails, each half the tilt from their mean; a third beside the first lets the second be too far from it."""
     model = mv.Model("rails")
@@ -254,6 +256,77 @@ def test_the_tolerance_is_the_angle_from_the_mean(tilt, dof):
         model.add_joint("third", "prismatic", "ground", "carriage", (0, 2, 0), axis=(1, 0, 0))
         assert model.linearize(align=1e-3).dof == 0
         assert model.linearize(align=1.5e-3).dof == 1
+
+
+@pytest.mark.parametrize(("offset", "dof"), [(0.058, 1), (0.06, 1), (0.062, 0)])
+@pytest.mark.parametrize("kind", ["revolute", "spherical"])
+def test_the_tolerance_is_the_distance_from_the_mean_line_as_a_share(kind, offset, dof):
+    """Two hinges, or a hinge and a ball, 1 m from each other, each half the offset from their mean line."""
+    model = mv.Model("leaf")
+    model.add_body("leaf", 1.0, (0.1, 0.1, 0.1), (0.4, 0, 0.5))
+    model.add_joint("low", "revolute", "ground", "leaf", (0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("high", kind, "ground", "leaf", (offset, 0, np.sqrt(1.0 - offset**2)),
+                    axis=None if kind == "spherical" else (0, 0, 1))
+    after = model.aligned(0.03)
+    assert [change.shift for change in after.alignments] == pytest.approx([0.5 * offset] * 2 * dof)
+    if dof:
+        np.testing.assert_allclose([joint.position[0] for joint in after.joints.values()], 0.5 * offset)
+        assert after.linearize().dof == 1
+
+
+def test_balls_alone_have_no_line():
+    """Two balls carry a bar that turns about their line, wherever that is; a hinge far from it locks it for good."""
+    model = mv.Model("bar")
+    model.add_body("bar", 1.0, (0.1, 0.1, 0.1), (0.4, 0, 0.5))
+    model.add_joint("low", "spherical", "ground", "bar", (0, 0, 0))
+    model.add_joint("high", "spherical", "ground", "bar", (1e-3, 0, 1))
+    assert model.aligned(1e-2) is model
+    model.add_joint("hinge", "revolute", "ground", "bar", (0.5, 0, 0.5), axis=(0, 0, 1))
+    assert model.aligned(1e-2) is model
+
+
+TURNED = {
+    "revolute": {"axis": (1, 2, 3)}, "prismatic": {"axis": (1, 2, 3)}, "cylindrical": {"axis": (1, 2, 3)},
+    "screw": {"axis": (1, 2, 3), "pitch": 0.2}, "spherical": {}, "planar": {"axis": (1, 2, 3)},
+    "universal": {"axis": (1, 2, 3), "axis2": (3, 0, -1)}, "homokinetic": {"axis": (1, 2, 3)},
+    None: {"free": ("z", "rx", "rz"), "orientation": (0.1, 0.2, 0.3)},
+}
+
+
+@pytest.mark.parametrize("kind", TURNED)
+def test_joints_turn_with_all_of_their_axes(kind):
+    model, rotation = mv.Model("turned"), exponential(np.array([0.3, -0.5, 0.7]))
+    model.add_body("body", 1.0, (1, 1, 1))
+    model.add_joint("joint", kind, "ground", "body", (1, 2, 3), **TURNED[kind])
+    before, both = model.joints["joint"], np.kron(np.eye(2), rotation)
+    after = turned(before, rotation)
+    assert (after.position, after.kind, after.pitch) == (before.position, before.kind, before.pitch)
+    for name, six in before.freedom:
+        np.testing.assert_allclose(dict(after.freedom)[name], both @ six, rtol=0, atol=1e-14)
+    locked = np.array([six for _, six in after.locked]).reshape(-1, 6)
+    np.testing.assert_allclose(locked @ both @ np.array([six for _, six in before.freedom]).T, 0.0, atol=1e-14)
+    np.testing.assert_allclose(after.axes, rotation @ before.axes, rtol=0, atol=1e-14)
+
+
+def test_a_universal_joint_in_a_locked_loop_keeps_the_angle_of_its_axes():
+    """The coupler of a four-bar on a universal joint: its first axis is tilted; the second one may stay free."""
+    at = {"A": (0, 0, 0), "B": (0.2, 0.3, 0), "C": (0.9, 0.6, 0), "D": (1.0, 0, 0)}
+    systems = {}
+    for tilt in (0.0, 1e-4):
+        scene = Tilted(tilt, 3)
+        for name, ends in {"crank": "AB", "coupler": "BC", "rocker": "CD"}.items():
+            scene.body(name, *(at[end] for end in ends))
+        scene.joint("A", "revolute", "ground", "crank", at["A"])
+        scene.joint("B", "revolute", "crank", "coupler", at["B"])
+        first = scene.off(Z)
+        second = scene.off(np.array([0.6, 0.8, 0.0]))
+        second = second - (second @ first) * first / (first @ first)
+        scene.model.add_joint("C", "universal", "coupler", "rocker", at["C"], axis=first, axis2=second)
+        scene.joint("D", "revolute", "rocker", "ground", at["D"])
+        scene.spring("crank", at["A"])
+        systems[tilt] = scene.model.linearize(align=1e-3)
+        assert systems[tilt].dof == 1
+    np.testing.assert_allclose(systems[1e-4].modes().frequencies, systems[0.0].modes().frequencies, rtol=3e-4)
 
 
 @pytest.mark.parametrize("value", [0.0, -1e-3, 0.2, float("nan"), "wide", True])

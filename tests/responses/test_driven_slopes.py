@@ -34,6 +34,21 @@ def test_slopes_of_time_responses_and_norms_are_those_of_neighbours(order):
         system.time_response_sensitivities(t, u, names, initial=np.zeros(4))
 
 
+@pytest.mark.parametrize("outputs", [["velocity", "acceleration"], "velocity"])
+def test_slopes_of_peaks_of_several_inputs_and_outputs(outputs):
+    """A force of the size at which both inputs matter; the singular vectors there are complex."""
+    model = quarter("velocity")
+    model.add_input("F", "body", (0, 0, 3e3, 0, 0, 0))
+    names, h = ["strut.damping"], 1e-4
+    norm = model.linearize().hinf_norm(outputs, None, names)
+    assert norm.variables == tuple(names)
+    for name, slope in zip(names, norm.slopes, strict=True):
+        value = model.parameters[name]
+        sides = (model.with_values({name: value * (1.0 + sign * h)}).linearize() for sign in (1.0, -1.0))
+        above, below = (side.hinf_norm(outputs, None, []).value for side in sides)
+        assert slope == pytest.approx((above - below) / (2.0 * h * value), rel=1e-5)
+
+
 def test_the_h2_norm_of_what_gets_a_direct_part_grows_without_limit():
     """Without damping of the tyre the road does not act on the acceleration at once; with some it does."""
     norm = quarter(damping=0.0).linearize().h2_norm("acceleration", "road", ["tyre.damping", "tyre.stiffness"])
