@@ -5,6 +5,7 @@ white, shaped, table      power spectral densities of the base's acceleration
 vc_curve   vibration criteria VC-A to VC-G
 vc_spectrum, seismic_spectrum, road_spectrum      densities of floors, of the seismic background, of roads
 road_profile, road_bump       heights of roads over distance, and under wheels over time
+road_correlation      one road under several wheels, as ``correlation`` of noise
 iso_2631, moving_average, moving_deviation, integrated        weightings of outputs under noise
 actuated   actuators and sensors in the legs; ``.with_gains(controller)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      controllers
@@ -37,16 +38,17 @@ from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_curve, vc_s
 from mbsvib.random.roads import RoadProfile, road_bump, road_profile
 from mbsvib.random.sources import BaseNoise
 from mbsvib.random.weights import Integrated, Window, integrated, iso_2631, moving_average, moving_deviation
+from mbsvib.random.wheels import RoadCorrelation, road_correlation
 from mbsvib.responses.densities import Shaped, Table, shaped, table, white
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Integrated", "Isolation",
-    "Margins", "Pair", "Passive", "PlacedSet", "Placement", "Platform", "RoadProfile", "RootLocus", "SampledLoop",
+    "Margins", "Pair", "Passive", "PlacedSet", "Placement", "Platform", "RoadCorrelation", "RoadProfile", "RootLocus", "SampledLoop",
     "Shaped", "Struts", "Table", "Vibration", "Window", "actuated", "collocation", "controller", "force_feedback",
     "force_feedback_optimum", "hinf", "integrated", "iso_2631", "lqg", "moving_average", "moving_deviation",
-    "passive", "placement", "platform", "ring", "road_bump", "road_profile", "road_spectrum", "root_locus",
-    "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts", "study", "table", "unfolded",
-    "vc_curve", "vc_spectrum", "velocity_feedback", "white",
+    "passive", "placement", "platform", "ring", "road_bump", "road_correlation", "road_profile", "road_spectrum",
+    "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts", "study", "table",
+    "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
 ]  # fmt: skip
 
 
