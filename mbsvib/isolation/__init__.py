@@ -43,12 +43,12 @@ from mbsvib.responses.densities import Shaped, Table, shaped, table, white
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Integrated", "Isolation",
-    "Margins", "Pair", "Passive", "PlacedSet", "Placement", "Platform", "RoadCorrelation", "RoadProfile", "RootLocus", "SampledLoop",
-    "Shaped", "Struts", "Table", "Vibration", "Window", "actuated", "collocation", "controller", "force_feedback",
-    "force_feedback_optimum", "hinf", "integrated", "iso_2631", "lqg", "moving_average", "moving_deviation",
-    "passive", "placement", "platform", "ring", "road_bump", "road_correlation", "road_profile", "road_spectrum",
-    "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts", "study", "table",
-    "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
+    "Margins", "Pair", "Passive", "PlacedSet", "Placement", "Platform", "RoadCorrelation", "RoadProfile", "RootLocus",
+    "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "Window", "actuated", "collocation", "controller",
+    "force_feedback", "force_feedback_optimum", "hinf", "integrated", "iso_2631", "lqg", "moving_average",
+    "moving_deviation", "passive", "placement", "platform", "ring", "road_bump", "road_correlation", "road_profile",
+    "road_spectrum", "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts",
+    "study", "table", "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
 ]  # fmt: skip
 
 
