@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.modes import Modes
 
-MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
+MOST_MODES = 60  # in motion at least; more are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000
 _LISTS = "loops", "floating", "redundant", "cut", "skipped"
 LABELS, MEASURED_LABELS = ("before", "after"), ("model", "measurement")
@@ -196,8 +196,7 @@ def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
 
 
 def _shares(system: System, modes: Modes) -> dict[str, Any]:
-    shown = min(len(modes), MOST_MODES)
-    return {kind: [[name, _percent(values[:shown])] for name, values in largest(*shares(system, modes, kind))]
+    return {kind: [[name, _percent(values)] for name, values in largest(*shares(system, modes, kind))]
             for kind in ("strain", "kinetic")}  # fmt: skip
 
 

@@ -321,6 +321,20 @@ def test_names_in_the_topology_do_not_overlap_on_a_phone(look):
     assert page.trouble == []
 
 
+def test_phases_go_on_beyond_poles_without_damping_and_all_modes_have_shares(look):
+    """At a pole itself a phase is no number; those beyond it were lost, and shares of modes from the 61st on."""
+    model = mv.library.cantilever()
+    page = look(model)
+    phases = page.evaluate("by('bode').data.find((trace) => trace.yaxis === 'y2').y")
+    assert None not in phases[-20:]
+    assert len(set(np.round(phases[-20:], 6)) | {0.0}) == 2  # above all poles it is not what it is at rest
+    assert page.evaluate("phases([{re: 1, im: 0}, {re: NaN, im: 0}, {re: -1, im: 0}])") == [0, None, -180]
+    assert page.evaluate("by('shares').data[0].z.map((row) => row.length)") == [120] * 20
+    page.evaluate("tell(119)")
+    assert "Strain energy by element" in page.inner_text("#detail")
+    assert page.trouble == []
+
+
 def test_topology_tells_what_was_cut(page, stewart):
     assert page.locator("#cut li").all_inner_texts() == list(stewart[1].cut_joints)
     assert "15 of 15" in page.inner_text("#loops")

@@ -167,6 +167,7 @@ function phases(points, near) {
   return points.map(({re, im}) => {
     if (re === 0 && im === 0) return null;
     let phase = Math.atan2(re < 0 && Math.abs(im) <= 1e-13 * Math.abs(re) ? -0 : im, re) * 180 / Math.PI;
+    if (!Number.isFinite(phase)) return null;  // at a pole without damping
     if (last === undefined) { if (phase > 135) phase -= 360; } else phase -= 360 * Math.round((phase - last) / 360);
     last = phase;
     return phase;

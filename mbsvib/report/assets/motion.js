@@ -3,7 +3,7 @@ const scene = (() => {
   const given = data.scene || {size: 1, points: "", first: [], second: [], share: [], firstArm: "", secondArm: "", lines: [], marks: [], faces: []}, points = floats(given.points), a = floats(given.firstArm), b = floats(given.secondArm);
   return {...given, points, a, b, count: given.first.length};
 })();
-const MOST_SHARES = 60, modesOf = data.modes, motions = floats(modesOf.motion);
+const modesOf = data.modes, motions = floats(modesOf.motion);
 const state = {mode: -1, playing: false, phase: 0, drawn: 0, shape: null};
 
 // Displacements of all points in a mode, real and imaginary part, largest one 1.
@@ -236,7 +236,7 @@ function tell(mode) {
   if (re < 0) item("decay time constant", seconds(-1 / re));
   if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
   const both = make("div", null, place, "holds");
-  if (mode < MOST_SHARES) for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
+  for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
     const part = make("div", null, both), all = data.shares[which].map(([name, values]) => [name, values[mode]]);
     const most = all.filter(([, value]) => value !== null && Math.abs(value) >= 0.05).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 6);
     make("h3", title, part);

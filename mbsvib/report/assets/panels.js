@@ -1,17 +1,16 @@
 // Energy, topology and accuracy.
 // Energy
-const withShares = Math.min(60, modesOf.rows.length);
 const modeAxis = (id, count) => axis("mode", {range: [0.5, count + 0.5], showgrid: false, dtick: Math.ceil(count / Math.max(1, Math.min(20, by(id).clientWidth / 45)))});
 
 // A map of elements over modes: white at zero, blue above and red below it, with numbers where cells have room.
 function drawShares(which) {
   for (const id of ["strain", "kinetic"]) by(id).setAttribute("aria-selected", String(id === which));
-  const rowsOf = data.shares[which], count = withShares, z = rowsOf.map(([, values]) => values.slice(0, count));
+  const rowsOf = data.shares[which], count = modesOf.rows.length, z = rowsOf.map(([, values]) => values.slice(0, count));
   const low = Math.min(0, ...z.flat()), high = Math.max(1, ...z.flat()), size = Math.max(high, -low);
   const colour = (share, rgb) => `rgb(${rgb.map((value) => Math.round(255 + (value - 255) * Math.abs(share) / size)).join()})`;
   const zero = -low / (high - low), scale = [[0, colour(low, [196, 50, 31])], [zero, "#fff"], [1, colour(high, [43, 92, 158])]];
   by("shares").style.height = `${124 + 22 * Math.max(rowsOf.length, 4)}px`;
-  Plotly.react("shares", [{type: "heatmap", z, x: z.length ? z[0].map((_, i) => i + 1) : [], y: rowsOf.map((_, i) => i), xgap: 1, ygap: 1,
+  Plotly.react("shares", [{type: "heatmap", z, x: z.length ? z[0].map((_, i) => i + 1) : [], y: rowsOf.map((_, i) => i), xgap: count > 40 ? 0 : 1, ygap: 1,
     zmin: low, zmax: high, colorscale: scale.slice(zero ? 0 : 1), colorbar: {title: {text: "share [%]", side: "right"}, thickness: 12},
     text: z.map((values) => values.map((value) => (Math.abs(value) >= 0.5 ? value.toFixed(0) : ""))), customdata: rowsOf.map(([name]) => Array(count).fill(plain(name))),
     texttemplate: count <= 20 && by("shares").clientWidth > 34 * count + 220 ? "%{text}" : "",
@@ -29,7 +28,7 @@ if (!data.topology) {
   empty("shares", "No mode has any energy.");
 }
 if (data.topology) by("csv-energy").onclick = () => csv(`${fileName(data.name)}-energy.csv`, [
-  ["energy [%]", "element", ...modesOf.rows.slice(0, withShares).map((_, i) => `mode ${i + 1}`)],
+  ["energy [%]", "element", ...modesOf.rows.map((_, i) => `mode ${i + 1}`)],
   ...["strain", "kinetic"].flatMap((which) => data.shares[which].map(([name, values]) => [which, name, ...values]))]);
 
 // Topology: edges between the same two bodies bend away from each other.
