@@ -16,7 +16,7 @@ from mbsvib.responses.linear import PortedVerbs
 from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -202,8 +202,8 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return reachable(self, outputs, inputs)
 
     def reduced(
-        self, order: int | None = None, near: float = 0.0, *, correction: bool = False, method: str = "modal",
-        error: float | None = None,
+        self, order: int | None = None, near: float | Sequence[float] = 0.0, *, correction: bool = False,
+        method: str = "modal", error: float | None = None,
     ) -> System:  # fmt: skip
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
 
@@ -214,15 +214,17 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         ----------
         order : int
             Number of modes.
-        near : float
-            Frequency [Hz] around which modes are taken; default: the lowest.
+        near : float, or sequence of float for "krylov"
+            Frequency [Hz] around which modes are taken, or about which moments are matched; default: the lowest modes,
+            static moments.
         correction : bool
             Whether displacements, and forces in springs and joints, get the static part of all other modes. Velocities
             and accelerations have none.
         method : str
             "modal", or "static-corrected" for modal with the correction. Of matrices also "craig-bampton": outputs'
-            displacements and those where inputs act, and modes with these held; and "balanced": a state space, by way
-            of modes with static correction. Dense systems have all of them.
+            displacements and those where inputs act, and modes with these held; "krylov": motions by which responses
+            and some of their derivatives are exact at the frequencies ``near``, static ones at 0; and "balanced": a
+            state space, by way of modes with static correction. Dense systems have all but "krylov".
         error : float, optional
             Of matrices: largest error instead of an order, for displacement outputs and C = alpha M + beta K. The
             models of matrices have a bound of it, ``error_bound``, from the static compliance that the modes left out
@@ -240,9 +242,11 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
             If the modes are not the lowest, or free motions are missing, and a correction is requested. If there is no
             order, or an error or another method is given.
         """
-        if self.matrices is not None and not near:
-            small = self._reduced_matrices(order, error, "static-corrected" if correction else method)
+        if self.matrices is not None and (method == "krylov" or not near):
+            small = self._reduced_matrices(order, error, "static-corrected" if correction else method, near)
             return cast("System", small)
+        if np.ndim(near):
+            raise ResponseError(f"reduced: near = {near!r} with method = {method!r}; expected one frequency [Hz].")
         known = method in ("modal", "static-corrected")
         if error is not None or order is None or not known:
             asked = f"error = {error!r}" if error is not None else "no order" if known else f"method = {method!r}"
@@ -264,11 +268,11 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
 
         return corrected(self, small, order)
 
-    def _reduced_matrices(self, order: int | None, error: float | None, method: str) -> Any:
+    def _reduced_matrices(self, order: int | None, error: float | None, method: str, near: Any) -> Any:
         from mbsvib.sparse.matrix_reduction import reduced_matrices
 
         if method != "balanced":
-            return reduced_matrices(self, order, error, method, System)
+            return reduced_matrices(self, order, error, method, System, near)
         half = None if error is None else 0.5 * error
         count = None if order is None else min(2 * order, self.dof)
         return reduced_matrices(self, count, half, "static-corrected", System).reduced(order, half, "balanced")

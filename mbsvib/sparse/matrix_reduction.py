@@ -19,12 +19,15 @@ from mbsvib.linalg.rank import EPS, SAME_ROW, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.error import error_bound
 from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected
+from mbsvib.sparse.krylov import krylov
 from mbsvib.sparse.matrices import SparseMatrices
 from mbsvib.sparse.matrix_subspace import flexible_static
 from mbsvib.sparse.modes import modes
 from mbsvib.sparse.reduction import RTOL
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
@@ -40,18 +43,27 @@ MOST_PORTS = 400
 GROWTH = 1.6
 # The search for an error ends at this number of modes.
 MOST_MODES = 400
-METHODS = ("modal", "static-corrected", "craig-bampton")
+METHODS = ("modal", "static-corrected", "craig-bampton", "krylov")
 
 
 def reduced_matrices(
-    system: SparseEquations, order: int | None, error: float | None, method: str, form: type[E]
+    system: SparseEquations, order: int | None, error: float | None, method: str, form: type[E],
+    near: float | Sequence[float] = 0.0,
 ) -> E:  # fmt: skip
-    """Return the system of the class ``form`` with ``order`` coordinates, or of an ``error`` at most."""
+    """Return the system of the class ``form`` with ``order`` coordinates, or of an ``error`` at most.
+
+    ``near``: frequencies [Hz] about which "krylov" matches moments.
+    """
     if (order is None) == (error is None) or method not in METHODS:
         raise ResponseError(f"reduced: order = {order}, error = {error}, method = {method!r}; expected one of order "
                             f"and error, and a method of 'balanced', {', '.join(map(repr, METHODS))}.")  # fmt: skip
     if method == "craig-bampton":
         return _craig_bampton(system, order, error, form)
+    if method == "krylov":
+        if order is None:
+            raise ResponseError(f"reduced: error = {error} with method = 'krylov'; expected an order: the result "
+                                f"has its error_bound.")  # fmt: skip
+        return _compared(system, order, krylov(system, order, near, form), method)
     corrected = method == "static-corrected"
     most = min(MOST_MODES, system.dof)
     count = min(12, most) if order is None else order
@@ -264,6 +276,11 @@ def _craig_bampton(system: SparseEquations, order: int | None, error: float | No
     static, fixed = matrices.factor().shapes(), motions_of(with_interface_held.reduced)
     labels = (*names, *[f"fixed_mode{k + 1}" for k in range(count)])
     small = replace(projected(system, np.concatenate((static, fixed), axis=1), 0, form), coordinates=labels)
-    reference = reduced_matrices(system, min(2 * order, system.dof), None, "static-corrected", form)
+    return _compared(system, order, small, "craig-bampton")
+
+
+def _compared(system: SparseEquations, order: int, small: E, method: str) -> E:
+    """A model with the bound of its error, by way of a modal one of twice the order that has a bound."""
+    reference = reduced_matrices(system, min(2 * order, system.dof), None, "static-corrected", type(small))
     bound = (reference.error_bound or 0.0) + error_bound(reference, small)
-    return with_bound(small, "craig-bampton", system.dof, bound)
+    return with_bound(small, method, system.dof, bound)
