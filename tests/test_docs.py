@@ -159,14 +159,16 @@ def test_names_beside_words_of_matlab_exist():
     from mbsvib.api.loops import ClosedLoop
     from mbsvib.feedback.margins import Margins
     from mbsvib.fitting.result import Fit
+    from mbsvib.tuning.tuning import Design
     from mbsvib.uncertain.plant import UncertainPlant
 
     text = (DOCS / "pages" / "coming_from_matlab.md").read_text(encoding="utf-8")
     cells = [line.split("|")[2] for line in text.splitlines() if line.startswith("| `")]
     homes = {"mv": mv, "mx": mx, "system": mv.System, "model": mv.Model, "loop": ClosedLoop, "margins": Margins,
-             "fit": Fit, "plant": UncertainPlant, "plots": mv.plots, "isolation": mv.isolation}  # fmt: skip
+             "fit": Fit, "plant": UncertainPlant, "space": mv.StateSpace, "design": Design,
+             "study": mv.isolation.Isolation, "plots": mv.plots, "isolation": mv.isolation}  # fmt: skip
     named = [name for cell in cells for name in re.findall(r"`((?:\w+\.)+\w+)", cell)]
-    assert len(named) > 45
+    assert len(named) > 80
     for name in named:
         home, *path = name.split(".")
         if home == "control":
