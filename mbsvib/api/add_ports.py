@@ -26,7 +26,7 @@ class PortedMechanism(Mechanism):
 
     def add_input(
         self, name: str, body: str | Body, direction: str | ArrayLike, position: ArrayLike | None = None,
-        relative_to: str | Body = GROUND,
+        relative_to: str | Body = GROUND, per: str | None = None,
     ) -> Input:  # fmt: skip
         """Add a force or torque input.
 
@@ -43,6 +43,9 @@ class PortedMechanism(Mechanism):
             The point it acts at [m], world axes; default: the body's centre of mass.
         relative_to : str or Body
             The body that takes the equal and opposite reaction, at the same point.
+        per : str, optional
+            Unit of the signal where it is no force, such as "V": the length of the direction is then the force per
+            volt.
 
         Returns
         -------
@@ -57,7 +60,7 @@ class PortedMechanism(Mechanism):
         check_name(name, "input", self._inputs)
         a = self._body_name(body, "input", name, "body")
         b = self._body_name(relative_to, "input", name, "relative_to")
-        part = _ports.make_input(name, a, direction, position, b)
+        part = _ports.make_input(name, a, direction, position, b, per)
         return self._keep(self._inputs, part)
 
     def add_output(

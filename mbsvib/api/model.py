@@ -5,6 +5,7 @@ from __future__ import annotations
 from inspect import signature
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
+from mbsvib.api.add_actuators import ActuatedMechanism
 from mbsvib.api.add_drives import DrivenMechanism
 from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
 
 class Model(
-    DrivenMechanism, FlexibleMechanism, LoadedMechanism, RollingMechanism, PortedMechanism, NestedMechanism, Posed,
-    Running, Simulated,
+    DrivenMechanism, ActuatedMechanism, FlexibleMechanism, LoadedMechanism, RollingMechanism, PortedMechanism,
+    NestedMechanism, Posed, Running, Simulated,
 ):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 

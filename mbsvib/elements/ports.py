@@ -71,16 +71,17 @@ class Port(Signal):
 @fast_init
 @dataclass(frozen=True, slots=True)
 class Input(Port):
-    """A force [N] or torque [N m] on ``body`` (and its reaction on ``relative_to``)."""
+    """A force [N] or torque [N m] on ``body`` (and its reaction on ``relative_to``), ``per`` the unit of a signal."""
 
     symbol = "arrow"
 
     wrench: Six = derived(())
+    per: str | None = None
 
     @property
     def unit(self) -> str:
         """Its unit."""
-        return unit_along(self.wrench, _FORCE)
+        return self.per or unit_along(self.wrench, _FORCE)
 
 
 @fast_init
@@ -190,9 +191,14 @@ def with_wrench(direction: Any, who: str) -> tuple[str | Six, Six]:
     return direction if isinstance(direction, str) else wrench, wrench
 
 
-def make_input(name: str, body: str, direction: Any, position: Any, relative_to: str) -> Input:
+def make_input(
+    name: str, body: str, direction: Any, position: Any, relative_to: str, per: str | None = None
+) -> Input:
     """Check the values of a force input and build it."""
-    return Input(name, *_checked(f"input '{name}'", body, direction, position, relative_to))
+    who = f"input '{name}'"
+    if per is not None and not (isinstance(per, str) and per.strip()):
+        raise check.refuse(who, "per", per, "the unit of the signal as a text, such as 'V'")
+    return Input(name, *(*_checked(who, body, direction, position, relative_to), per))
 
 
 def make_output(

@@ -21,7 +21,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     for section in dict.fromkeys(family.section for family in FAMILIES)
 }
 # Calls that add several parts: files may have them, and hold these parts once they are saved again.
-COMPOUND: dict[str, tuple[str, ...]] = {"models": ("model",), "drives": ("ball_screw", "belt", "gear_pair")}
+COMPOUND: dict[str, tuple[str, ...]] = {
+    "models": ("model",), "drives": ("ball_screw", "belt", "gear_pair", "voice_coil", "piezo_stack"),
+}  # fmt: skip
 
 
 def _all_sections() -> dict[str, tuple[str, ...]]:
