@@ -91,8 +91,8 @@ class CoupledMechanism(Mechanism):
         worm, wheel : str or Joint
             The joints on which they turn, or their coordinates as ``"shaft.rz"``.
         ratio : float
-            Turns of the wheel per turn of the worm [rad/rad]: starts / teeth, its sign that of the hand of the thread
-            with the axes as they are. Friction, and with it self-locking, is no part of it.
+            Turns of the wheel per turn of the worm [rad/rad]: starts / teeth; the sign follows from the hand of the
+            thread and the directions of both axes. There is no friction, and therefore no self-locking.
 
         Returns
         -------

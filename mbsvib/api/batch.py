@@ -41,7 +41,7 @@ class Batch(BatchEquations, Displayed):
     single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model itself;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
     ``provenances`` are those of variants that were linearized one by one; if ``own_decisions``, ``batch[i]`` computes
-    what it tells of its forces at the pose and of motions without mass. ``gyroscopic`` and ``circulatory``
+    its own static forces and its own motions without mass. ``gyroscopic`` and ``circulatory``
     (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 

@@ -46,7 +46,7 @@ class FreeBodies:
 
 
 def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
-    """Return the equations of bodies on their own."""
+    """Return the equations of all bodies without joints between them."""
     tree = expressions.motion.motion
     selected = [i for i, name in enumerate(expressions.names) if model.parameters.entry(name).part not in model.joints]
     without_joints = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})

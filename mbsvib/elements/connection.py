@@ -44,7 +44,7 @@ class Connection(Part):
 
     @property
     def generated_names(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that it is in the equations, but for its own."""
+        """Names of the bodies, joints and springs that represent it in the equations, without its own name."""
         return tuple(self.body_positions)
 
     @property

@@ -17,8 +17,8 @@ SHOWN = 8  # groups of loops
 
 
 def explain(system: SparseEquations) -> str:
-    """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
-    skipped.
+    """Return in words how the equations of a sparse system were derived: topology, loops, rank decisions, the tableau,
+    skipped computations.
     """
     if system.matrices is not None:
         given = system.matrices

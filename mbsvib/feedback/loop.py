@@ -227,7 +227,7 @@ class Loop(Displayed, ABC):
 
     @property
     def stable(self) -> bool:
-        """Whether the loop is stable; integrators without leak may leave poles at 0."""
+        """Whether no pole grows; poles at 0 are allowed, of integrators and of rigid-body modes that no loop holds."""
         return not self.growing
 
     def check_stable(self) -> None:

@@ -32,7 +32,7 @@ EXCHANGES = 100
 
 
 class Criterion(Protocol):
-    """What a set is judged by: sensors on the first side, actuators on the second."""
+    """How sets of sensors (first side) and of actuators (second side) are rated."""
 
     joint: bool  # whether the loss is convex in the weights of both sides at once
     logarithmic: bool  # whether it is the logarithm of a figure

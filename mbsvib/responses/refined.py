@@ -118,8 +118,8 @@ def refined(
     """Return transfer functions from solutions in twice the working precision.
 
     ``shapes`` (m, m): basis of the solutions, normalised by mass. ``load`` (m, loads, n): right-hand sides.
-    ``outputs``: orders of differentiation with their rows (outputs, m), and the feedthrough. ``solve``: solves for
-    loads in the basis approximately.
+    ``outputs``: orders of differentiation with their rows (outputs, m), and the feedthrough. ``solve``: an approximate
+    solver for loads in the basis.
     """
     # powers of two make the coordinates comparable without rounding
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])

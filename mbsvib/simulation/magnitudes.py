@@ -49,8 +49,9 @@ class Magnitudes:
 
 
 def coordinate_units(statement: FiniteMotion, size: float) -> tuple[Array, Array]:
-    """Return units (n,) of tree coordinates and (rows,) of closures: 1 rad, the size of the mechanism [m], and of a
-    mode the amplitude at which it moves a node by one of these, or has the mass of the nodes moved by one.
+    """Return the units of tree coordinates (n,) and of loop closures (rows,): 1 rad of rotations, the size of the
+    mechanism [m] of displacements. That of a mode is the amplitude at which it moves a node by one of these units, or
+    at which its mass is that of the nodes moved by one.
     """
     motion = statement.motion
     units, closures = motion.scales(size)

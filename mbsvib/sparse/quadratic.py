@@ -60,7 +60,7 @@ class Quadratic:
 
     @cached_property
     def speed(self) -> float:
-        """A typical frequency [rad/s], by all springs and all inertia; 1 without either."""
+        """A typical frequency [rad/s] from the sums of all stiffness and all inertia; 1 without stiffness."""
         rows = np.asarray(self.system.elastic_rows.power(2).sum(axis=1))[:, 0]
         stiffness, inertia = float(np.abs(self.system.row_stiffness) @ rows), float(self.w.power(2).sum())
         return float(np.sqrt(stiffness / (inertia or 1.0))) or 1.0

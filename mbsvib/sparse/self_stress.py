@@ -88,8 +88,8 @@ class Region:
         return np.asarray(wrench - self.split(self.scale**2 * wrench)[0])
 
     def displacements(self, motion: Array, position: Array) -> Array:
-        """Return the displacements (bodies + 1, 6) of all bodies and the ground at ``position`` (bodies + 1, 3), for
-        those of the region's bodies (b, 6).
+        """Return the displacements (bodies + 1, 6) of all bodies and the ground, at ``position`` (bodies + 1, 3), from
+        the displacements of the region's bodies (b, 6).
         """
         result = np.zeros((len(self.owner), 6))
         moves = np.flatnonzero(self.owner >= 0)

@@ -251,7 +251,7 @@ def _between(constrained: Quantity, low: Any, high: Any) -> Constraint:
 
 
 class Largest(Quantity):
-    """The largest of many numbers; a search bounds all of them at once, as the maximum has kinks.
+    """The largest of several numbers; a search bounds all of them at once, because their maximum is not smooth.
 
     ``members`` are the numbers; if there are infinitely many, those at the points of ``active``, which are initially
     the ``seeds`` and later include the ``tops``, the local maxima.

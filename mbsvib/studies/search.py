@@ -198,7 +198,7 @@ class Search:
         return self._value
 
     def begin(self, x: Array) -> Array:
-        """Return the initial unknowns for those of variables: bounds start at the largest numbers."""
+        """Return the initial unknowns: those of the variables, and for each bounded maximum its value there."""
         point = self.point(x)
         return np.concatenate((x, [float(item.true(point).value[0]) / self.unit[item] for item in self.largest]))
 

@@ -330,7 +330,7 @@ def as_tunable(value: Any) -> Tunable:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A structure at a plant with all its values: ``names``, ``values`` and which of these each part has, ``at``."""
+    """A controller structure at a plant: ``names`` and ``values`` of all variables, and ``at``, those of each part."""
 
     structure: Tunable
     names: tuple[str, ...]
