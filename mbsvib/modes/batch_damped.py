@@ -50,9 +50,10 @@ class DampedBatch:
     def single(self, i: int) -> Damped:
         """Return the modes of variant ``i`` in the form of a single system."""
         reason = self.classical[i]
-        gamma = self.gamma[i].diagonal().copy() if reason else self.gamma[i]
-        return Damped(self.pairs[i], self.errors[i], self.shapes[i], self.square[i], gamma, reason,
-                      None if reason else self.vectors[i], None if reason else self.slopes[i])  # fmt: skip
+        pairs, errors, shapes, square = self.pairs[i], self.errors[i], self.shapes[i], self.square[i]
+        if reason:
+            return Damped(pairs, errors, shapes, square, self.gamma[i].diagonal().copy(), reason, None, None)
+        return Damped(pairs, errors, shapes, square, self.gamma[i], "", self.vectors[i], self.slopes[i])
 
 
 def joined(parts: list[DampedBatch]) -> DampedBatch:

@@ -43,7 +43,10 @@ def test_the_augmented_plant_is_python_controls(chosen):
     s = 1j * np.array([0.1, 3.0, 50.0, 2e3])
     assert np.allclose(ours(s), theirs(s), rtol=1e-9, atol=1e-12)
     assert ours.input_labels == ["r:travel", "r:body:z", "actuator", "load"]
-    assert ours.output_labels[-2:] == ["e:travel", "e:body:z"]
+    signals = (("travel", "body:z"), ("actuator", "load"), ("travel", "body:z"))
+    names = [f"w{k + 1}:{signal}" for k in chosen for signal in signals[k]]
+    assert ours.output_labels == [*names, "e:travel", "e:body:z"]
+    assert mx.augw(g, control.ss([], [], [], np.ones((1, 2)))).output_labels == ["w1:1", "e:travel", "e:body:z"]
     assert ours.state_labels[:4] == g.state_labels
 
 

@@ -110,6 +110,10 @@ def test_equal_real_eigenvalues_that_rounding_makes_pairs():
     values, left, right = _separated(chained, np.array([-1.0, -1.0, -3.0], dtype=complex), left, right)
     np.testing.assert_allclose(chained @ right, right * values, atol=1e-12)
     np.testing.assert_allclose(chained.T @ left, left * values, atol=1e-12)
+    # nor has one that rounding makes a pair: its parts are no two vectors
+    right, left = (np.array(rows, dtype=complex).T for rows in ([[1, 1e-8j, 0], [0, 0, 1]], [[1e-8j, 1, 0], [0, 0, 1]]))
+    torn = np.array([-1.0 + 1e-14j, -3.0])
+    np.testing.assert_array_equal(_separated(chained, torn, left, right)[0], torn)
 
 
 def test_zeros_are_exact():
