@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """Matrices ``M``, ``C`` (or None) and ``K`` (n, n) for ``add_superelement``.
+    """Matrices ``M``, ``C`` (or None) and ``K`` (n, n) for ``add_superelement``; of scipy.sparse from ``read_abaqus``.
 
     ``labels`` (n,) are grid point and component (1 to 6, 0 for an internal coordinate) of each row, if the file has
     them.
