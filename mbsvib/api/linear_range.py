@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
@@ -34,7 +35,7 @@ MARGIN = 5.0
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class LinearRange(Displayed):
+class LinearRange(Columnar, Displayed):
     """Estimated amplitudes of outputs in free vibration where the second-order part reaches a ``share`` of the linear
     one; ``conservative`` ones leave a margin for terms of higher order.
 
@@ -52,6 +53,11 @@ class LinearRange(Displayed):
     values: Array
     travel: Array
     conservative: bool = False
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each mode: its number, natural frequency [Hz], and the amplitude of each output."""
+        return {"mode": np.arange(1, len(self.frequencies) + 1), "frequency_hz": self.frequencies,
+                **dict(zip(self.outputs, self.values.T, strict=True))}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the table of amplitudes as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -15,6 +15,7 @@ from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Mapping
     from pathlib import Path
 
 
@@ -68,6 +69,11 @@ class Columnar:
         """
         frame = pandas_for("to_dataframe").DataFrame(self.columns())
         return frame if self._index is None else frame.set_index(self._index)
+
+
+def numbered(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the columns of arrays (n, k) by name, as "NAME(1)", "NAME(2)", ..., those of all arrays in turn."""
+    return {f"{name}({k})": column for name, array in arrays.items() for k, column in enumerate(np.transpose(array), 1)}
 
 
 def pandas_for(caller: str) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import tables
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, counted
 from mbsvib.linalg.rotations import logarithm
@@ -32,7 +33,7 @@ STILL = 1e-12
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibrium(Displayed, Generic[M]):
+class Equilibrium(Columnar, Displayed, Generic[M]):
     """A model in equilibrium and the steps of the search.
 
     ``residuals`` are the residuals as shares of the forces, before and after each step under the full load,
@@ -46,6 +47,11 @@ class Equilibrium(Displayed, Generic[M]):
     residuals: tuple[float, ...]
     load_steps: tuple[float, ...]
     displacements: dict[str, Array]
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each body: its name, its translation x y z [m] and rotation vector rx ry rz [rad]."""
+        motions = np.array([*self.displacements.values()]).reshape(-1, 6)
+        return {"body": np.array([*self.displacements]), **dict(zip(DIRECTIONS, motions.T, strict=True))}
 
     @cached_property
     def stable(self) -> bool:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.core.shift_forms import duals, own_curvatures, shift_hessian, twists_of
 from mbsvib.equations.load_stiffness import applied_pairs
@@ -30,7 +31,7 @@ ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StiffnessShares(Displayed):
+class StiffnessShares(Columnar, Displayed):
     """Shares of the strain energy phi^H K phi of modes: signed, and 1 in sum for each mode.
 
     ``elements`` are the names of elements with a share and ``kinds`` their kinds: "elastic" (a spring's or bushing's
@@ -44,6 +45,10 @@ class StiffnessShares(Displayed):
     kinds: tuple[str, ...]
     frequencies: Array
     shares: Array
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each element: its name, its kind, and its shares of modes 1, 2, ..."""
+        return {"element": np.array(self.elements), "kind": np.array(self.kinds), **numbered({"mode": self.shares})}
 
     def of(self, element: str) -> Array:
         """Return the shares of one element, all kinds together.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError
 
@@ -58,7 +59,7 @@ class Design(Displayed):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Front(Displayed):
+class Front(Columnar, Displayed):
     """The best ``objective`` (n,) for n bounds on a quantity, its values ``price`` (n,), and the ``designs``."""
 
     labels: tuple[str, str]
@@ -66,6 +67,12 @@ class Front(Displayed):
     price: Array
     bounds: Array
     designs: tuple[Design, ...] = field(repr=False)
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each design: its price, its objective, its values by name, and whether it is optimal."""
+        return {self.labels[1]: self.price, self.labels[0]: self.objective,
+                **{name: np.array([one.values[name] for one in self.designs]) for name in self.designs[0].values},
+                "optimal": np.array([one.success for one in self.designs])}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the front as arguments of ``mbsvib.common.tables.text`` and ``show``.

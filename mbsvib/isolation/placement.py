@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
@@ -44,7 +45,7 @@ class PlacedSet(Displayed):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Placement(Displayed):
+class Placement(Columnar, Displayed):
     """Ranked ``sets``, the best first; ``everything`` is the set of all candidates.
 
     ``bound``: no set has a better score, of an ``exhaustive`` search that of the best set; ``count`` sets there are,
@@ -76,6 +77,13 @@ class Placement(Displayed):
         """By which share a set that was not tried may be better than the best one, at most."""
         ratio = self.bound / self.best.score if self.best.score else np.inf
         return max(0.0, ratio - 1.0 if self.larger else 1.0 - ratio)
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each set, the best first: its sensors and actuators, its score, and the values by name."""
+        names = {side: np.array([", ".join(getattr(one, side)) for one in self.sets]) for side in
+                 ("sensors", "actuators")}  # fmt: skip
+        return {**names, "score": np.array([one.score for one in self.sets]),
+                **{name: np.array([one.values[name] for one in self.sets]) for name in self.best.values}}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the sets as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class RootLocus(Displayed):
+class RootLocus(Columnar, Displayed):
     """Poles (n, poles) [1/s] over the ``gains`` (n,), in columns that follow them; those of the open loop first.
 
     ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the
@@ -44,6 +45,11 @@ class RootLocus(Displayed):
     best_poles: Complex
     stable: NDArray[np.bool_]
     _optima: tuple[tuple[float, float], ...]
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return a row for each gain: whether it is stable, and real and imaginary parts [1/s] of poles 1, 2, ..."""
+        parts = {"pole_re": self.poles.real, "pole_im": self.poles.imag}
+        return {"gain": self.gains, "stable": self.stable, **numbered(parts)}
 
     @cached_property
     def damping_ratios(self) -> Array:

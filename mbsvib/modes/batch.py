@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.equations.batch_equations import of_variant
 from mbsvib.modes import RTOL, Modes, modes
@@ -30,7 +31,7 @@ PIECE_BYTES = 2**20
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class BatchModes(Displayed):
+class BatchModes(Columnar, Displayed):
     """The modes of n variants, sorted by natural frequency in each variant; ``modes[i]`` are those of variant i.
 
     ``pairs`` and ``pair_errors`` (n, m, 2), ``shapes`` (n, m, m), ``classical`` (n,), ``rigid`` (n,) and
@@ -66,6 +67,11 @@ class BatchModes(Displayed):
             return pairs.reshape(len(pairs), -1)
         retained = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
         return pairs[retained].reshape(len(pairs), -1)
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each variant: what varies, natural frequencies [Hz] and damping ratios of modes 1, 2, ..."""
+        by_mode = {"frequency_hz": self.frequencies, "damping_ratio": self.damping_ratios}
+        return {**self.batch.parameters, **numbered(by_mode)}
 
     @cached_property
     def natural(self) -> Array:

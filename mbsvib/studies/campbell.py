@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
@@ -36,7 +37,7 @@ SHOWN_SPEEDS, SHOWN_MODES = 20, 8  # of a table that is printed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Campbell(Displayed):
+class Campbell(Columnar, Displayed):
     """Modes over the speed of rotors: one row for each of the ``speeds`` (n,) [rad/s], one column for each mode.
 
     ``eigenvalues`` (n, modes) [1/s] have no negative imaginary part; ``errors`` (n, modes) are their relative errors.
@@ -59,6 +60,11 @@ class Campbell(Displayed):
     def frequencies(self) -> Array:
         """Damped frequencies [Hz], shape (n, modes)."""
         return np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return a row for each speed [rad/s]: damped frequencies [Hz], damping ratios and whirl of modes 1, 2, ..."""
+        by_mode = {"frequency_hz": self.frequencies, "damping_ratio": self.damping_ratios, "whirl": self.whirl}
+        return {"speed": self.speeds, **numbered(by_mode)}
 
     @cached_property
     def damping_ratios(self) -> Array:

@@ -7,6 +7,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, studies
+from mbsvib.campbell import campbell
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 
@@ -19,6 +20,7 @@ def results():
     system = model.linearize()
     omega = np.linspace(1.0, 100.0, 30)
     data = mv.Measurement(omega, system.frequency_response(omega), system.outputs, system.inputs)
+    plant = isolation.actuated(model, "platform")
     study = isolation.study(mv.library.cubic_hexapod(damping=2.0), "platform")
     return {
         "modes": system.modes(), "margins": system.feedback([[-1.0]], "x", "Fx").margins(), "isolation": study,
@@ -31,6 +33,12 @@ def results():
         "path": mv.library.toggle().path("elbow.rz", [0.0, 0.1]),
         "optimum": mv.optimize(model, {"leg1.k.stiffness": (1e4, 3e4)}, studies.peak("x", "Fx")),
         "sensitivities": system.mode_sensitivities(["leg1.k.stiffness", "platform.mass"]),
+        "stiffness shares": system.stiffness_shares(), "linear range": mv.library.toggle().linearize().linear_range(),
+        "equilibrium": mv.library.hinged_rod().moved({"hinge.rz": 0.2}).equilibrium(report=True),
+        "variants": mv.library.toggle().family({"elbow.rz": [0.0, 0.1]}, relaxed=True).modes(),
+        "campbell": campbell(mv.library.rotor_stator(), [0.0, 50.0, 100.0]),
+        "locus": isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, 1.0), [0.0, 40.0]),
+        "placement": isolation.placement(system, ["x", "y", "z"], sensors=2, modes=[1, 2]),
         "cycle": mv.library.toggle().cycle("elbow.rz", np.linspace(0.0, 0.1, 5), speed=1.0),
     }  # fmt: skip
 
@@ -64,6 +72,16 @@ def test_columns_are_the_values_of_the_result(results):
     slopes = results["sensitivities"]
     np.testing.assert_array_equal(slopes.columns()["frequency_hz(3)"], slopes.frequencies[:, 2])
     np.testing.assert_array_equal(slopes.columns()["damping_ratio(2)"], slopes.damping_ratios[:, 1])
+    speeds, locus, shares = results["campbell"], results["locus"], results["stiffness shares"]
+    np.testing.assert_array_equal(speeds.columns()["frequency_hz(3)"], speeds.frequencies[:, 2])
+    np.testing.assert_array_equal(speeds.columns()["whirl(2)"], speeds.whirl[:, 1])
+    np.testing.assert_array_equal(locus.columns()["pole_im(5)"], locus.poles[:, 4].imag)
+    np.testing.assert_array_equal(shares.columns()["mode(4)"], shares.shares[:, 3])
+    np.testing.assert_array_equal(results["variants"].columns()["elbow.rz"], [0.0, 0.1])
+    np.testing.assert_array_equal(results["linear range"].columns()["s"], results["linear range"].values[:, 0])
+    rested, placed = results["equilibrium"], results["placement"]
+    assert rested.columns()["rz"].tolist() == [motion[5] for motion in rested.displacements.values()]
+    assert placed.columns()["sensors"][0] == ", ".join(placed.best.sensors)
 
 
 def test_results_show_a_table_in_notebooks(results):
