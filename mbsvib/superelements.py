@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.abaqus_files import read_abaqus
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Reduced", "Superelement", "read_abaqus", "read_mat", "read_op4", "read_punch", "system"]
 
 
-def system(reduced: Reduced, nodes: Iterable[int], name: str = "part") -> Any:
+def system(reduced: Reduced, nodes: Iterable[int], name: str = "part") -> System | SparseSystem:
     """Return the equations of matrices with labels, with a port at each of some nodes.
 
     M q'' + C q' + K q = B u,  y = B^T q
@@ -58,4 +59,6 @@ def system(reduced: Reduced, nodes: Iterable[int], name: str = "part") -> Any:
         select = select.toarray()
     names = [f"{reduced.labels[k][0]}.{DIRECTIONS[reduced.labels[k][1] - 1]}" for k in rows]
     matrices = reduced.M, reduced.C, reduced.K
-    return System.from_matrices(*matrices, select.T, select, inputs=names, outputs=names, name=name)
+    result: System | SparseSystem = System.from_matrices(*matrices, select.T, select, inputs=names, outputs=names,
+                                                         name=name)  # fmt: skip
+    return result

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.assembly.connections import WHO, connections_of, part_of
 from mbsvib.assembly.responses import assembled_responses
@@ -96,12 +97,16 @@ def assemble(
 
 def _linear(name: str, given: Any) -> Any:
     """The system of reduced matrices, with ports at their grid points."""
-    if not isinstance(given, Reduced):
-        return given
+    return _of_reduced(name, given) if isinstance(given, Reduced) else given
+
+
+def _of_reduced(name: str, given: Reduced) -> System | SparseSystem:
     if not given.labels:
         raise ModelError(f"{WHO}: the reduced matrices '{name}' have no labels of grid points; make a system of them, "
                          f"System.from_matrices with inputs and outputs NODE.x, and so on.", element=name)  # fmt: skip
     at = [k for k, (_, component) in enumerate(given.labels) if component]
     rows = np.eye(len(given.labels))[at]
     names = [f"{given.labels[k][0]}.{DIRECTIONS[given.labels[k][1] - 1]}" for k in at]
-    return System.from_matrices(given.M, given.C, given.K, rows.T, rows, inputs=names, outputs=names, name=name)
+    made: System | SparseSystem = System.from_matrices(given.M, given.C, given.K, rows.T, rows, inputs=names,
+                                                       outputs=names, name=name)  # fmt: skip
+    return made
