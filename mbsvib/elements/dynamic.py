@@ -22,8 +22,9 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
+from mbsvib.elements import dynamic_factors as forms
 from mbsvib.elements.passive_bound import least_error
-from mbsvib.errors import AccuracyWarning, ModelError, nearest
+from mbsvib.errors import AccuracyWarning, ModelError, counted, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,14 +32,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 WHO = "Dynamic"
-# Time constants of a fit: so many a decade, and so far beyond the band.
-A_DECADE, BEYOND = 4, 10.0
 # Lines a decade at which a fit and its error are taken.
 LINES = 24
-# The static stiffness of a fit is at least this share of its smallest storage stiffness in the band: it holds weights.
-HELD = 0.5
-# Weights below this share of the largest are none.
-NONE = 1e-9
+# Relative error of a measured factor, unless it is stated: of good tests of elastomers.
+NOISE = 0.05
 # Factors of passive elements have no power on the axis below this share of their size, but for rounding.
 PASSIVE = 1e-9
 
@@ -47,9 +44,9 @@ PASSIVE = 1e-9
 class Dynamic(Displayed):
     """How a stiffness changes with frequency: K(w) = K factor(i w).
 
-    Made by ``prony``, ``table``, ``hysteretic`` and ``transfer``. A rational one has states: ``static`` + ``viscous`` s
-    + sum of ``weights`` s ``times`` / (1 + s ``times``); others have ``rational(band)``, which says its ``error`` and
-    the ``least_error`` that any passive model has over the band.
+    Made by ``prony``, ``zener``, ``ghm``, ``table``, ``hysteretic`` and ``transfer``. A rational one has states:
+    ``static`` + ``viscous`` s + sum of ``weights`` s ``times`` / (1 + s ``times``); others have ``rational(band)``,
+    which says its ``error`` and the ``least_error`` that any passive model has over the band.
     """
 
     name: str
@@ -60,6 +57,7 @@ class Dynamic(Displayed):
     times: Array | None = None
     error: float = 0.0
     least_error: float = 0.0
+    noise: float = np.inf
 
     def __str__(self) -> str:
         return repr(self)  # ``table`` makes one here, and prints none
@@ -171,6 +169,65 @@ class Dynamic(Displayed):
         return _rational("prony", 1.0, 0.0, g, tau)
 
     @staticmethod
+    def zener(weight: float, time: float, order: float = 1.0) -> Dynamic:
+        """Return 1 + g (s tau)^a / (1 + (s tau)^a), a spring beside one in series with a damper or a springpot.
+
+        Parameters
+        ----------
+        weight, time : float
+            g [1], 0 or more, and tau [s], above 0.
+        order : float
+            Order a of the derivative, above 0 and up to 1: with less than 1 the loss spreads over more decades.
+
+        Returns
+        -------
+        Dynamic
+            With a state where the order is 1, as ``prony``; others have ``rational(band)``.
+
+        Raises
+        ------
+        ModelError
+            If the weight is negative, the time not positive, or the order is none.
+
+        Source: Bagley & Torvik, AIAA Journal 21 (1983) 741.
+        """
+        if not 0.0 < order <= 1.0:
+            raise ModelError(f"{WHO}.zener: order = {shown(order)}; expected one above 0 and up to 1, as only these "
+                             f"take energy at all frequencies.", field="order")  # fmt: skip
+        prony = Dynamic.prony([weight], [time])
+        function = partial(forms.fractional, weight=float(weight), time=float(time), order=float(order))
+        return prony if order == 1.0 else Dynamic(f"zener of order {order:g}", function)
+
+    @staticmethod
+    def ghm(weights: ArrayLike, damping_ratios: ArrayLike, frequencies: ArrayLike) -> Dynamic:
+        """Return 1 + sum of g (s^2 + 2 z w s) / (s^2 + 2 z w s + w^2), Golla-Hughes-McTavish: 1 at rest.
+
+        Parameters
+        ----------
+        weights, damping_ratios, frequencies : array-like, shape (n,)
+            g [1], 0 or more, z [1], above 0, and w / (2 pi) [Hz], above 0.
+
+        Returns
+        -------
+        Dynamic
+            For responses; ``rational(band)`` has relaxations in the place of its oscillators, and states the error.
+
+        Raises
+        ------
+        ModelError
+            If a number is out of its range, or their counts differ.
+
+        Source: McTavish & Hughes, J. Vibration and Acoustics 115 (1993) 103, eq. (5).
+        """
+        g, z, f = (_vector(value, label, 0.0) for value, label in (
+            (weights, "weights"), (damping_ratios, "damping_ratios"), (frequencies, "frequencies")))  # fmt: skip
+        if not len(g) == len(z) == len(f) or min(*z, *f, 1.0) <= 0.0:
+            raise ModelError(f"{WHO}.ghm: weights = {shown(weights)}, damping_ratios = {shown(damping_ratios)}, "
+                             f"frequencies = {shown(frequencies)}; expected as many of each, the last two above 0.")
+        function = partial(forms.ghm, weights=g, ratios=z, natural=2 * np.pi * f)
+        return Dynamic(f"ghm of {counted(len(g), 'oscillator')}", function)
+
+    @staticmethod
     def hysteretic(loss: float, band: tuple[float, float] | None = None) -> Dynamic:
         """Return 1 + i loss: damping that does not depend on frequency.
 
@@ -192,11 +249,11 @@ class Dynamic(Displayed):
             If the loss factor is negative, or the band is none.
         """
         eta = _vector([loss], "loss", 0.0)[0]
-        exact = Dynamic(f"loss factor {eta:g}", partial(_constant, value=1.0 + 1j * eta))
+        exact = Dynamic(f"loss factor {eta:g}", partial(forms.constant, value=1.0 + 1j * eta))
         return exact if band is None else exact.rational(band)
 
     @staticmethod
-    def table(frequencies: ArrayLike, factors: ArrayLike) -> Dynamic:
+    def table(frequencies: ArrayLike, factors: ArrayLike, noise: float = NOISE) -> Dynamic:
         """Return measured factors: exact at their frequencies, smooth between, with a warning beyond.
 
         Parameters
@@ -205,6 +262,9 @@ class Dynamic(Displayed):
             Ascending frequencies [Hz], above 0.
         factors : array-like, shape (n,)
             Complex factors; imaginary parts are 0 or more.
+        noise : float
+            Relative error of the factors [1]. ``rational`` warns where no passive model comes as near as that: storage
+            and loss then do not belong together, as they do in what is causal and passive.
 
         Returns
         -------
@@ -223,12 +283,17 @@ class Dynamic(Displayed):
         if values.shape != f.shape or len(f) < 2 or (np.diff(f) <= 0.0).any() or f[0] == 0.0:
             raise ModelError(f"{WHO}.table: frequencies = {shown(frequencies)}, factors = {shown(factors)}; expected "
                              f"ascending frequencies above 0 Hz with a factor each, two at least.")  # fmt: skip
-        if not np.isfinite(values).all() or (values.imag < 0.0).any():
-            k = int(np.flatnonzero(~np.isfinite(values) | (values.imag < 0.0))[0])
-            raise ModelError(f"{WHO}.table: the factor at {f[k]:g} Hz is {values[k]:g}; expected finite factors with "
-                             f"an imaginary part of 0 or more, as only these take energy.")  # fmt: skip
-        curve = PchipInterpolator(np.log(f), np.column_stack((values.real, values.imag)))
-        return Dynamic(f"table of {len(f)} factors", partial(_of_table, curve=curve, ends=(float(f[0]), float(f[-1]))))
+        wrong = np.flatnonzero(~np.isfinite(values) | (values.imag < 0.0))
+        curve = None if not np.isfinite(values).all() else PchipInterpolator(
+            np.log(f), np.column_stack((values.real, values.imag)))  # fmt: skip
+        function = partial(forms.of_table, curve=curve, ends=(float(f[0]), float(f[-1])))
+        if len(wrong):
+            share = "" if curve is None else (
+                f" No passive model is nearer than "
+                f"{100 * least_error(function, 2 * np.pi * f[0], 2 * np.pi * f[-1]):.2g} %.")  # fmt: skip
+            raise ModelError(f"{WHO}.table: the factor at {f[wrong[0]]:g} Hz is {values[wrong[0]]:g}; expected finite "
+                             f"factors with an imaginary part of 0 or more, as only these take energy.{share}")
+        return Dynamic(f"table of {len(f)} factors", function, noise=float(_vector([noise], "noise", 0.0)[0]))
 
     @staticmethod
     def transfer(numerator: ArrayLike, denominator: ArrayLike) -> Dynamic:
@@ -266,7 +331,10 @@ class Dynamic(Displayed):
             w = around[int((value.imag / np.abs(value)).argmin())]
             raise ModelError(f"{WHO}.transfer: at {w / (2 * np.pi):.4g} Hz its imaginary part is negative; expected "
                              f"0 or more, as only these take energy.")  # fmt: skip
-        return _as_relaxations(num, den, poles)
+        terms = forms.relaxations_of(num, den, poles)
+        if terms is None:
+            return Dynamic("transfer", partial(forms.ratio, num=num, den=den))
+        return _rational("transfer", *terms)
 
     def rational(self, band: tuple[float, float], static: float | None = None) -> Dynamic:
         """Return the sum of relaxations that is nearest over a band of frequencies, stable and passive everywhere.
@@ -294,10 +362,16 @@ class Dynamic(Displayed):
         rest = None if static is None else float(_vector([static], "static", 0.0)[0])
         omega = np.geomspace(low, high, max(16, int(np.ceil(LINES * np.log10(high / low))) + 1))
         exact = self.factor(omega)
-        terms = _fitted(omega, exact, low, high, rest)
+        terms = forms.fitted(omega, exact, low, high, rest)
         result = _rational(f"{self.name}, {low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz", *terms)
         error = float((np.abs(result.factor(omega) - exact) / np.abs(exact)).max())
-        return _rational(result.name, *terms, error, least_error(self.factor, low, high))
+        least = min(least_error(self.factor, low, high), error)  # the fit is passive, the programme has bins
+        if least > self.noise:
+            warn(f"{self.name}: no passive model comes nearer to it than {100 * least:.2g} % from "
+                 f"{low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz, which is more than its noise of "
+                 f"{100 * self.noise:.2g} %: it is not causal or not passive.",
+                 AccuracyWarning, stacklevel=2)  # fmt: skip
+        return _rational(result.name, *terms, error, least)
 
     def __repr__(self) -> str:
         return f"Dynamic({self.name!r}{f', {len(self.weights)} relaxations' if self.weights is not None else ''})"
@@ -318,67 +392,8 @@ def _band(band: Any) -> tuple[float, float]:
     return float(2 * np.pi * pair[0]), float(2 * np.pi * pair[1])
 
 
-def _constant(omega: Array, value: complex) -> Complex:
-    return np.where(omega == 0.0, value.real, np.full(omega.shape, value))
-
-
-def _of_table(omega: Array, curve: Any, ends: tuple[float, float]) -> Complex:
-    f = omega / (2 * np.pi)
-    if ((f < ends[0]) | (f > ends[1])).any():
-        warn(f"{WHO}.table: asked at {f.min():.4g} to {f.max():.4g} Hz, beyond its {ends[0]:.4g} to {ends[1]:.4g} Hz, "
-             f"where it is taken as constant.", AccuracyWarning, stacklevel=4)  # fmt: skip
-    value = curve(np.log(np.clip(f, *ends)))
-    return np.asarray(np.where(omega == 0.0, value[..., 0], value[..., 0] + 1j * value[..., 1]))
-
-
-def _sum(omega: Array, static: float, viscous: float, weights: Array, times: Array) -> Complex:
-    turn = 1j * np.multiply.outer(omega, times)
-    return np.asarray(static + 1j * omega * viscous + (turn / (1.0 + turn)) @ weights)
-
-
 def _rational(
     name: str, static: float, viscous: float, weights: Array, times: Array, error: float = 0.0, least: float = 0.0
 ) -> Dynamic:  # fmt: skip
-    function = partial(_sum, static=static, viscous=viscous, weights=weights, times=times)
+    function = partial(forms.sum_of, static=static, viscous=viscous, weights=weights, times=times)
     return Dynamic(name, function, static, viscous, weights, times, error, least)
-
-
-def _as_relaxations(num: Array, den: Array, poles: Any) -> Dynamic:
-    """A ratio of polynomials as a sum of relaxations, without states where it is none."""
-    def function(omega: Array) -> Complex:
-        return np.asarray(np.polyval(num, 1j * omega) / np.polyval(den, 1j * omega))
-
-    plain = Dynamic("transfer", function)
-    if (np.abs(poles.imag) > 0.0).any():
-        return plain
-    quotient, rest = np.polydiv(num, den)
-    viscous, high = (quotient[0], quotient[1]) if len(quotient) == 2 else (0.0, quotient[-1])
-    slope = np.polyder(den)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        residues = np.polyval(rest, poles) / np.polyval(slope, poles)
-        weights = residues / poles  # r / (s - p) = -r / p + (r / p) s tau / (1 + s tau), tau = -1 / p
-    static = high - weights.sum()
-    if not np.isfinite(weights).all() or (weights < 0.0).any() or viscous < 0.0 or static < 0.0:
-        return plain
-    return _rational("transfer", float(static), float(viscous), weights, -1.0 / poles)
-
-
-def _fitted(
-    omega: Array, exact: Complex, low: float, high: float, static: float | None
-) -> tuple[float, float, Array, Array]:
-    """Static and viscous part, weights and times of relaxations, none negative: least squares of relative errors.
-
-    The static part is ``static``, or if that is None, free from a share of the least real part upwards.
-    """
-    from scipy.optimize import nnls
-
-    count = int(np.ceil(A_DECADE * np.log10(BEYOND**2 * high / low))) + 1
-    times = np.geomspace(1.0 / (BEYOND * high), BEYOND / low, count)
-    turn = 1j * np.multiply.outer(omega, times)
-    columns = np.concatenate((np.ones((len(omega), 1)), 1j * omega[:, None] / high, turn / (1.0 + turn)), axis=1)
-    rest = HELD * max(float(exact.real.min()), 0.0) if static is None else static
-    columns[:, 0] = 0.0 if static is not None else 1.0
-    scaled, target = columns / np.abs(exact)[:, None], (exact - rest) / np.abs(exact)
-    weights = nnls(np.concatenate((scaled.real, scaled.imag)), np.concatenate((target.real, target.imag)))[0]
-    acts = weights[2:] > NONE * weights.max()
-    return float(weights[0]) + rest, float(weights[1] / high), weights[2:][acts], times[acts]

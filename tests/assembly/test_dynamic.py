@@ -1,5 +1,6 @@
 """Stiffness that depends on frequency: factors, fits with their errors, and connections with it."""
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -36,7 +37,7 @@ def test_a_table_is_exact_at_its_points_and_warns_beyond():
     f = np.geomspace(1.0, 100.0, 9)
     factors = 1.0 + 0.2 * np.log10(f) + 0.1j * f**0.1
     table = Dynamic.table(f, factors)
-    np.testing.assert_allclose(table.factor(2 * np.pi * f[1:-1]), factors[1:-1], rtol=1e-12)
+    np.testing.assert_allclose(table.factor(2 * np.pi * f), factors, rtol=1e-12)
     with pytest.warns(AccuracyWarning, match="beyond its 1 to 100 Hz"):
         assert table.factor([2 * np.pi * 300.0])[0] == pytest.approx(factors[-1])
     assert not table.is_rational
@@ -105,6 +106,73 @@ def test_two_masses_on_a_prony_mount(measured, matrix):
         assert "Dynamic('prony', 2 relaxations)" in result.explain()
 
 
+def test_responses_are_exact_at_the_points_of_a_table():
+    """z of the table itself between two masses, one of which is given by its responses."""
+    f = np.geomspace(1.0, 100.0, 30)
+    omega = 2 * np.pi * f
+    factors = Dynamic.prony([0.5, 0.4], [0.02, 2e-3]).factor(omega) * (1.0 + 0.01 * np.sin(7 * f))
+    parts = {}
+    for name, mass in (("a", 3.0), ("b", 2.0)):
+        model = mv.Model(name)
+        model.add_body("m", mass, (1, 1, 1))
+        model.add_joint("rail", "prismatic", "ground", "m", (0, 0, 0), axis=(1, 0, 0))
+        model.add_bushing("k", "ground", "m", (0, 0, 0), (900.0 * mass, 0, 0, 0, 0, 0))
+        model.add_port("p", "m")
+        parts[name] = model.linearize()
+    data = parts["a"].frequency_response(omega)
+    parts["a"] = mv.Measurement(omega, data, parts["a"].outputs, parts["a"].inputs,
+                                output_units=parts["a"].output_units)  # fmt: skip
+    table = Dynamic.table(f, factors)
+    whole = mv.assemble(parts, [("a.p", "b.p", (np.array([[4e4]]), table), ("x",))])
+    found = whole[["b.p.x"], ["a.p.x"]].responses[0, 0]
+    z, a, b = 4e4 * factors, 3.0 * (900.0 - omega**2), 2.0 * (900.0 - omega**2)
+    expected = z / ((a + z) * (b + z) - z**2)
+    np.testing.assert_allclose(found / np.abs(expected).max(), expected / np.abs(expected).max(), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [0.35, 0.7, 1.0])
+def test_zener_elements_of_any_order(order):
+    made = Dynamic.zener(2.5, 3e-3, order)
+    with mpmath.workdps(30):
+        powers = [(mpmath.mpc(0, w) * mpmath.mpf("3e-3")) ** mpmath.mpf(order) for w in OMEGA]
+        expected = np.array([complex(1 + 2.5 * power / (1 + power)) for power in powers])
+    np.testing.assert_allclose(made.factor(OMEGA), expected, rtol=1e-14)
+    np.testing.assert_allclose(made.factor([0.0, -OMEGA[3]]), [1.0, expected[3].conj()], rtol=1e-14)
+    assert made.is_rational == (order == 1.0)
+    fit = made if made.is_rational else made.rational((0.5, 200.0))
+    w = 2 * np.pi * np.geomspace(0.5, 200.0, 500)
+    error = np.abs(fit.factor(w) / made.factor(w) - 1.0).max()
+    assert error == pytest.approx(fit.error, rel=0.05, abs=1e-15)
+    assert fit.least_error <= fit.error < 1e-6  # a sum of relaxations over all times has such a factor
+
+
+def test_oscillators_of_ghm():
+    """Each is a spring g in series with a damper 2 z g / w and an inertance g / w^2, side by side."""
+    g, z, f = np.array([0.6, 1.5]), np.array([4.0, 0.8]), np.array([20.0, 300.0])
+    made, w = Dynamic.ghm(g, z, f), 2 * np.pi * f
+    s = 1j * OMEGA[:, None]
+    beside = s * 2 * z * g / w + s**2 * g / w**2
+    np.testing.assert_allclose(made.factor(OMEGA), 1.0 + (1.0 / (1.0 / g + 1.0 / beside)).sum(axis=1), rtol=1e-13)
+    assert made.factor([0.0])[0] == 1.0
+    assert not made.is_rational
+    overdamped = Dynamic.ghm([0.6], [4.0], [20.0]).rational((0.1, 100.0))
+    assert overdamped.least_error < overdamped.error < 0.02
+    ringing = Dynamic.ghm([0.6], [0.1], [20.0]).rational((1.0, 100.0))
+    assert ringing.error > 0.3  # no relaxation has a resonance; a passive model does
+    assert ringing.least_error < 0.1 * ringing.error
+
+
+def test_a_table_that_is_not_causal_is_named_with_its_distance():
+    """Storage that does not rise, with a loss factor of 0.3 over two decades: 7 % away."""
+    f = np.geomspace(1.0, 100.0, 60)
+    flat = np.full(60, 1.0 + 0.3j)
+    words = "table of 60 factors.* nearer to it than 7 % from 1 to 100 Hz.*noise of 5 %.*not causal"
+    with pytest.warns(AccuracyWarning, match=words):
+        fit = Dynamic.table(f, flat).rational((1.0, 100.0))
+    assert fit.least_error == pytest.approx(0.072, rel=0.05)
+    assert Dynamic.table(f, flat, noise=0.1).rational((1.0, 100.0)).least_error == fit.least_error
+
+
 def test_force_outputs_feel_a_dynamic_mount():
     base, payload = apart()
     dynamic = Dynamic.prony([0.8], [0.01])
@@ -125,7 +193,11 @@ def test_force_outputs_feel_a_dynamic_mount():
     (lambda: Dynamic.prony([0.5], [0.1, 0.2]), "expected as many times, above 0 s, as weights"),
     (lambda: Dynamic.prony([-0.5], [0.1]), "weights = .*expected finite numbers, 0 or more"),
     (lambda: Dynamic.hysteretic(0.1, (10.0, 1.0)), "band = .*two ascending frequencies above 0 Hz"),
-    (lambda: Dynamic.table([1.0, 2.0], [1.0, 1.0 - 0.1j]), "factor at 2 Hz is .*take energy"),
+    (lambda: Dynamic.table([1.0, 2.0], [1.0, 1.0 - 0.1j]),
+     "factor at 2 Hz is .*take energy.*No passive model is nearer than [0-9.]+ %"),
+    (lambda: Dynamic.zener(0.5, 0.1, 1.2), "order = 1.2; expected one above 0 and up to 1"),
+    (lambda: Dynamic.zener(0.5, -0.1, 0.5), "times = .*0 or more"),
+    (lambda: Dynamic.ghm([0.5], [0.1], [0.0]), "expected as many of each, the last two above 0"),
     (lambda: Dynamic.table([2.0, 1.0], [1.0, 1.0]), "ascending frequencies above 0 Hz with a factor each"),
     (lambda: Dynamic.transfer([1.0, 0.0, 0.0, 1.0], [1.0, 1.0]), "at most one degree more"),
     (lambda: Dynamic.transfer([1.0], [1.0, -1.0]), "pole at 1 rad/s; expected stable ones"),

@@ -1,0 +1,99 @@
+"""Factors of a stiffness over angular frequency [rad/s], and the sum of relaxations that is nearest to one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+from warnings import warn
+
+import numpy as np
+
+from mbsvib.errors import AccuracyWarning
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+
+# Time constants of a fit: so many a decade, and so far beyond the band.
+A_DECADE, BEYOND = 4, 10.0
+# The static stiffness of a fit is at least this share of its smallest storage stiffness in the band: it holds weights.
+HELD = 0.5
+# Weights below this share of the largest are none.
+NONE = 1e-9
+# A frequency beyond a table by this share is rounding of its end.
+END = 1e-12
+
+
+def constant(omega: Array, value: complex) -> Complex:
+    """Return a factor that does not depend on frequency, real at rest."""
+    return np.where(omega == 0.0, value.real, np.full(omega.shape, value))
+
+
+def of_table(omega: Array, curve: Any, ends: tuple[float, float]) -> Complex:
+    """Return the factors of a table: a ``curve`` over log f [Hz] between its ``ends`` [Hz], with a warning beyond."""
+    f = omega / (2 * np.pi)
+    if ((f < (1.0 - END) * ends[0]) | (f > (1.0 + END) * ends[1])).any():
+        warn(f"Dynamic.table: asked at {f.min():.4g} to {f.max():.4g} Hz, beyond its {ends[0]:.4g} to {ends[1]:.4g} "
+             f"Hz, where it is taken as constant.", AccuracyWarning, stacklevel=4)  # fmt: skip
+    value = curve(np.log(np.clip(f, *ends)))
+    return np.asarray(np.where(omega == 0.0, value[..., 0], value[..., 0] + 1j * value[..., 1]))
+
+
+def sum_of(omega: Array, static: float, viscous: float, weights: Array, times: Array) -> Complex:
+    """Return static + viscous s + sum of weight s time / (1 + s time)."""
+    turn = 1j * np.multiply.outer(omega, times)
+    return np.asarray(static + 1j * omega * viscous + (turn / (1.0 + turn)) @ weights)
+
+
+def fractional(omega: Array, weight: float, time: float, order: float) -> Complex:
+    """Return 1 + weight x / (1 + x), x = (i omega time)^order, of a Zener element with a fractional derivative."""
+    power = (1j * omega * time) ** order
+    return np.asarray(1.0 + weight * power / (1.0 + power), dtype=complex)
+
+
+def ghm(omega: Array, weights: Array, ratios: Array, natural: Array) -> Complex:
+    """Return 1 + sum of weight (s^2 + 2 ratio w s) / (s^2 + 2 ratio w s + w^2), w = ``natural`` [rad/s]."""
+    s = 1j * omega[..., None]
+    moving = s * s + 2.0 * ratios * natural * s
+    return np.asarray(1.0 + (moving / (moving + natural**2)) @ weights)
+
+
+def ratio(omega: Array, num: Array, den: Array) -> Complex:
+    """Return a ratio of polynomials in s."""
+    return np.asarray(np.polyval(num, 1j * omega) / np.polyval(den, 1j * omega))
+
+
+def relaxations_of(num: Array, den: Array, poles: Any) -> tuple[float, float, Array, Array] | None:
+    """Return static and viscous part, weights and times [s] of the relaxations that a ratio of polynomials is, None
+    where it is no sum of them.
+    """
+    if (np.abs(poles.imag) > 0.0).any():
+        return None
+    quotient, rest = np.polydiv(num, den)
+    viscous, high = (quotient[0], quotient[1]) if len(quotient) == 2 else (0.0, quotient[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residues = np.polyval(rest, poles) / np.polyval(np.polyder(den), poles)
+        weights = residues / poles  # r / (s - p) = -r / p + (r / p) s tau / (1 + s tau), tau = -1 / p
+    static = high - weights.sum()
+    if not np.isfinite(weights).all() or (weights < 0.0).any() or viscous < 0.0 or static < 0.0:
+        return None
+    return float(static), float(viscous), weights, -1.0 / poles
+
+
+def fitted(
+    omega: Array, exact: Complex, low: float, high: float, static: float | None
+) -> tuple[float, float, Array, Array]:
+    """Static and viscous part, weights and times of relaxations, none negative: least squares of relative errors.
+
+    The static part is ``static``, or if that is None, free from a share of the least real part upwards.
+    """
+    from scipy.optimize import nnls
+
+    count = int(np.ceil(A_DECADE * np.log10(BEYOND**2 * high / low))) + 1
+    times = np.geomspace(1.0 / (BEYOND * high), BEYOND / low, count)
+    turn = 1j * np.multiply.outer(omega, times)
+    columns = np.concatenate((np.ones((len(omega), 1)), 1j * omega[:, None] / high, turn / (1.0 + turn)), axis=1)
+    rest = HELD * max(float(exact.real.min()), 0.0) if static is None else static
+    columns[:, 0] = 0.0 if static is not None else 1.0
+    scaled, target = columns / np.abs(exact)[:, None], (exact - rest) / np.abs(exact)
+    weights = nnls(np.concatenate((scaled.real, scaled.imag)), np.concatenate((target.real, target.imag)))[0]
+    acts = weights[2:] > NONE * weights.max()
+    return float(weights[0]) + rest, float(weights[1] / high), weights[2:][acts], times[acts]
