@@ -40,8 +40,9 @@ class Norm(Displayed):
 
 
 def pole_words(pole: complex) -> str:
-    """Return a pole [1/s] in words."""
-    text = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
+    """Return a pole [1/s] in words, without a real part that is rounding."""
+    real = 0.0 if abs(pole.real) <= ZERO_SUM * abs(pole.imag) else pole.real
+    text = f"{complex(real, pole.imag):.6g}" if pole.imag else f"{real:.6g}"
     return f"the pole {text} 1/s" + (f" ({abs(pole) / (2.0 * np.pi):.4g} Hz)" if pole.imag else "")
 
 

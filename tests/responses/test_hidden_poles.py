@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.responses.norms import mean_squares
+from mbsvib.responses.norms import mean_squares, pole_words
 
 
 def turned(a, b, c, seed):
@@ -157,3 +157,12 @@ def test_velocities_of_free_masses_in_a_viscous_fluid(coupled):
     w = 1e3
     z = k + 1j * w * damping - w**2 * mass
     np.testing.assert_allclose(system.frequency_response([w], "x*")[:, :, 0], np.linalg.inv(z), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("pole", "words"), [
+    (complex(9e-16, 68.7), "the pole 0+68.7j 1/s (10.93 Hz)"), (complex(-1e-17, 2.0), "the pole 0+2j 1/s (0.3183 Hz)"),
+    (complex(1e-9, 2.0), "the pole 1e-09+2j 1/s (0.3183 Hz)"), (complex(145.0, 0.0), "the pole 145 1/s"),
+    (complex(1e-300, 0.0), "the pole 1e-300 1/s"), (0j, "the pole 0 1/s"),
+])  # fmt: skip
+def test_messages_on_poles_have_no_rounding(pole, words):
+    assert pole_words(pole) == words
