@@ -264,8 +264,8 @@ class Modes(Columnar, Displayed):
     def strongest(self) -> tuple[tuple[str, ...], ...]:
         """Return for each mode the body with most kinetic energy, and the direction of its largest motion.
 
-        Where nothing that moves has mass, it is the body that moves furthest. Without bodies it is the coordinate with
-        the largest momentum.
+        Where nothing that moves has mass, it is the body that moves furthest. Without bodies it is the coordinate
+        with the largest kinetic energy.
 
         Returns
         -------

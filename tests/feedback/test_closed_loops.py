@@ -197,6 +197,8 @@ def test_loops_around_loops_and_state_spaces():
     w = np.geomspace(1.0, 1e3, 20)
     np.testing.assert_allclose(both.frequency_response(w), together.frequency_response(w), rtol=1e-9, atol=1e-20)
     assert both.name == "chain with inner + outer"
+    two = slider(800.0, 4.0).feedback([[-3.0]], "v", "F").feedback([[-50.0]], "x", "disturbance")
+    assert (two.sensors, two.actuators) == (("v", "x"), ("F", "disturbance"))
     space = system.state_space("modal").feedback(PI, "x", "Fx")
     np.testing.assert_allclose(space.frequency_response(w, "x", "Fx"),
                                system.feedback(PI, "x", "Fx").frequency_response(w, "x", "Fx"), rtol=1e-9)  # fmt: skip
@@ -336,6 +338,7 @@ def test_realizations_respond_alike(plant):
         assert len(space.states) == len(plant.poles()) + 1
         np.testing.assert_allclose(space.frequency_response([0.3, 4.0, 90.0]), expected, rtol=1e-11)
     names = loop.state_space("physical" if plant.kind == "system" else "modal").states
+    assert loop.state_space("balanced").states == names
     assert names[:-1] == plant.state_space().states
     assert names[-1] == "controller1"
 

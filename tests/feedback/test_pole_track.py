@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
-from mbsvib.feedback.pole_track import GainSpectrum, Track
+from mbsvib.feedback.pole_track import GainSpectrum, Track, _conjugate
 
 GRIDS = (np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 24), np.linspace(0.0, 2.0, 101))
 
@@ -211,3 +211,9 @@ def test_modes_under_force_feedback_end_near_zeros():
     targets = np.sort_complex(locus.zeros[(locus.zeros.imag > 0.0) & (np.abs(locus.zeros) < 200.0)])
     assert ends.imag.min() > 0.0
     assert np.sort_complex(ends.imag) == pytest.approx(np.sort_complex(targets.imag), rel=1e-3)
+
+
+def test_conjugates_are_told_from_poles_of_one_sign():
+    for values, pair in (([-1 - 2j, -1 + 2j], True), ([-1 - 2j, -1 - 2j], False), ([-2, -1], False),
+                         ([-1 - 2j, -1 - 3j, -1 + 2j, -1 + 3j], True)):  # fmt: skip
+        assert _conjugate(np.array(values)) == pair

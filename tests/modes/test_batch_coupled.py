@@ -7,6 +7,8 @@ from numpy.testing import assert_allclose
 import mbsvib as mv
 from mbsvib.modes import batch_coupled
 from mbsvib.modes.batch_coupled import starts
+from mbsvib.modes.batch_damped import damped_batch
+from mbsvib.modes.batch_undamped import undamped_batch
 from tests.support.compare import nearest_pairs
 
 
@@ -84,3 +86,18 @@ def test_shapes_of_modes_that_creep_solve_the_equations(span, seed):
         for value, shape in zip(modes.pairs[i, :, 0], modes.shapes[i].T, strict=True):
             terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
             assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)
+
+
+def test_light_coupled_damping_needs_no_solver_for_each_variant():
+    """M is the unit matrix in the forms and Gamma is small: no variant is left to the solver of single systems."""
+    model = mv.Model("chain")
+    for i, c in enumerate((3.0, 0.0, 1.0)):
+        model.add_body(f"b{i}", 1.0 + i, (0.1, 0.1, 0.1), position=(0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (0, 0, i), (1e3, 0, 0, 0, 0, 0),
+                          (c, 0, 0, 0, 0, 0))  # fmt: skip
+    batch = model.linearize(values={"b1.mass": np.array([1.0, 1.3, 2.0])})
+    basis = undamped_batch(batch, 1e-12)
+    result = damped_batch(batch, basis, 1e-12)
+    assert result.classical == ("",) * 3
+    assert result.accurate.all()

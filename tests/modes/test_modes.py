@@ -345,6 +345,15 @@ def test_eigenvalues_pair_with_conjugates_and_with_real_ones_of_their_shape():
     assert pair_numbers(values, shapes, 0, 0).tolist() == [[0, 0], [1, 4], [2, 3]]
 
 
+def test_the_strongest_coordinate_moves_most_mass():
+    """y, 100 times as heavy as x, by a fifth of x has more energy than x, by a twentieth less."""
+    mass, shapes = np.diag([1.0, 100.0]), np.array([[1.0, 20.0], [0.2, -1.0]])
+    forces = mass @ shapes / np.sqrt([5.0, 500.0])
+    stiffness = forces @ np.diag([1.0, 9.0]) @ forces.T
+    modes = mv.System.from_matrices(mass, None, stiffness, coordinates=["x", "y"]).modes()
+    assert modes.strongest() == (("y",), ("x",))
+
+
 def test_a_system_without_coordinates_has_no_strongest_motion():
     none = np.zeros((0, 0))
     modes = mv.System.from_matrices(none, none, none, np.zeros((0, 1)), inputs=["F"]).modes()
