@@ -249,7 +249,9 @@ def _shifted(joint: Joint, shift: Array) -> Joint:
 
 
 def _coaxial(joints: Joints, tolerance: float, reach: float) -> Iterator[Callable[[Joints], Joints]]:
-    """Move parallel axes that are nearly on one line to their mean line, and ball joints beside it onto it."""
+    """Move parallel axes that are nearly on one line to their mean line, and ball joints beside it onto it; ball joints
+    that are nearly on a line parallel to them to their own.
+    """
     lines = [(name, line) for name, joint in joints.items() for line in (_line(joint),) if line is not None]
     balls = [name for name, joint in joints.items() if _is_ball(joint)]
     for members, mean in _clusters(np.array([line for _, line in lines]).reshape(-1, 3), tolerance):
@@ -257,8 +259,6 @@ def _coaxial(joints: Joints, tolerance: float, reach: float) -> Iterator[Callabl
         points = np.array([joints[name].position for name in names])
         across = points - np.outer(points @ mean, mean)
         for group in _connected(np.linalg.norm(across[:, None] - across[None], axis=2) <= 2.0 * reach):
-            if len(group) < 2 or group[0] >= len(members):  # balls alone have no axis
-                continue
             shifts = across[group].mean(axis=0) - across[group]
             if np.linalg.norm(shifts, axis=1).max() <= reach:
                 yield _shift({names[k]: shift for k, shift in zip(group, shifts, strict=True)})

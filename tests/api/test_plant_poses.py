@@ -84,7 +84,19 @@ def loaded_arm():
     return model
 
 
+def braked():
+    """A tool on a universal joint between dampers without stiffness, whose rows follow from the angles."""
+    model = mv.Model("braked")
+    model.add_body("tool", 2.0, (0.02, 0.03, 0.01), (0.1, 0.3, 0.5))
+    model.add_joint("neck", "universal", "ground", "tool", (0.1, 0.3, 0.7), axis=(1, 0, 0), axis2=(0, 1, 0))
+    model.add_bushing("brake", "ground", "tool", (0.1, 0.3, 0.6), np.zeros(6), (1, 2, 3, 0.1, 0.5, 0.9),
+                      orientation=(0.4, 0.2, 0.3))  # fmt: skip
+    model.add_spring("line", "ground", "tool", (0.5, 0.0, 0.0), (0.1, 0.3, 0.4), 0.0, 2.0)
+    return model
+
+
 MODELS = {
+    "dampers": (braked, ["neck.rx", "neck.ry"], ["tool.mass", "line.damping"], False),
     "stewart": (mv.library.stewart, ["leg1.slide.z", "leg4.slide.z"], ["leg*.k.stiffness"], True),
     "moved points": (mv.library.stewart, ["leg2.slide.z"], ["platform.position.x", "leg3.k.start.y"], True),
     "puma": (mv.library.puma, None, ["*.mass"], True),

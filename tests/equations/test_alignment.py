@@ -124,6 +124,42 @@ def test_freedom_comes_back_and_eigenvalues_are_off_by_the_tilt_at_most(linkage,
         assert (tilt > 0.0) == ("aligned within the tolerance" in system.explain())
 
 
+def railed(tilt, seed=0):
+    """A slider-crank whose piston is on two rails: they are parallel to each other, and normal to the hinges."""
+    model = slider_crank(tilt, seed)
+    axis = Tilted(tilt, seed + 1).off(np.array([1.0, 0.0, 0.0]))
+    model.add_joint("rail", "prismatic", "ground", "piston", (0.8, 0.5, 0), axis=axis)
+    return model
+
+
+def ball_pair(tilt, seed=0):
+    """A four-bar linkage with two balls, one above the other, for its last hinge."""
+    model, x = four_bar(tilt, seed), 1.0 + 0.4 * tilt
+    model = model.with_parts(joints={name: joint for name, joint in model.joints.items() if name != "D"})
+    model.add_joint("low", "spherical", "rocker", "ground", (1.0, 0, -0.2))
+    model.add_joint("high", "spherical", "rocker", "ground", (x, 0, 0.2))
+    return model
+
+
+def table(tilt, _seed=0):
+    """A table on two slides that free both directions of a plane, one of them held along x."""
+    scene = Tilted(tilt)
+    scene.body("table", (0.5, 0.5, 0))
+    scene.model.add_joint("one", None, "ground", "table", (0, 0, 0), free=("x", "y"))
+    scene.model.add_joint("other", None, "ground", "table", (1, 1, 0), free=("x", "y"),
+                          orientation=(0.6 * tilt, tilt, 0.3))  # fmt: skip
+    scene.joint("rail", "prismatic", "ground", "table", (0, 1, 0), (1, 0, 0))
+    scene.spring("table", (0.5, 0.5, 0))
+    return scene.model
+
+
+@pytest.mark.parametrize("linkage", [*LINKAGES, railed, ball_pair, table])
+def test_axes_far_out_of_line_come_exactly_into_line(linkage):
+    exact, system = linkage(0.0).linearize(), linkage(0.02, 4).linearize(align=0.05)
+    assert system.dof == 1
+    assert system.modes().frequencies == pytest.approx(exact.modes().frequencies, rel=0.15)
+
+
 @pytest.mark.parametrize("linkage", [four_bar, six_bar])
 def test_planar_linkages_are_off_by_the_square_of_the_tilt(linkage):
     exact = linkage(0.0).linearize().modes().frequencies[0]
@@ -274,7 +310,16 @@ def test_the_tolerance_is_the_distance_from_the_mean_line_as_a_share(kind, offse
         assert after.linearize().dof == 1
 
 
-def test_balls_alone_have_no_line():
+@pytest.mark.parametrize("kinds", [("prismatic", "cylindrical"), ("cylindrical", "prismatic")])
+def test_an_axis_about_and_along_which_a_joint_moves_counts_once(kinds):
+    model = mv.Model("rails")
+    model.add_body("carriage", 1.0, (0.1, 0.1, 0.1))
+    for k, kind in enumerate(kinds):
+        model.add_joint(kind, kind, "ground", "carriage", (0, k, 0), axis=(1, 2e-3 * k, 0))
+    assert [change.angle for change in model.aligned(1.1e-3).alignments] == pytest.approx([1e-3, 1e-3], rel=1e-3)
+
+
+def test_balls_are_left_where_they_free_nothing():
     """Two balls carry a bar that turns about their line, wherever that is; a hinge far from it locks it for good."""
     model = mv.Model("bar")
     model.add_body("bar", 1.0, (0.1, 0.1, 0.1), (0.4, 0, 0.5))
@@ -370,5 +415,26 @@ def test_couplers_in_locked_loops_stay():
     after = model.aligned(1e-3)
     assert {change.joint for change in after.alignments} == set("ABCD")
     assert after.linearize().dof == 1
-    with pytest.warns(mv.NearSingularWarning, match="1 more degree of freedom|lock 1 motion"):
+    with pytest.warns(mv.NearSingularWarning, match="lock the motion of .* 1 more degree of freedom"):
         assert model.linearize().dof == 0
+
+
+def test_loops_that_a_coupler_holds_are_left_as_they_are():
+    """The rocker turns by another angle than the crank: no axis frees a gear of ratio 1 between both."""
+    model = four_bar(1e-4, 2)
+    model.add_gear("gear", "A", "D", 1.0)
+    assert model.aligned(1e-3) is model
+
+
+def test_a_ball_beside_an_axis_locks_a_loop_that_has_other_freedom():
+    """A rod, which may spin, from a leaf to a ball that is meant to be on the axis of the leaf's hinge."""
+    model = mv.Model("leaf")
+    for name, at in (("leaf", (0.4, 0.2, 0.1)), ("rod", (0.25, 0.15, 0.6))):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), at)
+    model.add_joint("hinge", "revolute", "ground", "leaf", (0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("tip", "spherical", "leaf", "rod", (0.5, 0.3, 0.2))
+    model.add_joint("ball", "spherical", "ground", "rod", (1e-6, 0, 1))
+    words = r"lock 1 motion by axes that nearly are on one line, .*: joint 'hinge' by .* and 'ball' by|joint 'ball' by"
+    with pytest.warns(mv.NearSingularWarning, match=words):
+        assert model.linearize().dof == 1
+    assert model.linearize(align=1e-5).dof == 2

@@ -161,6 +161,24 @@ def test_poles_and_zeros_interlace_in_closed_form():
     assert tension.interlaced
 
 
+def test_zeros_of_the_tension_of_a_preloaded_leg_keep_its_preload():
+    """Without its stiffness along the line the tension T still holds the mass across it by T / L."""
+    mass, k, side, tension = 2.0, 3e4, 1e4, 500.0
+    model = mv.Model("guyed")
+    model.add_body("payload", mass, (1, 1, 1), (0, 0, 0))
+    model.add_joint("plane", None, "ground", "payload", (0, 0, 0), free=("x", "z"))
+    for name, x in (("left", -1.0), ("right", 1.0)):
+        model.add_spring(name, "ground", "payload", (x, 0, 0), (0, 0, 0), k, preload=tension)
+    model.add_spring("brace", "ground", "payload", (-0.6, 0, -0.8), (0, 0, 0), side)
+    plant = isolation.actuated(model, "payload", directions=["x", "z"])
+    pair = isolation.collocation(plant, [("left.actuator", "left.force")]).pairs[0]
+    line = np.outer((0.6, 0.8), (0.6, 0.8))
+    across = side * line + np.diag([0.0, 2.0 * tension])
+    for found, along in ((pair.poles, 2.0 * k), (pair.zeros, k)):
+        exact = np.sqrt(np.linalg.eigvalsh(across + np.diag([along, 0.0])) / mass) / (2 * np.pi)
+        np.testing.assert_allclose(found, exact, rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_symmetric_legs_are_collocated():
     plant = isolation.actuated(stiff_isolator(), "platform")

@@ -135,6 +135,21 @@ def test_rods_are_legs():
     assert result["rod.position.z"] == 0.0
 
 
+def test_rods_within_legs_keep_their_length():
+    """A rod from the ground to a node, from which a spring leads on: the node goes with the lower end."""
+    model, start, node, end = strutted(ends()[:2], leg=plain), (0.2, 0.3, 0), (0.175, 0.275, 0.1), (0.1, 0.2, 0.4)
+    model.add_body("node", 0.1, (1e-4, 1e-4, 1e-4), node)
+    model.add_joint("rod", "distance", "ground", "node", start, end=node)
+    model.add_spring("rest", "node", "payload", node, end, 1e4)
+    geometry = isolation.platform(model, "payload", legs=["rod", "s0.k"])
+    at = {"platform.height": 0.5, "base.radius": 1.1 * geometry.start["base.radius"]}
+    changed = model.with_values(geometry.values(at))
+    rod = changed.joints["rod"]
+    assert np.linalg.norm(np.subtract(rod.end, rod.position)) == pytest.approx(
+        np.linalg.norm(np.subtract(node, start)), rel=1e-13)
+    assert changed.springs["rest"].end[2] == pytest.approx(0.5)
+
+
 def test_pairs_are_nearest_neighbours_and_lines_at_one_place_do_not_cross():
     for half in (0.2, 0.0, -0.2):
         side = isolation.platform(strutted(ends(half=half)), "payload").rings["base"].side

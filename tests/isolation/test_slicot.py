@@ -80,6 +80,19 @@ def test_a_plant_without_states_is_refused(synthesis):
         synthesis(static, 1, 1, "test")
 
 
+@pytest.mark.parametrize("synthesis", [hinf_synthesis, h2_synthesis])
+def test_an_unstable_mode_out_of_reach_of_the_control_is_refused(synthesis):
+    def made(reach):
+        b, c = np.array([[1.0, 0, reach], [0, 0, 1]]), np.array([[1.0, 0.5], [0, 0], [1, 1]])
+        plant = np.diag([1.0, -1.0]), b, c, np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]])
+        result = synthesis(plant, 1, 1, "test")
+        return closed_loop(plant, (result.A, result.B, result.C, result.D), 1, 1)[0]
+
+    assert np.linalg.eigvals(made(1.0)).real.max() < 0.0
+    with pytest.raises(mv.ResponseError, match="test: no controller was found"):
+        made(0.0)
+
+
 def test_the_norm_of_a_hexapods_loop():
     """Of z and forces from base and noise, by our own norm: what SLICOT's controller is said to reach, it reaches."""
     p = strut(damping=60.0)

@@ -313,6 +313,8 @@ def test_what_cannot_be_moved_is_refused_by_name():
         quarter("velocity").linearize().frequency_response([0.0, 1.0])
     with pytest.raises(AttributeError, match=r"motion input 'road' ask .state_space"):
         _ = quarter().linearize().reachable
+    with pytest.raises(AttributeError, match=r"has no attribute 'nonsense'\.$"):
+        _ = quarter().linearize().nonsense
 
 
 def test_systems_with_motions_can_be_pickled_and_copied():
