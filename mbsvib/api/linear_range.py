@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
 SMALL = 0.01
+# Share of the largest motion of an output by a mode, at equal travel, below which another mode hardly moves it.
+HARDLY = 1e-2
 # Degrees of freedom up to which it is worth the time to say so in explanations, and with each table of modes (some 50
 # ms); the share that is then meant.
 FEW, FEW_IN_TABLES, USUAL = 6, 3, 0.1
@@ -94,13 +96,12 @@ class LinearRange(Columnar, Displayed):
         Returns
         -------
         tuple of str
-            The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode moves by second-order
-            parts only, are left out. Of modes that coincide the one with the largest range counts, as an output hardly
-            sees some combination of them, whatever it is.
+            The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode hardly
+            moves to first order, are left out. Of modes that coincide the one with the largest range counts, because
+            there is always a combination of them that hardly moves the output.
         """
         result = []
-        counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
-        travel = np.where(counts, self.travel, np.inf)
+        travel = participating(self)
         for together in np.split(np.arange(len(travel)), 1 + np.flatnonzero(~self._coincide())):
             largest = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
             travel[together] = np.where(travel[together] < largest, np.inf, travel[together])
@@ -110,13 +111,24 @@ class LinearRange(Columnar, Displayed):
                 result.append(
                     f"output '{name}': the second-order part reaches {self.share:.0%} of the linear one at an "
                     f"estimated amplitude of {self.values[k, j]:.3g} {self.units[j]} in mode {k + 1} "
-                    f"({self.frequencies[k]:.4g} Hz); use model.simulate beyond."
+                    f"({self.frequencies[k]:.4g} Hz); beyond it, only a nonlinear simulation is accurate."
                 )
         return tuple(result)
 
     def _coincide(self) -> NDArray[np.bool_]:
         """Whether each mode but the last has the frequency of the next."""
         return np.asarray(np.diff(self.frequencies) <= TOGETHER * self.frequencies[1:])
+
+
+def participating(known: LinearRange) -> NDArray[Any]:
+    """Return ``travel`` (modes, outputs), infinite where a mode hardly moves an output to first order, or has 0 Hz.
+
+    Hardly: by less than the share ``HARDLY`` of what the mode that moves this output most does at the same travel.
+    """
+    counts = np.isfinite(known.values) & (known.values > 0.0) & (known.frequencies > 0.0)[:, None]
+    moves = np.divide(known.values, known.travel, out=np.zeros(known.values.shape),
+                      where=counts & np.isfinite(known.travel) & (known.travel > 0.0))  # fmt: skip
+    return np.where(counts & (moves >= HARDLY * moves.max(axis=0, initial=0.0)), known.travel, np.inf)
 
 
 def linear_range(system: Equations, modes: Modes, share: float, conservative: bool = False) -> LinearRange:

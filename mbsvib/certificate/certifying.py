@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.linear_range import participating
 from mbsvib.certificate.engines import OTHERS, by_exudyn, mass_by_mujoco
 from mbsvib.certificate.radius import accuracy_radius
 from mbsvib.certificate.restated import difference, restated
@@ -187,7 +188,8 @@ class _Run:
         if exact:
             self.skipped["derivatives"] = (f"taken as exact, as they would lock loops or free what is at rest: "
                                            f"{', '.join(exact[:6])}{', ...' if len(exact) > 6 else ''}")  # fmt: skip
-        words = f"relative, by half the last digit of all data; most by {name}" if name else "no eigenvalue but 0"
+        words = "no eigenvalue but 0" if not name else \
+            f"change of an eigenvalue if half the last digit of all data is off; most by {name}"
         self.add("accuracy.radius", radius, None, None, words, rounding=rounding, parameter=name, eigenvalue=mode)
 
     def units(self, system: System) -> None:
@@ -210,13 +212,12 @@ class _Run:
         if system.dof > MOST_MODES:
             raise MbsvibError(f"more than {MOST_MODES} modes")
         known = system.linear_range(SHARE)
-        counts = np.isfinite(known.values) & (known.values > 0.0) & (known.frequencies > 0.0)[:, None]
-        if not counts.any():
+        travel = participating(known)
+        if not np.isfinite(travel).any():
             raise MbsvibError("no output has a second-order part")
-        travel = np.where(counts, known.travel, np.inf)
         k, j = np.unravel_index(int(travel.argmin()), travel.shape)
         self.add("linear.range", float(travel[k, j]), None, None,
-                 f"travel [rad, mechanism sizes] where '{known.outputs[j]}' is 10 % off in mode {k + 1}",
+                 f"travel [rad, mechanism sizes] in mode {k + 1} at which the linear '{known.outputs[j]}' is 10 % off",
                  amplitude=float(known.values[k, j]), unit=known.units[j], output=known.outputs[j])  # fmt: skip
 
     def mass(self, system: System) -> None:

@@ -107,7 +107,8 @@ class Margins(Columnar, Displayed):
         elif self.modulus > 1.0 - VANISHES:
             notes = ["No critical frequency: the sensitivity is largest, 1, where the loop gain vanishes."]
         else:
-            notes = [f"Critical frequency: {self.frequency:.4g} Hz."]
+            notes = [f"Critical frequency, where the sensitivity of all loops together is largest: "
+                     f"{self.frequency:.4g} Hz."]  # fmt: skip
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}

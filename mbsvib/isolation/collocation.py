@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
@@ -48,11 +49,24 @@ class Pair(Displayed):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Collocation(Displayed):
+class Collocation(Columnar, Displayed):
     """The report on pairs of actuators and sensors."""
 
     name: str
     pairs: tuple[Pair, ...]
+
+    def columns(self) -> dict[str, Any]:
+        """Return the pairs as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (pairs,)
+            ``actuator``, ``sensor``, ``collocated``, ``interlaced`` (None where it is not defined), ``passive``.
+        """
+        rows = [(p.actuator, p.sensor, p.dual, p.interlaced, p.passive) for p in self.pairs]
+        names = ("actuator", "sensor", "collocated", "interlaced", "passive")
+        return {name: np.array(column, dtype=object)
+                for name, column in zip(names, zip(*rows, strict=True), strict=True)}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the report as arguments of ``mbsvib.common.tables.text`` and ``show``.

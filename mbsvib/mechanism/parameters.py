@@ -46,8 +46,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 
@@ -77,7 +80,7 @@ class Parameter(Displayed):
     is_pair: bool = False
 
 
-class Parameters(Mapping[str, float], Displayed):
+class Parameters(Columnar, Mapping[str, float], Displayed):
     """The parameters of some parts: a read-only mapping from name to value, computed on first access."""
 
     def __init__(self, parts: Iterable[Part]) -> None:
@@ -97,6 +100,19 @@ class Parameters(Mapping[str, float], Displayed):
             if name in self._of_part[part.name]:
                 return self._of_part[part.name][name]
         return None
+
+    _index = "parameter"
+
+    def columns(self) -> dict[str, Any]:
+        """Return all parameters as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (parameters,)
+            ``parameter``, ``value``, ``unit``.
+        """
+        return {"parameter": np.array(list(self)), "value": np.array(list(self.values())),
+                "unit": np.array([entry.unit for entry in self.entries])}  # fmt: skip
 
     @property
     def entries(self) -> tuple[Parameter, ...]:

@@ -48,3 +48,12 @@ def test_amplitudes_that_are_not_finite_are_explained():
     assert "inf: no second-order part; parts of third order" in printed
     assert "nan: outputs without second derivatives" in printed
     assert "third order" not in str(mv.library.toggle().linearize().linear_range())
+
+
+def test_a_mode_that_hardly_moves_an_output_tells_nothing():
+    """At equal travel mode 1 moves the output by a ten-thousandth of what mode 2 does: what it is worth is not said."""
+    travel, moves = np.array([[1e-4], [0.3]]), np.array([[1e-4], [1.0]])
+    found = LinearRange("platform", 0.1, ("z",), ("m",), np.array([5.0, 20.0]), travel * moves, travel)
+    assert found.sentences() == ()
+    (text,) = LinearRange("platform", 0.1, ("z",), ("m",), np.array([5.0, 20.0]), travel * 0.5, travel).sentences()
+    assert "in mode 1 (5 Hz); beyond it, only a nonlinear simulation is accurate." in text

@@ -122,7 +122,7 @@ def test_the_linear_range_is_the_smallest_of_all_modes_and_outputs():
     certificate = mv.certify(model)
     details = certificate.content()["linear"]
     assert value(certificate, "linear.range").value == pytest.approx(0.2 / np.tan(1.2), rel=1e-6)
-    assert "'b' is 10 % off in mode 2" in value(certificate, "linear.range").words
+    assert "in mode 2 at which the linear 'b' is 10 % off" in value(certificate, "linear.range").words
     assert (details["output"], details["unit"]) == ("b", "m")
     assert details["amplitude"] == pytest.approx(0.5 * np.cos(1.2) * 0.2 / np.tan(1.2), rel=1e-6)
     none = mv.certify(model.with_parts(outputs={}))

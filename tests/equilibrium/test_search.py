@@ -289,3 +289,13 @@ def test_the_forces_in_a_pose_are_computed_once(monkeypatch):
     # the moment at the pin of the base is that of all weights about it
     arms = [body.position[0] for body in found.bodies.values()]
     assert found.springs["spring0"].preload == pytest.approx(-0.2 * 9.81 * sum(arms), rel=1e-9)
+
+
+def test_displacements_are_columns():
+    model = mv.Model("hung", gravity=(0, 0, -10.0))
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1))
+    model.add_bushing("k", "ground", "mass", (0, 0, 0), (1e3, 1e3, 1e3, 10, 10, 10))
+    columns = model.equilibrium(report=True).columns()
+    assert columns["body"].tolist() == ["mass"]
+    assert columns["z"] == pytest.approx([-0.02])
+    assert list(columns) == ["body", "x", "y", "z", "rx", "ry", "rz"]

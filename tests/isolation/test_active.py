@@ -239,3 +239,12 @@ def test_laws_are_checked():
         loop.poles()
     with pytest.raises(mv.ResponseError, match="ascending"):
         isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [1.0, 0.5])
+
+
+def test_pairs_are_columns():
+    plant = isolation.actuated(mv.library.cubic_hexapod(damping=2.0), "platform")
+    report = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force"), ("leg1.k.actuator", "leg2.k.force")])
+    columns = report.columns()
+    assert list(columns) == ["actuator", "sensor", "collocated", "interlaced", "passive"]
+    assert columns["passive"].tolist() == [True, False]
+    assert columns["sensor"].tolist() == ["leg1.k.force", "leg2.k.force"]

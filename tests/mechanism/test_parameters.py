@@ -185,3 +185,11 @@ def test_symmetric_partners_change_together():
     assert part.stiffness[0][5] == part.stiffness[5][0] == 40.0
     assert part.stiffness[1][2] == part.stiffness[2][1] == 7.0
     assert isinstance(everything().springs["line"], Spring)
+
+
+def test_parameters_are_columns(tmp_path):
+    model = mv.library.quarter_car()
+    columns = model.parameters.columns()
+    assert dict(zip(columns["parameter"].tolist(), columns["value"].tolist(), strict=True)) == dict(model.parameters)
+    assert dict(zip(columns["parameter"].tolist(), columns["unit"].tolist(), strict=True))["body.mass"] == "kg"
+    assert model.parameters.to_csv(tmp_path / "parameters.csv").read_text().startswith("parameter,value,unit\n")

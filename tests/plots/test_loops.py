@@ -208,7 +208,7 @@ def test_an_unstable_loop_has_no_marks():
 
 
 def test_a_loop_without_a_critical_frequency_says_so():
-    assert "Critical frequency: " in str(single().margins())
+    assert "Critical frequency, where the sensitivity of all loops together is largest: " in str(single().margins())
     model = library.chain(1)
     model.add_output("rate", "body1", "rz", quantity="velocity")
     damped = model.linearize().feedback([[-1e-3]], "rate", "Mz")
