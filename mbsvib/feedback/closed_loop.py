@@ -210,7 +210,7 @@ class ClosedLoop(FeedbackLoop):
             second_order: StateSpace = self.second_order.state_space(realization)
             return second_order
         elif realization == "balanced":
-            return balanced_states(self.state_space("physical" if self.plant.system.kind == "system" else "modal"))
+            return balanced_states(self.state_space("physical"))
         else:
             space = self.plant.system.state_space(realization)
             closed = self._closed(space)

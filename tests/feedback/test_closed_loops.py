@@ -230,6 +230,13 @@ def test_loop_gain_sensitivity_and_margins():
     assert loop.sampled(1e4).margins().gain[0] == pytest.approx(4.0, rel=1e-2)
 
 
+@pytest.mark.parametrize("rate", [1e6, 1e9, 1e12])
+def test_sampling_that_is_fast_keeps_all_digits(rate):
+    """The sampled loop differs from the continuous one by its delay of half a period, not by rounding of 1 + A dt."""
+    loop, w = slider(800.0, 4.0).feedback([[-30.0, -2.0]], ["v", "x"], "F"), np.array([0.5, 20.0, 300.0])
+    np.testing.assert_allclose(loop.sampled(rate).frequency_response(w), loop.frequency_response(w), rtol=10.0 / rate)
+
+
 def test_norms_against_lyapunov_of_python_control():
     loop = chain().feedback(PI, "x", "Fx")["x", "Fx"]
     space = mx.to_control(loop)
