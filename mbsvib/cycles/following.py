@@ -26,8 +26,9 @@ LONGEST, SHORTEST = 0.1, 1e-7
 # Loops count as closed when they are open by less than this [rad, mechanism sizes]: a thousandth of what results are
 # promised to.
 ACCEPTED = 1e-12
-# Dependent coordinates that move more than 1e7 times as fast as the drive: rates and forces have no digits left.
-SINGULAR = 1e-7
+# Loops open by r leave a smallest singular value s off by about r / s: refused where s is below this times sqrt(r), so
+# that it is known to a percent, rates and forces to a few.
+SINGULAR = 10.0
 # Frames from the warning up to the call of the user.
 USER = 8
 # Eigenvalues with a smaller imaginary part, as a share of them, are real.
@@ -54,6 +55,11 @@ class DrivenLoops:
         """Numbers of the other coordinates."""
         return np.setdiff1d(np.arange(len(self.names)), self.driven)
 
+    @property
+    def accepted(self) -> float:
+        """Opening below which loops count as closed."""
+        return max(ACCEPTED, self.rounding)
+
     def jacobian(self, q: Array) -> Array:
         """Return the derivative (rows, n) of the openings in units of like size."""
         return self.loops.scaled(q, NO_BASES)[1]
@@ -72,7 +78,7 @@ def followed(loops: DrivenLoops, motion: Prescribed) -> Array:
         pose, matrix = _to(loops, (pose, matrix), target, motion)
         result[i] = pose
         smallest = np.linalg.svd(matrix[:, depends], compute_uv=False)[-1]
-        if smallest < SINGULAR:
+        if smallest < SINGULAR * np.sqrt(loops.accepted):
             raise _singular(loops, motion, motion.at_sample(i), pose)
         if smallest < least:
             least, where = float(smallest), i
@@ -101,7 +107,7 @@ def _to(loops: DrivenLoops, at: tuple[Array, Array], target: Array, motion: Pres
         opening = np.inf
         if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST:
             trial, opening = loops.loops.projected(trial, NO_BASES, depends)
-        if opening < max(ACCEPTED, loops.rounding):
+        if opening < loops.accepted:
             after = loops.jacobian(trial)
             if _same_side(matrix[:, depends], after[:, depends]):
                 pose, matrix, done = trial, after, done + share

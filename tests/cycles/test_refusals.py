@@ -48,12 +48,18 @@ def test_a_rocker_reaches_its_dead_centre():
     assert np.isfinite(before.torque).all()
 
 
-def test_near_a_singular_pose_it_warns():
+def test_near_a_singular_pose_it_warns_as_long_as_digits_are_left():
+    """The torque grows as the square of the distance falls, as rates of the other bars do as its root."""
     model = four_bar(0.1, 0.25, 0.25, 0.2, 1.2)
     x, y, _ = model.joints["pin23"].position
     limit = np.pi - np.arccos((0.2**2 + 0.25**2 - 0.35**2) / (2 * 0.2 * 0.25)) - np.arctan2(y, x - 0.2)
+    far = model.cycle("rocker.rz", [limit * (1 - 1e-6)], speed=1.0)
     with pytest.warns(mv.errors.NearSingularWarning, match=r"lose as many digits"):
-        model.cycle("rocker.rz", [limit * (1 - 1e-10)], speed=1.0)
+        near = model.cycle("rocker.rz", [limit * (1 - 1e-8)], speed=1.0)
+    assert near.torque == pytest.approx(1e4 * far.torque, rel=0.01)
+    for distance in (1e-10, 1e-11, 1e-13, 0.0):
+        with pytest.raises(mv.errors.SingularPoseError, match=r"cycle: at rocker.rz = .* singular pose"):
+            model.cycle("rocker.rz", [limit * (1 - distance)], speed=1.0)
 
 
 def test_a_drive_that_loops_hold():

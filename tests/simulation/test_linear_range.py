@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.library import toggle
+from mbsvib.simulation.outputs import measured
+from mbsvib.simulation.second_order import second_order
 
 
 @pytest.mark.parametrize("angle", [0.284, 0.1415, 0.05, 0.01, 0.001])
@@ -73,6 +76,23 @@ def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
     basis = np.array([np.ones_like(t), np.cos(w * t), np.cos(2.0 * w * t)]).T
     mean, first, second = np.linalg.lstsq(basis, angles, rcond=None)[0]
     assert max(abs(mean), abs(second)) / abs(first) == pytest.approx(share, rel=0.02)
+
+
+def test_second_order_parts_of_damped_motion():
+    """x = l cos(theta), x' = -l sin(theta) theta' and m g l cos(theta), at theta = Re(q e^(s t)) with complex q and s."""
+    mass, length, gravity, q, s = 2.0, 0.3, 9.81, 0.4 + 0.3j, -0.5 + 2.0j
+    model = mv.Model("bar", gravity=(0.0, -gravity, 0.0))
+    model.add_body("bar", mass, (0.1, 0.1, 0.1), (length, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "bar", (0, 0, 0), axis=(0, 0, 1))
+    model.add_output("x", "bar", "x", position=(length, 0, 0))
+    model.add_output("v", "bar", "x", position=(length, 0, 0), quantity="velocity")
+    statement = finite_motion(model)
+    parts = second_order(statement, measured(model, statement), np.array([0]), np.zeros(0))
+    twice, steady = parts.along(parts.first(np.array([q]), s))
+    np.testing.assert_allclose(twice[2], -0.25 * length * q**2 * np.array([1.0, 2.0 * s]), rtol=1e-12)
+    np.testing.assert_allclose(steady[2], -0.25 * length * abs(q) ** 2 * np.array([1.0, 2.0 * s.real]), rtol=1e-12)
+    weight = -0.25 * mass * gravity * length
+    np.testing.assert_allclose([twice[0][0], steady[0][0]], [weight * q**2, weight * abs(q) ** 2], rtol=1e-12)
 
 
 @pytest.mark.slow
