@@ -51,7 +51,9 @@ def test_equilibrium_gives_a_model_and_leaves_the_old_one():
         model.linearize()
     with pytest.raises(mv.EquilibriumError, match="snap through"):
         truss(100.0).equilibrium()
-    assert truss(100.0).equilibrium(snap=True).bodies["crown"].position[2] < 0
+    result = truss(100.0).equilibrium(snap=True, report=True)
+    assert result.model.bodies["crown"].position[2] < 0
+    assert result.iterations == len(result.residuals) - 1
 
 
 def test_a_model_without_loads_is_where_it_is():

@@ -79,7 +79,7 @@ def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
 
 
 def test_second_order_parts_of_damped_motion():
-    """x = l cos(theta), x' = -l sin(theta) theta' and m g l cos(theta), at theta = Re(q e^(s t)) with complex q and s."""
+    """x = l cos(theta), x' = -l sin(theta) theta', m g l cos(theta) at theta = Re(q e^(s t)), q and s complex."""
     mass, length, gravity, q, s = 2.0, 0.3, 9.81, 0.4 + 0.3j, -0.5 + 2.0j
     model = mv.Model("bar", gravity=(0.0, -gravity, 0.0))
     model.add_body("bar", mass, (0.1, 0.1, 0.1), (length, 0, 0))
