@@ -189,7 +189,7 @@ class _Run:
             self.skipped["derivatives"] = (f"taken as exact, as they would lock loops or free what is at rest: "
                                            f"{', '.join(exact[:6])}{', ...' if len(exact) > 6 else ''}")  # fmt: skip
         words = "no eigenvalue but 0" if not name else \
-            f"change of an eigenvalue if half the last digit of all data is off; most by {name}"
+            f"relative change of an eigenvalue if half the last digit of all data is off; most by {name}"
         self.add("accuracy.radius", radius, None, None, words, rounding=rounding, parameter=name, eigenvalue=mode)
 
     def units(self, system: System) -> None:
