@@ -52,8 +52,12 @@ def test_an_arch_snaps_where_its_force_is_largest():
 
 
 def test_a_steep_arch_sways_before_it_snaps():
-    """The path of the symmetric arch goes on; the crossing one leaves it sideways."""
-    path = truss(4.0, free=("x", "y")).path("arch.y", [-0.5, -1.0, -2.0])
+    """The path of the symmetric arch goes on; the crossing one leaves it sideways. A body beside it takes no part."""
+    model = truss(4.0, free=("x", "y"))
+    model.add_body("beside", 1.0, (1, 1, 1), position=(3, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "beside", position=(3, 0, 0), axis=(0, 1, 0))
+    model.add_spring("holds", "ground", "beside", start=(3, -1, 0), end=(3, 0, 0), stiffness=STIFF)
+    path = model.path("arch.y", [-0.5, -1.0, -2.0])
     at = brentq(lambda v: force(4.0, v)[2], -2.0, -0.1)
     branches = [point for point in path.points if point.kind == "branch"]
     assert [point.value for point in branches] == pytest.approx([at], rel=1e-8)

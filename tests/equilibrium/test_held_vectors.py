@@ -32,24 +32,27 @@ def test_spherical_feet_of_a_stewart_platform_of_which_loops_tie_one_component(s
     check_pose(without_springs(model), without_springs(there))
 
 
-def tied(kind, count):
-    """A body on a joint to ground that ``count`` rods tie as well."""
+def tied(kind, count, base="ground"):
+    """A body on a joint to ground, or to a body that turns about an oblique axis, that ``count`` rods tie as well."""
     model = mv.Model()
+    if base != "ground":
+        model.add_body(base, 1.0, (1.0, 1.0, 1.0))
+        model.add_joint("turn", "revolute", "ground", base, (0.0, 0.0, 0.0), axis=(1.0, 2.0, 2.0))
     model.add_body("arm", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
     options = {"end": (0.1, 0.5, 0.9)} if kind == "distance" else {}
-    model.add_joint("held", kind, "ground", "arm", (0.0, 0.0, 0.0), **options)
+    model.add_joint("held", kind, base, "arm", (0.0, 0.0, 0.0), **options)
     for k, (one, other) in enumerate((((1.0, 0.1, 0.3), (1.2, 0.9, -0.2)), ((0.2, 1.0, 0.1), (0.9, 0.8, 1.1)))[:count]):
-        model.add_joint(f"tie{k}", "distance", "arm", "ground", one, end=other)
+        model.add_joint(f"tie{k}", "distance", "arm", base, one, end=other)
     return model
 
 
-@pytest.mark.parametrize(("kind", "count", "held"), [
-    ("spherical", 1, {"held.rx": 0.16, "held.rz": -0.12}), ("spherical", 2, {"held.ry": 0.5}),
-    ("homokinetic", 1, {"held.rx": 0.6}),
+@pytest.mark.parametrize(("kind", "count", "held", "turn"), [
+    ("spherical", 1, {"held.rx": 0.16, "held.rz": -0.12}, 0.0), ("spherical", 2, {"held.ry": 0.5}, 0.0),
+    ("homokinetic", 1, {"held.rx": 0.6}, 0.0), ("spherical", 1, {"held.rx": 0.16, "held.rz": -0.12}, 0.7),
 ])  # fmt: skip
-def test_a_joint_that_rods_tie_holds_what_is_free(kind, count, held):
-    model = tied(kind, count)
-    there = model.moved(held, cut=[f"tie{k}" for k in range(count)])
+def test_a_joint_that_rods_tie_holds_what_is_free(kind, count, held, turn):
+    model = tied(kind, count, "carrier" if turn else "ground")
+    there = model.moved(held | ({"turn.rz": turn} if turn else {}), cut=[f"tie{k}" for k in range(count)])
     turned = dict(zip(("held.rx", "held.ry", "held.rz"), rotation_vector(model, there, "held"), strict=True))
     for name, value in held.items():
         if name in turned:
@@ -58,10 +61,12 @@ def test_a_joint_that_rods_tie_holds_what_is_free(kind, count, held):
     check_pose(model, there)
 
 
-def test_the_end_of_a_rod_is_held_along_one_arc():
-    model = tied("distance", 1)
-    there = model.moved({"held.x": 0.3}, cut=["tie0"])
-    joint, end = model.joints["held"], np.array(there.joints["held"].end)
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_the_end_of_a_rod_is_held_along_one_arc(turn):
+    model = tied("distance", 1, "carrier" if turn else "ground")
+    there = model.moved({"held.x": 0.3} | ({"turn.rz": turn} if turn else {}), cut=["tie0"])
+    carried = Rotation.from_rotvec(turn * np.array((1.0, 2.0, 2.0)) / 3.0)
+    joint, end = model.joints["held"], carried.inv().apply(there.joints["held"].end)
     rod = np.array(joint.end)
     length = np.linalg.norm(rod)
     assert np.linalg.norm(end) == pytest.approx(length, rel=1e-14)
