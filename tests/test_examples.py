@@ -9,6 +9,7 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 SLOW = {"absorber_by_ipopt", "active_damping_by_units", "bicycle_balance", "blade_on_hub",
+        "fe_payload_on_hexapod_as_fmu",
         "codesign_of_mount_and_gain", "cut_another_loop", "decentral_control_three_poses", "drop_test",
         "force_feedback_worst_case", "gain_scheduled_hexapod", "hexapod_isolation",
         "hexapod_legs_from_measured_responses", "hoeken_balancing", "linkage_under_gravity", "mpc_of_stewart",
