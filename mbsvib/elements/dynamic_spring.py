@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import spring
+from mbsvib.elements.connection import line_between
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell_rows import Node, as_node_joint
@@ -56,6 +57,11 @@ class DynamicSpring(RelaxingAxis):
     @property
     def body_positions(self) -> Mapping[str, Vector]:
         return {name: node.position for name, node in expand(self).bodies.items()}
+
+    @property
+    def line(self) -> Vector:
+        """Unit vector from start to end."""
+        return line_between(self.name, self.start, self.end, "")[2]
 
     @property
     def at_rest(self) -> Spring | None:

@@ -160,13 +160,22 @@ def aligned_loops(loops: Loops, allowed: set[str], tolerance: float, limit: floa
         if loops.with_joints(_after(before, others).values()).freedom(limit) == best:
             chosen = others
     after = _after(before, chosen)
-    for name in [name for name, joint in after.items() if joint is not before[name]
-                 and _change(before[name], joint).size(size or 1.0) > RANK_GAP * limit]:  # fmt: skip
-        fewer = after | {name: before[name]}
+    moved = [name for name, joint in after.items() if joint is not before[name]
+             and _change(before[name], joint).size(size or 1.0) > RANK_GAP * limit]  # fmt: skip
+    for names in (*_parallel_joints([before[name] for name in moved], limit), *([name] for name in moved)):
+        fewer = after | {name: before[name] for name in names}
         if loops.with_joints(fewer.values()).freedom(limit) == best:
             after = fewer
     changes = [(joint, _change(before[name], joint)) for name, joint in after.items() if joint is not before[name]]
     return [(joint, change) for joint, change in changes if change.angle or change.shift]
+
+
+def _parallel_joints(joints: list[Joint], limit: float) -> list[list[str]]:
+    """Names of joints whose axes are parallel as they are, so that some of them alone would lock the others."""
+    owners = [(joint.name, direction) for joint in joints for direction in directions(joint)]
+    axes = np.array([direction for _, direction in owners]).reshape(-1, 3)
+    near = np.linalg.norm(np.cross(axes[:, None], axes[None]), axis=2) <= limit
+    return [[owners[k][0] for k in group] for group in _connected(near) if len(group) > 1]
 
 
 def _after(joints: Joints, steps: list[Callable[[Joints], Joints]]) -> Joints:
@@ -216,7 +225,6 @@ def _clusters(vectors: Array, tolerance: float) -> list[tuple[list[int], Array]]
         while True:
             some = vectors[members]
             mean = np.linalg.svd(some)[2][0]
-            mean *= np.copysign(1.0, mean @ some[0])
             off = np.linalg.norm(np.cross(some, mean), axis=1)
             if off.max() <= tolerance:
                 break

@@ -153,3 +153,20 @@ def test_a_response_that_only_falls_has_no_resonance():
     assert rows["resonance"] == "none in this band"
     assert rows["amplification at resonance"].startswith("none: ")
     assert dict(isolation.study(one_axis(0.05), "payload", directions="z").table()["rows"])["resonance"].endswith(" Hz")
+
+
+def test_a_mount_of_rubber():
+    """T = K / (K - m w^2) with the stiffness K(w) of a spring; a force beside it moves it by 1 / (K - m w^2)."""
+    mass, k, rubber = 2.0, 3e4, mv.Dynamic.prony([0.3], [0.01])
+    model = mv.Model("mount")
+    model.add_body("payload", mass, (1, 1, 1), (0, 0, 0))
+    model.add_joint("guide", "prismatic", "ground", "payload", (0, 0, 0), axis=(0, 0, 1))
+    model.add_spring("rubber", "ground", "payload", (0, 0, -1), (0, 0, 0), k, dynamic=rubber)
+    f = np.array([1.0, 15.0, 80.0])
+    result = isolation.study(model, "payload", directions="z", frequencies=f)
+    omega = 2.0 * np.pi * f
+    dynamic = k * rubber.factor(omega)
+    np.testing.assert_allclose(result.transmissibility[2, 0], dynamic / (dynamic - mass * omega**2), rtol=1e-9)
+    plant = isolation.actuated(model, "payload", directions="z")
+    rate = plant.system.frequency_response(omega, "guide.rate", "guide.actuator")[0, 0]
+    np.testing.assert_allclose(np.abs(rate), np.abs(omega / (dynamic - mass * omega**2)), rtol=1e-9)

@@ -313,6 +313,9 @@ def test_what_cannot_be_moved_is_refused_by_name():
         quarter("velocity").linearize().frequency_response([0.0, 1.0])
     with pytest.raises(AttributeError, match=r"motion input 'road' ask .state_space"):
         _ = quarter().linearize().reachable
+    for change in ({"first": "body"}, {"second": "body", "first": "wheel"}):
+        with pytest.raises(ModelError, match=r"both ends of 'tyre' are on bodies"):
+            quarter().replace("tyre", **change).linearize()
     with pytest.raises(AttributeError, match=r"has no attribute 'nonsense'\.$"):
         _ = quarter().linearize().nonsense
 
