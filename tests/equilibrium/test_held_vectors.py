@@ -79,13 +79,17 @@ def test_the_end_of_a_rod_is_held_along_one_arc(turn):
     check_pose(model, there)
 
 
-def test_a_beam_bends_until_a_held_component_is_at_its_value():
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_beam_bends_until_a_held_component_is_at_its_value(turn):
     model = mv.Model()
     model.add_body("mass", 1.0, (0.1, 0.1, 0.1), (0.5, 0.0, 0.0))
-    model.add_joint("ball", "spherical", "ground", "mass", (0.0, 0.0, 0.0))
+    if turn:
+        model.add_body("carrier", 1.0, (0.1, 0.1, 0.1))
+        model.add_joint("turn", "revolute", "ground", "carrier", (0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0))
+    model.add_joint("ball", "spherical", "carrier" if turn else "ground", "mass", (0.0, 0.0, 0.0))
     model.add_beam("beam", "mass", "ground", {"type": "circle", "radius": 0.005}, {"E": 2e11, "nu": 0.3, "rho": 7800.0},
                    start=(0.5, 0.1, 0.0), end=(0.5, 0.1, 2.0), elements=2)
-    there = model.moved({"ball.rx": 0.1, "ball.rz": 0.08})
+    there = model.moved({"ball.rx": 0.1, "ball.rz": 0.08} | ({"turn.rz": turn} if turn else {}))
     assert np.allclose(rotation_vector(model, there, "ball")[[0, 2]], [0.1, 0.08], rtol=0, atol=1e-12)
 
 
