@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.responses.frequency_response import conditions, direct_solutions, refined_solutions, trusted
+from mbsvib.responses.rounding import ROUNDING, Noise
 from mbsvib.responses.time_response import _by_exponential
 from tests.responses.test_time_response import exact_time_response
 from tests.support.exact import Exact
@@ -287,3 +288,26 @@ def test_the_unit_of_an_input_does_not_change_the_digits_in_time(unit):
     plain = model.linearize().time_response(t, u)
     scaled = model.linearize().time_response(t, np.stack((u[2], u[2], u[0] / unit)))
     assert_allclose(scaled, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
+
+
+def test_rounding_of_sums_over_modes_term_by_term():
+    """Below a mode its term, above it the term's remainder and the known sums: the smaller one, from below or above."""
+    m, k = np.array([1.0, 4.0, 2.0, 7.0]), np.array([3e4, 1e4, 5e4, 2e4])
+    system = sliding_chain(m, k, 1e-4 * k, (0, 2), [("displacement", 3), ("velocity", 1), ("acceleration", 0)])
+    system = system.linearize()
+    modal, w = system.basis.modal, np.array([20.0, 90.0, 150.0, 1e3])
+    bound = Noise.of(system, modal).at(w, True)
+    square, gamma, b = modal.square, modal.gamma, modal.shapes.T @ system.B
+    sizes = np.sqrt(square)
+    for row, (order, c) in enumerate(((0, system.Cq[0]), (1, system.Cv[1]), (2, system.Ca[2]))):
+        c = c @ modal.shapes
+        for i in range(2):
+            terms = np.linalg.norm(c) * np.abs(b[:, i]) + np.abs(c) * np.linalg.norm(b[:, i])
+            direct = abs(system.D[row, i]) if order == 2 else 0.0
+            for n, there in enumerate(w):
+                apart = np.maximum(np.abs(square - there**2), gamma * there)
+                above = sizes < there
+                fade = np.where(above, (square + gamma * there) / there**2, 1.0)
+                known = min(terms[above].sum() + direct, terms[~above].sum())
+                expected = np.finfo(float).eps * ROUNDING * ((terms / apart * fade).sum() + known / there**2)
+                assert_allclose(bound[row, i, n], expected * there**order, rtol=1e-12)
