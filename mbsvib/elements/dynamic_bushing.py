@@ -96,6 +96,16 @@ class DynamicBushing(Relaxing):
                        self.orientation, self.preload)  # fmt: skip
 
     @property
+    def batched_fields(self) -> frozenset[str]:
+        matrices = self.dynamic_stiffness is not None or isinstance(self.stiffness[0], tuple) or isinstance(
+            self.damping[0], tuple)  # fmt: skip
+        return frozenset() if matrices else frozenset(("stiffness", "damping", *self._term_names))
+
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        return self.batched_fields
+
+    @property
     def cross_coupling(self) -> tuple[Array, Array] | None:
         return self.at_rest.cross_coupling
 

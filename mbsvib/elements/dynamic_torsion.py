@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import dynamic_bushing, torsion_spring
@@ -19,6 +21,7 @@ from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.part import ParameterField
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
@@ -52,6 +55,11 @@ class DynamicTorsionSpring(RelaxingAxis):
         k, c, preload = ((*NOWHERE, 0.0, 0.0, value) for value in (self.stiffness, self.damping, self.preload or 0.0))
         return DynamicBushing(self.name, self.first, self.second, NOWHERE, k, self.dynamic, c,
                               check.frame_along(self.axis), None if self.preload is None else preload)  # fmt: skip
+
+    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        own = super(DynamicTorsionSpring, self).replaced_coefficients(fields)
+        return {name: {field: np.concatenate((np.zeros((5, len(value))), value[None]))
+                       for field, value in values.items()} for name, values in own.items()}  # fmt: skip
 
     @property
     def at_rest(self) -> TorsionSpring | None:

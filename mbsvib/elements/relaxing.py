@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.dynamic import Dynamic
@@ -20,6 +22,7 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.preload_form import PreloadForm
 
 _LABELS = ("g", "tau")
@@ -51,6 +54,21 @@ class Relaxing(Connection):
             changed["dynamic"] = self.dynamic.words() | dict(zip(("weights", "times"), numbers, strict=True))
         return changed
 
+    @property
+    def _term_names(self) -> tuple[str, ...]:
+        return tuple([f"{label}{k}" for k in range(1, len(self.dynamic.terms) + 1) for label in _LABELS])
+
+    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        k, c = (fields.get(field, np.array(getattr(self, field))[..., None]) for field in ("stiffness", "damping"))
+        result = {f"{self.name}.rest": {"stiffness": self.dynamic.static * k, "damping": c + self.dynamic.viscous * k}}
+        for i, pair in enumerate(self.dynamic.terms, 1):
+            g, tau = (fields.get(f"{label}{i}", np.full(1, value)) for label, value in zip(_LABELS, pair, strict=True))
+            stem = f"{self.name}.{i}"
+            result |= {f"{stem}.spring": {"stiffness": g * k}, f"{stem}.damper": {"damping": g * tau * k}}
+        count = max([np.shape(array)[-1] for array in fields.values()], default=1)
+        return {name: {field: np.broadcast_to(array, (*array.shape[:-1], count)) for field, array in arrays.items()}
+                for name, arrays in result.items()}  # fmt: skip
+
     def term_fields(self) -> Iterator[ParameterField]:
         """Yield the parameters of relaxations."""
         for k, (g, tau) in enumerate(self.dynamic.terms, 1):
@@ -64,6 +82,14 @@ class RelaxingAxis(Relaxing):
     __slots__ = ()
     stiffness: float
     damping: float
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        return frozenset(("stiffness", "damping", *self._term_names))
+
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        return self.batched_fields
 
     @property
     def rest_stiffness(self) -> float:

@@ -176,7 +176,16 @@ class BatchPlan:
         forces = bool(self.stress) and (self.with_forces or not self.geometry.constant or self.posed is not None)
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
-        return bool(shared or forces or curved or varies)
+        return bool(shared or forces or curved or varies or self._replacing_alone)
+
+    @property
+    def _replacing_alone(self) -> bool:
+        """Whether what replaces a connection that varies has no rows for it, or forces or poses that follow it."""
+        names = {owner.name for owner, _, _ in self.geometry.replacing}
+        varied = set(self.slots.target.tolist())
+        rows = {int(row) for name in names for array in self.slots.index[name].values() for row in array.reshape(-1)}
+        absent = not self.slots.nominal[list(rows & varied)].all()
+        return bool(names) and (absent or self.with_forces or self.posed is not None)
 
     def chunk_size(self, count: int) -> int:
         """Return the number of variants to compute at once, of ``count``."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.bushing import Bushing, symmetric_part
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
@@ -38,8 +39,9 @@ class GeometryPlan:
 
     ``bodies`` (k,) have the positions ``centres`` (3, k), and ``ports`` (p,) theirs at the centres ``port_centres``
     (3, p). Of ``springs``, ``coefficients`` are the rows of numbers of some columns by name; elements of ``matrices``
-    have rows that are made anew. ``masses`` are bodies with the rows of their masses, ``tensors`` those whose tensor
-    varies: number, rows of the six entries, rows of the rotation vector, None where either is constant.
+    have rows that are made anew; ``replacing`` are connections that vary, one that replaces each in the equations with
+    coefficients of its own, and its columns. ``masses`` are bodies with the rows of their masses, ``tensors`` those
+    whose tensor varies: number, rows of the six entries, rows of the rotation vector, None where either is constant.
     """
 
     scene: Scene
@@ -58,6 +60,7 @@ class GeometryPlan:
     ports: Index
     port_centres: Index
     inertial_outputs: tuple[Index | None, ...]
+    replacing: tuple[tuple[Any, Any, Index], ...] = ()
 
     @property
     def constant(self) -> bool:
@@ -83,7 +86,8 @@ class GeometryPlan:
         if scene.cuts is not None and (self.cuts is not None or scene.cuts.couplings is not None):
             rows = scene.cuts.rows if self.cuts is None else _rows(scene.cuts.rows, self.cuts, numbers)
             changes["cuts"] = replace(scene.cuts, rows=rows, couplings=self._couplings(values))
-        if self.springs is not scene.springs or self.elements is not None or self.coefficients or self.matrices:
+        if self.springs is not scene.springs or self.elements is not None or self.coefficients or self.matrices or (
+                self.replacing):
             changes["springs"] = self._springs(values)
         if len(self.ports) or any(rows is not None for rows in self.inertial_outputs):
             changes["port"] = self._ports(numbers)
@@ -99,6 +103,12 @@ class GeometryPlan:
             array = values.repeated(getattr(springs, key))
             array[:, columns] = numbers[rows].T
             changes[key] = array
+        for owner, part, columns in self.replacing:
+            made = owner.replaced_coefficients(values.fields[owner.name])[part.name]
+            for key, array in part.row_values(made, springs.unit[columns]).items():
+                if key not in changes:
+                    changes[key] = values.repeated(getattr(springs, key))
+                changes[key][:, columns] = array.T
         if self.elements is not None:
             changes["rows"] = _rows(springs.rows, self.elements, numbers)
         springs = replace(springs, **changes) if changes else springs
@@ -176,7 +186,7 @@ def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
         scene, index, np.array(list(moved), dtype=np.intp), _stacked(list(moved.values())),
         _twists(scene, index, moved), _cuts(scene, index), _measured(scene, index), springs, elements, coefficients,
         matrices, (bodies, rows), tuple(tensors), np.array([row for row, _ in ports], dtype=np.intp),
-        _stacked([at for _, at in ports]), inertial,
+        _stacked([at for _, at in ports]), inertial, _replacing(scene, springs, slots),
     )  # fmt: skip
 
 
@@ -271,6 +281,14 @@ def _elements(
     rows = springs.rows
     placing = Placing.of((rows.force, rows.moment, rows.point), owners, index)
     return springs, _varying(placing), coefficients, matrices
+
+
+def _replacing(scene: Scene, springs: ElementRows, slots: Slots) -> tuple[tuple[Any, Any, Index], ...]:
+    """Connections that vary, with one that replaces each in the equations and its columns."""
+    numbers = {part.name: i for i, part in enumerate(scene.elements)}
+    owners = [part for part in map(slots.parameters.parts.__getitem__, slots.index) if isinstance(part, Connection)]
+    return tuple([(owner, scene.elements[numbers[name]], np.flatnonzero(springs.owner == numbers[name]))
+                  for owner in owners for name in owner.replaced_coefficients({}) if name in numbers])  # fmt: skip
 
 
 def _active(nominal: Any, rows: Index, varied: set[int]) -> Any:
