@@ -6,6 +6,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.campbell import campbell
+from mbsvib.equilibrium.path import with_share
 
 SPEED = 7.3
 
@@ -141,6 +142,18 @@ def test_dumbbell_swings_out_to_its_balance():
     assert there.bodies["right"].position[0] == pytest.approx(r + length * np.sin(angle), rel=1e-9)
     second = g * np.cos(angle) + 64 * (r * np.sin(angle) - length * np.cos(2 * angle))
     np.testing.assert_allclose(rates(there.linearize()), np.sqrt(second / length), rtol=1e-8)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25, 0.0])
+def test_a_share_of_the_load_is_one_of_the_centrifugal_force(share):
+    """k (x - r) = share m W^2 x of a mass on a radial slide."""
+    model = mv.Model("slide")
+    model.add_hub("hub", SPEED, (0, 0, 1))
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1), (0.5, 0, 0))
+    model.add_joint("rail", "prismatic", "hub", "mass", (0.5, 0, 0), axis=(1, 0, 0))
+    model.add_spring("spring", "hub", "mass", (0.1, 0, 0), (0.5, 0, 0), 1000.0)
+    there = with_share(model, share).equilibrium()
+    assert there.bodies["mass"].position[0] == pytest.approx(500.0 / (1000.0 - share * 2.0 * SPEED**2), rel=1e-12)
 
 
 def test_rotor_on_a_turning_body():
