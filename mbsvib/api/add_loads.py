@@ -64,10 +64,10 @@ class LoadedMechanism(Mechanism):
         M q'' + (C + G) q' + (K + K_c + K_g) q = B u: G are Coriolis and gyroscopic terms, K_c is the centrifugal
         stiffness, and K_g follows from the forces at rest under the centrifugal ones, such as the tension of a blade.
 
-        All bodies and beams turn with it that joints, springs, bushings and beams connect with it, not over the
-        ground; they are described as they stand at rest in its frame, whose axes are those of the world at one moment.
-        Forces, displacements, velocities and accelerations at ports are those in this frame. The hub has no mass of
-        its own and does not give way: what drives it keeps its speed.
+        All bodies, beams and flexures turn with it that joints, springs, bushings and these connect with it, not over
+        the ground; they are described as they stand at rest in its frame, whose axes are those of the world at one
+        moment. Forces, displacements, velocities and accelerations at ports are those in this frame. The hub has no
+        mass of its own and does not give way: what drives it keeps its speed.
 
         Parameters
         ----------

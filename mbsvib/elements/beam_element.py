@@ -42,6 +42,18 @@ class BentLine(NamedTuple):
     weighed: float
 
 
+class MassPoints(NamedTuple):
+    """An element's mass at points along it, in its axes: ``masses`` (n,) [kg] and ``sections`` (n, 3), the moments of
+    inertia of the sections about x, y, z [kg m^2], with the rows of their displacements and rotations ``moves`` and
+    ``turns`` (n, 3, 12) over (u1, theta1, u2, theta2).
+    """
+
+    masses: Array
+    sections: Array
+    moves: Array
+    turns: Array
+
+
 class Element(Protocol):
     """What a beam is made of between two nodes, in the axes of the element (x along it)."""
 
@@ -53,11 +65,24 @@ class Element(Protocol):
     def arm(self) -> float:
         """Distance of the weight of either half from its node [m], of consistent nodal loads."""
 
+    @property
+    def odd_load(self) -> tuple[float, float]:
+        """Consistent nodal load of an acceleration that grows from the middle to unity at the end: the mass at the end
+        [kg] and its distance from the node [m]; the same with the other sign at the start.
+        """
+
+    @property
+    def sections_turn(self) -> bool:
+        """Whether sections turn about all axes, not only along x."""
+
     def stiffness(self) -> tuple[float, ...]:
         """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
 
     def mass_rows(self) -> Array:
         """Return the rows F of the consistent mass matrix F^T F, over (u1, theta1, u2, theta2)."""
+
+    def mass_points(self) -> MassPoints:
+        """Return its mass at points along it."""
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
         """Return its bent lines in the planes x-y and x-z."""
@@ -82,6 +107,16 @@ class Prismatic:
         """Distance of the weight of either half from its node [m]."""
         return self.length / 6.0
 
+    @property
+    def odd_load(self) -> tuple[float, float]:
+        """Mass at the end [kg] and its distance from the node [m], of an acceleration that grows from the middle."""
+        return 0.2 * self.mass, self.length / 12.0
+
+    @property
+    def sections_turn(self) -> bool:
+        """Whether sections turn about all axes."""
+        return self.shear
+
     def stiffness(self) -> tuple[float, ...]:
         """Return the six stiffnesses at the midpoint [N/m, N m/rad]."""
         return stiffness(self.length, self.section, self.material, self.shear)
@@ -89,6 +124,22 @@ class Prismatic:
     def mass_rows(self) -> Array:
         """Return the rows F of the consistent mass matrix F^T F."""
         return mass_rows(self.length, self.section, self.material, self.shear)
+
+    def mass_points(self) -> MassPoints:
+        """Return its mass at four Gauss points."""
+        ratios = shear_ratios(self.length, self.section, self.material, self.shear)
+        points = gauss(4)
+        moves, turns = np.zeros((2, len(points), 3, 12))
+        for move, turn, (x, _) in zip(moves, turns, points, strict=True):
+            move[0, [0, 6]] = turn[0, [3, 9]] = (1.0 - x, x)
+            for (indices, sign), phi, across, about in zip(PLANES, ratios, (1, 2), (2, 1), strict=True):
+                slopes = np.array([1.0, sign, 1.0, sign])
+                move[across, indices] = slopes * deflection(x, self.length, phi)
+                if self.shear:
+                    turn[about, indices] = sign * slopes * rotation(x, self.length, phi)
+        shares, (iy, iz) = np.array([weight for _, weight in points]), (self.section.Iy, self.section.Iz)
+        sections = self.length * self.material.rho * np.array([iy + iz, iy, iz])
+        return MassPoints(self.mass * shares, shares[:, None] * sections, moves, turns)
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
         """Return its bent lines in the planes x-y and x-z."""

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbsvib.elements.beam_element import PLANES, BentLine
+from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints
 from mbsvib.elements.sections import rectangle_torsion
 
 if TYPE_CHECKING:
@@ -101,6 +101,21 @@ class NotchElement:
         return 4.0 * float(self._half[1] @ (self._heavier * self._planes()[1].about[1]))
 
     @property
+    def odd_load(self) -> tuple[float, float]:
+        """Mass at the end [kg] and its distance from the node [m], of an acceleration that grows from the middle, in
+        soft bending.
+        """
+        x, weight, _, h = self._half
+        mass = 2.0 * self.material.rho * self.width * h * weight * (2.0 * x / self.length)
+        at_end = float(mass @ self._planes()[1].across[0])
+        return at_end, 0.5 * self.length - 0.5 * float(mass @ x) / at_end
+
+    @property
+    def sections_turn(self) -> bool:
+        """Whether sections turn about all axes: they do."""
+        return True
+
+    @property
     def _heavier(self) -> Array:
         """Share of the mass between the middle and each point (n,)."""
         _, weight, running, h = self._half
@@ -167,6 +182,32 @@ class NotchElement:
                                  [np.concatenate(pair) for pair in zip(shapes, turns, strict=True)])  # fmt: skip
             rows[4 + 4 * i : 8 + 4 * i, indices] = packed * np.array([1.0, sign, 1.0, sign])
         return rows
+
+    def mass_points(self) -> MassPoints:
+        """Return its mass at the points of both halves."""
+        x, weight, running, h = self._half
+        b, rho, length, n = self.width, self.material.rho, self.length, len(x)
+        mass = rho * b * np.concatenate((h * weight,) * 2)
+        both, difference, mean = np.concatenate((h, h)), np.array([-1.0, 1.0]), np.array([0.5, 0.5])
+        moves, turns = np.zeros((2, 2 * n, 3, 12))
+
+        def mirrored(even: Array, odd: Array) -> Array:
+            """Rows (2 n, ...) of both halves from their parts at the points of one."""
+            return np.concatenate((even + odd, even - odd))
+
+        for rows, first, slope in ((moves, 0, 1.0 / h), (turns, 3, 1.0 / self._torsion)):
+            odd = 0.5 * (running @ slope) / (weight @ slope)
+            rows[:, 0, [first, first + 6]] = mirrored(np.tile(mean, (n, 1)), np.outer(odd, difference))
+        middle, turn = np.array([0.5, 0.25 * length, 0.5, -0.25 * length]), np.array([0.0, 0.5, 0.0, 0.5])
+        d, r = np.array([-1.0, -0.5 * length, 1.0, -0.5 * length]), np.array([0.0, -1.0, 0.0, 1.0])
+        for (indices, sign), plane, axis, about in zip(PLANES, self._planes(), (1, 2), (2, 1), strict=True):
+            slopes = np.array([1.0, sign, 1.0, sign])
+            moves[:, axis, indices] = slopes * mirrored(
+                middle + np.outer(plane.across[1], r), np.outer(x, turn) + np.outer(plane.across[0], d))  # fmt: skip
+            turns[:, about, indices] = sign * slopes * mirrored(
+                turn + np.outer(plane.about[0], d), np.outer(plane.about[1], r))  # fmt: skip
+        squares = np.array([b * b + both * both, both * both, np.full_like(both, b * b)]).T
+        return MassPoints(mass, mass[:, None] * squares / 12.0, moves, turns)
 
 
 def _compressed(inertia: Array, shapes: tuple[Array, ...] | list[Array]) -> Array:

@@ -2,12 +2,17 @@
 
 The pose is the loaded one. Forces in the elements follow from statics; statically indeterminate ones (beams held at
 both ends) are those of linear elasticity, with the least energy. A preloaded bushing at the middle of an element acts
-as between two rigid halves; the bent line between the nodes under a tension N adds a quadratic form in the deformations
-of the element, d across and r about the middle; of constant section
+as between two rigid halves, and its force F, on the end, turns with the first of them. In deformations of the element,
+d and r about the middle, the term
 
-N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12 - W (1 / 12 - s / 30) d r,   s = 1 / (1 + phi)
+F . (r x d) / 2
 
-so that rigid halves and this form add up to half the integral of N times the squared slope. W is the element's weight
+lets it turn with the mean of both, so that both ends are alike. The bent line between the nodes under a tension N adds
+a quadratic form in d across and r; of constant section
+
+N (s^2 / (10 L) + 1 / (2 L)) d^2 - N L r^2 / 12 - W (1 / 12 - s / 30) d r,   s = 1 / (1 + phi)
+
+so that rigid halves and both terms add up to half the integral of N times the squared slope. W is the element's weight
 along its axis, by which the tension falls along the element: what the weights at the nodes do as these turn is that of
 straight halves, and the last term adds what the bent line does beyond it.
 """
@@ -26,6 +31,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
+from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -144,7 +150,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[Sh
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
     ``elements`` have their forces as preloads; ``fall`` (elements, 3) is the acceleration of gravity and of
-    hubs. The rows have signed stiffness, for each element under tension, compression or weight along its axis.
+    hubs. The rows have signed stiffness, for each element under a force or weight along its axis.
     """
     result = []
     masses, forms = element_masses(beam), zip(bent_forms(beam), weight_forms(beam), strict=True)
@@ -157,10 +163,8 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[Sh
         form = tension * bent + weight * weighed
         stiffness = beam.element(length).stiffness()
         beam.check_compression(max(-form[k, k] / stiffness[k] for k in (1, 2)))
-        if not form.any():
-            continue
         rows, values = [], []
-        for plane in ((1, 5), (2, 4)):
+        for plane in ((1, 5), (2, 4)) if form.any() else ():
             # in d / L and r all entries are of the size of L
             scale = np.array([length, 1.0])
             sizes, vectors = np.linalg.eigh(scale[:, None] * form[np.ix_(plane, plane)] * scale)
@@ -169,6 +173,15 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[Sh
                 row[list(plane)] = vector
                 rows.append(row)
                 values.append(value)
+        for (k, j), force in np.ndenumerate(np.zeros((3, 3)) if preload is None else 0.5 * skew(np.array(preload[:3]))):
+            # the product of d_k and r_j is a difference of two squares
+            for sign in (1.0, -1.0) if force else ():
+                row = np.zeros(6)
+                row[k], row[3 + j] = 1.0 / length, sign
+                rows.append(row)
+                values.append(0.5 * sign * length * force)
+        if not rows:
+            continue
         node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
         result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
     return result
@@ -185,7 +198,7 @@ def bent_forms(beam: Beam) -> Array:
     Returns (elements, 6, 6): on the displacement of an element's end against its start, at the midpoint [N/m, N, N m
     per N].
     """
-    return _forms(beam, lambda line, length: (line.deflected + 1.0 / length, 0.5, line.turned - 0.25 * length))
+    return _forms(beam, lambda line, length: (line.deflected + 1.0 / length, 0.0, line.turned - 0.25 * length))
 
 
 def weight_forms(beam: Beam) -> Array:

@@ -66,10 +66,11 @@ def expanded(model: M) -> M:
     if model.hubs:
         from mbsvib.equations.hubs import turning
 
-        for part in model.composed.values():
-            if part.family != "beam":
-                raise ModelError(f"{part.family} '{part.name}': its centrifugal forces are not known in a model with "
-                                 f"hub '{next(iter(model.hubs))}'; use beams.", element=part.name)  # fmt: skip
+        for part in model.superelements.values():
+            raise ModelError(f"superelement '{part.name}' beside hub '{next(iter(model.hubs))}': its matrices contain "
+                             f"neither where its mass moves, by which centrifugal forces act, nor the stiffness of the "
+                             f"tension they make; describe it by beams, bodies and bushings.",
+                             element=part.name)  # fmt: skip
         result = turning(result, model.beams)
     displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result

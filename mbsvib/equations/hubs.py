@@ -171,64 +171,67 @@ def _beam_loads(beam: Beam, hub: Any) -> list[Load]:
     """Return the centrifugal forces on the nodes of a beam: consistent nodal loads, as ``Beam.node_weights``.
 
     The acceleration is a in the middle of an element and changes by d from there to its end. On its start act m a / 2
-    at L / 6 from it and -m d / 5 at L / 12, on its end m a / 2 and m d / 5 likewise: forces and moments of
-    the cubic deflection, and the points turn with the nodes.
+    at its ``arm``, L / 6 if of constant section, and -``odd_load`` d, then -m d / 5 at L / 12; on its end the same
+    with + d: forces and moments of the static deflection, and the points turn with the nodes.
     """
     field, accelerations, lengths = centrifugal(hub), fall(beam, hub), beam.lengths()
     result = []
     for i, (a, length) in enumerate(zip(accelerations, lengths, strict=True)):
         start, end = (np.array(beam.points[k]) for k in (i, i + 1))
-        mass, change = beam.material.rho * beam.properties.A * length, field @ (end - start) / 2.0
+        part, change = beam.element(length), field @ (end - start) / 2.0
+        odd, near = part.odd_load
         for k, at, toward, sign in ((i, start, end, -1.0), (i + 1, end, start, 1.0)):
             body = beam.body_of(k)
-            for part, force, share in (("a", 0.5 * mass * a, 6.0), ("b", 0.2 * sign * mass * change, 12.0)):
+            for suffix, force, arm in (("a", 0.5 * part.mass * a, part.arm), ("b", sign * odd * change, near)):
                 if body != GROUND and force.any():
-                    result.append(Load(f"{beam.name}.centrifugal{i}{'se'[k - i]}{part}", body, _vector(force),
-                                       position=_vector(at + (toward - at) / share)))  # fmt: skip
+                    result.append(Load(f"{beam.name}.centrifugal{i}{'se'[k - i]}{suffix}", body, _vector(force),
+                                       position=_vector(at + (toward - at) * (arm / length))))  # fmt: skip
     return result
-
-
-def _section_tensor(beam: Beam, axes: Array) -> Array:
-    """Return the inertia tensor (3, 3) of a beam's sections per length [kg m], world axes."""
-    iy, iz = beam.properties.Iy, beam.properties.Iz
-    return np.asarray(axes @ np.diag([iy + iz, iy, iz]) @ axes.T * beam.material.rho)
 
 
 def _beam_terms(beam: Beam, hub: Any, i: int) -> tuple[SharedRows, SharedRows]:
     """Return the rows of element i with centrifugal stiffness, and those with Coriolis terms.
 
-    They are those of its mass at four Gauss points. Sections turn about the beam's axis, and where it has shear
+    They are those of its mass at points along it. Sections turn about the beam's axis, and where it has shear
     deformation about all axes, with their inertia tensor.
     """
-    length, frame = beam.frames()[i]
-    axes, unloaded = np.array(frame), beam.lengths()[i]
-    ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
+    frame, points = np.array(beam.frames()[i][1]), _mass_points(beam, i)
     w, spin = velocity(hub), skew(velocity(hub))
-    tensor = _section_tensor(beam, axes)
-    of_rotation = spin @ tensor @ spin - spin @ skew(tensor @ w)
-    of_rotation = 0.5 * (of_rotation + of_rotation.T)
-    of_rates = np.trace(tensor) * spin - 2.0 * skew(tensor @ w)
-    line_mass = beam.material.rho * beam.properties.A
+    tensors = frame @ (points.sections[:, :, None] * np.eye(3)) @ frame.T
+    momenta = skew(tensors @ w)
+    of_rotation = spin @ tensors @ spin - spin @ momenta
+    of_rates = np.trace(tensors, axis1=1, axis2=2)[:, None, None] * spin - 2.0 * momenta
+    moves, turns = (frame @ rotated(rows, beam.frames()[i][1]) for rows in (points.moves, points.turns))
     rows, values = [], []
-    matrix = np.zeros((12, 12))
-    for x, weight in element.gauss(4):
-        moves, turns = np.zeros((3, 12)), np.zeros((3, 12))
-        moves[0, [0, 6]] = turns[0, [3, 9]] = (1.0 - x, x)
-        for (indices, sign), phi, across, about in zip(element.PLANES, ratios, (1, 2), (2, 1), strict=True):
-            slopes = np.array([1.0, sign, 1.0, sign])
-            moves[across, indices] = slopes * element.deflection(x, length, phi)
-            if beam.shear:
-                turns[about, indices] = sign * slopes * element.rotation(x, length, phi)
-        moves, turns = axes @ rotated(moves, frame), axes @ rotated(turns, frame)
-        share = weight * unloaded
-        for stiffness, motion in ((-line_mass * centrifugal(hub), moves), (of_rotation, turns)):
-            sizes, vectors = np.linalg.eigh(stiffness)
-            rows.append(vectors.T @ motion)
-            values += (share * sizes).tolist()
-        matrix += share * (2.0 * line_mass * moves.T @ spin @ moves + turns.T @ of_rates @ turns)
+    for stiffness, motion in ((-points.masses[:, None, None] * centrifugal(hub), moves),
+                              (0.5 * (of_rotation + of_rotation.swapaxes(1, 2)), turns)):  # fmt: skip
+        sizes, vectors = np.linalg.eigh(stiffness)
+        rows.append((vectors.swapaxes(1, 2) @ motion).reshape(-1, 12))
+        values.append(sizes.reshape(-1))
+    matrix = (moves.swapaxes(1, 2) @ (2.0 * points.masses[:, None, None] * spin) @ moves
+              + turns.swapaxes(1, 2) @ of_rates @ turns).sum(axis=0)  # fmt: skip
     nodes = tuple([Node(beam.body_of(k), beam.points[k]) for k in (i, i + 1)])
-    return (SharedRows(beam.name, nodes, np.concatenate(rows), stiffness=np.array(values)),
+    every, weights = _fewest(np.concatenate(rows), np.concatenate(values))
+    return (SharedRows(beam.name, nodes, every, stiffness=weights),
             SharedRows(beam.name, nodes, np.eye(12), gyroscopic=0.5 * (matrix - matrix.T)))  # fmt: skip
+
+
+def _mass_points(beam: Beam, i: int) -> element.MassPoints:
+    """The mass of element i at points along it, that of its length without forces."""
+    length, unloaded = beam.frames()[i][0], beam.lengths()[i]
+    masses, sections, moves, turns = beam.element(length).mass_points()
+    return element.MassPoints(unloaded / length * masses, unloaded / length * sections, moves, turns)
+
+
+def _fewest(rows: Array, values: Array) -> tuple[Array, Array]:
+    """At most as many rows of either sign as columns, with the same sum of weighted squares."""
+    parts, signs = [], []
+    for sign in (-1.0, 1.0):
+        used = sign * values > 0.0
+        part = rows[used] * np.sqrt(np.abs(values[used]))[:, None]
+        parts.append(np.linalg.qr(part, mode="r") if len(part) > rows.shape[1] else part)
+        signs.append(np.full(len(parts[-1]), sign))
+    return np.concatenate(parts), np.concatenate(signs)
 
 
 def _section_torques(beam: Beam, hub: Any, loads: dict[str, Load]) -> list[Bushing]:
@@ -237,12 +240,13 @@ def _section_torques(beam: Beam, hub: Any, loads: dict[str, Load]) -> list[Bushi
     The torque -W x J W of a section follows from a potential; on a fixed one, in K, acts -1/2 [t]x, which is taken out.
     """
     w, result = velocity(hub), []
-    for i, (length, frame) in enumerate(zip(beam.lengths(), beam.frames(), strict=True)):
-        axes = np.array(frame[1])
-        torque = -0.5 * length * np.cross(w, _section_tensor(beam, axes) @ w)
-        if not beam.shear:
+    for i, (_, frame) in enumerate(beam.frames()):
+        axes = np.array(frame)
+        tensor = axes @ np.diag(_mass_points(beam, i).sections.sum(axis=0)) @ axes.T
+        torque = -0.5 * np.cross(w, tensor @ w)
+        if not beam.element(beam.lengths()[i]).sections_turn:
             torque = axes[:, 0] * (axes[:, 0] @ torque)
-        if np.linalg.norm(torque) <= SLACK**2 * length * np.trace(_section_tensor(beam, axes)) * (w @ w):
+        if np.linalg.norm(torque) <= SLACK**2 * np.trace(tensor) * (w @ w):
             continue
         for k in (i, i + 1):
             if beam.body_of(k) in (GROUND, hub.name):

@@ -141,7 +141,10 @@ class LoadedNetwork:
         return second + self.forces.relative_motions(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
 
     def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
-        """Add what the tension of elements does by the bent lines of beams, in place; x, y: relative motions."""
+        """Add what the forces of elements do in beams, in place; x, y: relative motions.
+
+        Tension acts by bent lines, each force f by f . (r x d) / 2, see ``equations.beam_prestress``.
+        """
         joints, number = self.forces.counts[0], self.network.spring_number
         for part in self.network.parts:
             lines = rules_of(part).bent_lines(part)
@@ -149,7 +152,9 @@ class LoadedNetwork:
                 continue
             names, axes, forms = lines
             which = np.array([joints + number[name] for name in names])
-            r, s = (_in_axes(axes, relative_motions[which]) for relative_motions in (x, y))
+            r, s = (relative_motions[which] for relative_motions in (x, y))
+            gap[which, :3] += 0.5 * (cross(s[:, 3:], r[:, :3]) + cross(r[:, 3:], s[:, :3]))
+            r, s = _in_axes(axes, r), _in_axes(axes, s)
             works = (r * transformed(forms, s)).sum(axis=1, keepdims=True)
             gap[which, :3] -= wide(axes[:, :, 0], gap) * works
 

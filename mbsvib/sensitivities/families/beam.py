@@ -74,7 +74,7 @@ def _changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> Rul
             both = _ends(network, fields.body, ends[e : e + 2])
             result += form_terms(mass[e], both, 0.5 * fields.square) + form_terms(by_mass[e], both, 0.5 * fields.rate)
             result += form_terms(bends_as[e], fields.relative[first + which[e]], 0.5 * fields.stiff)
-        return [result + (_moved(fields) if nodes.any() else [])]
+        return [result + (_moved(fields) if nodes.any() or turns.any() else [])]
 
     def _moved(fields: Fields) -> Terms:
         """Nodes, midpoints and axes move."""
@@ -109,9 +109,9 @@ def _changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> Rul
 def _bent_stiffness(
     network: Network, which: Array, present: dict[str, Array], change: dict[str, Array]
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Stiffness T B + W B' (e, 6, 6) of the bent lines of elements under tension T and weight W along them, world axes,
-    and how it changes while their forces (connections ``which``) stay as they are: T = -f . a and W = m g . a change as
-    the axis a turns.
+    """Stiffness T B + W B' (e, 6, 6) of the bent lines of elements under tension T and weight W along them, with that
+    of f . (r x d) / 2, world axes, and how it changes while their forces f (connections ``which``) stay as they are:
+    T = -f . a and W = m g . a change as the axis a turns.
     """
     axes, turns = present["axes"], change["turns"]
     if network.forces is None:
@@ -130,6 +130,9 @@ def _bent_stiffness(
         form, other = (local @ forms[key] @ local.swapaxes(1, 2) for forms in (present, change))
         bent = bent + size * form
         bent_change = bent_change + size * (other + spin @ form - form @ spin) + more * form
+    half = 0.5 * skew(force)
+    bent[:, :3, 3:] += half
+    bent[:, 3:, :3] -= half
     return bent, bent_change
 
 
