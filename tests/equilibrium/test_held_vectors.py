@@ -6,6 +6,8 @@ from scipy.optimize import newton
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
+from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.vector_coordinates import held_vectors
 from tests.equilibrium.test_moved import check_pose, without_springs
 
 
@@ -91,6 +93,20 @@ def test_a_beam_bends_until_a_held_component_is_at_its_value(turn):
                    start=(0.5, 0.1, 0.0), end=(0.5, 0.1, 2.0), elements=2)
     there = model.moved({"ball.rx": 0.1, "ball.rz": 0.08} | ({"turn.rz": turn} if turn else {}))
     assert np.allclose(rotation_vector(model, there, "ball")[[0, 2]], [0.1, 0.08], rtol=0, atol=1e-12)
+
+
+def test_turns_of_a_free_joint_are_a_vector_without_its_shifts():
+    """Values and rates of that vector alone are taken: those of its body, turned by hand."""
+    model = mv.Model()
+    model.add_body("body", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
+    model.add_joint("free", "free", "ground", "body", (0.1, 0.0, 0.0))
+    at = posed_model(model)
+    at = at.moved(np.array((0.1, -0.2, 0.3, 0.2, -0.4, 0.5)))
+    (block,) = held_vectors(model, at.coordinates, np.arange(6) != 4).blocks
+    assert [at.coordinates.names[k] for k in block.columns] == ["free.rx", "free.ry", "free.rz"]
+    turned = Rotation.from_matrix(at.pose.rotations[at.pose.number["body"]]).as_rotvec()
+    expected = np.array(model.joints["free"].axes).T @ turned
+    assert block.values(at.pose, np.zeros(3)) == pytest.approx(expected, abs=1e-14)
 
 
 @pytest.mark.parametrize("angle", [0.5, 4.0, -4.5])
