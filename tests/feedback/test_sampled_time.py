@@ -148,3 +148,11 @@ def test_continuous_and_sampled_loops_in_one_figure():
 def test_refusals(ask, message):
     with pytest.raises(mv.ResponseError, match=message):
         ask()
+
+
+def test_records_that_begin_late():
+    """Only the length of a record counts, not when it begins."""
+    loop = slider(800.0, 4.0).feedback([[-30.0]], "v", "F").sampled(1024.0)
+    time, force = np.arange(21) / 1024.0, np.ones((2, 21))
+    late = loop.time_response(time + 4096.0, force)
+    np.testing.assert_allclose(late, loop.time_response(time, force), rtol=1e-9, atol=1e-14)
