@@ -109,6 +109,18 @@ def test_turns_of_a_free_joint_are_a_vector_without_its_shifts():
     assert block.values(at.pose, np.zeros(3)) == pytest.approx(expected, abs=1e-14)
 
 
+def test_the_arc_of_a_rod_starts_along_its_coordinates():
+    model = mv.Model()
+    model.add_body("body", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
+    model.add_joint("rod", "distance", "ground", "body", (0.1, 0.0, 0.0), end=(0.1, 0.5, 0.9))
+    at = posed_model(model)
+    names = at.coordinates.names
+    block = held_vectors(model, at.coordinates, np.array([name != "rod.x" for name in names])).blocks[0]
+    assert [names[k] for k in block.columns] == ["rod.x", "rod.y"]
+    assert block.values(at.pose, np.zeros(2)) == pytest.approx(np.zeros(2), abs=1e-15)
+    assert block.rates(at.pose, at.coordinates, np.zeros(2)) == pytest.approx(np.eye(2), abs=1e-14)
+
+
 @pytest.mark.parametrize("angle", [0.5, 4.0, -4.5])
 def test_a_held_rotation_vector_is_followed_beyond_half_a_turn(angle):
     """A point of the body on its third axis stays in a plane through that axis, which decides the component between.
