@@ -36,7 +36,8 @@ def plant() -> mv.StateSpace:
 def tuned(seed: int = 0, starts: int = 3) -> mv.tuning.Design:
     """Tune six controllers: oscillators with feedthrough."""
     law = mv.tunable.diagonal([mv.tunable.state_space(2, f"u{k}", f"seen{k}", "modal") for k in MODES])
-    return mv.tune(plant(), law, mv.goals.hinf(["y?", "cost?"], ["force?", "noise?"]), starts=starts, seed=seed)
+    return mv.tune(plant(), law, mv.goals.hinf(["y?", "cost?"], ["force?", "noise?"]), starts=starts, seed=seed,
+                   workers=1)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ __all__ = [
     "MbsvibError",
     "ModelError",
     "NearSingularWarning",
+    "OutsideTableWarning",
     "ResponseError",
     "SimulationError",
     "SingularPoseError",
@@ -130,6 +131,10 @@ class LargeDisplacementWarning(UserWarning):
 
 class LeftOutWarning(UserWarning):
     """Elements of a file that was read for which a model has no place, and that it does without."""
+
+
+class OutsideTableWarning(UserWarning):
+    """Frequencies at which noise is asked for, and that lie outside the table that gives it."""
 
 
 class ResponseError(MbsvibError, ValueError):

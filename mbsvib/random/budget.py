@@ -246,9 +246,10 @@ class Budget(Columnar, Displayed):
         notes = ["All frequencies." if self.band is None else f"From {self.band[0]:g} to {self.band[1]:g} Hz."]
         if self.weighting:
             notes.append(f"Weighted: {', '.join(f'{name} by {words}' for name, words in self.weighting.items())}.")
-        if any(np.isinf(list(self.rms.values()))):
-            notes.append("Infinite: a driven motion does not decay, or noise without a last frequency comes through "
-                         "directly.")  # fmt: skip
+        infinite = [name for name, value in self.rms.items() if np.isinf(value)]
+        reasons = self._random.reasons() if infinite else {}
+        notes += [f"{name} is infinite: {reasons.get(name, 'samples of white noise have no bound')}." for name in
+                  infinite]  # fmt: skip
         if self.error:
             notes.append(f"Integrals over densities given as functions: relative error at most {self.error:.1e}.")
         columns: list[tuple[str, Any]] = [("output", "left"), ("source", "left"), ("rms", "right"), ("unit", "left"),
@@ -342,7 +343,9 @@ def random(
 
         form = SampledRandom
     known = dict(zip(linear.outputs, weights(weighting, linear.outputs, linear.name), strict=True))
-    return form(part, found, tuple([known[output] for output in part.outputs]), _band(band))
+    under = form(part, found, tuple([known[output] for output in part.outputs]), _band(band))
+    under.warn_outside(*under.band or (0.0, 0.0))
+    return under
 
 
 def budget(under: Random) -> Budget:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
+from mbsvib.errors import OutsideTableWarning, ResponseError
 from mbsvib.linalg.lasting import separated
 from mbsvib.random.moments import Equations, check_stable, filtered, moments
 from mbsvib.random.quadrature import NARROWEST, rule
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from mbsvib.random.weights import Weight
 
 Band = tuple[float, float]
+
+ROUNDED = 1e-9  # share by which rounded frequencies may lie outside a table
+SHOWN = 3  # tables named in a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +280,28 @@ class Random:
             first, second = np.moveaxis(f * self._weighted(f), 2, 0)
             # what falls no faster than 1/f beyond all poles has no bound
             yield np.inf, (self.plant.d != 0.0) & (second >= first) & (first > 0.0)
+
+    def warn_outside(self, low: float, high: float) -> None:
+        """Warn of tables that end within frequencies from ``low`` (0: the first of all) to ``high`` [Hz]."""
+        ends = {name: part.span for name, part in zip(self.sources.names, self.sources.densities, strict=True)
+                if len(part.breaks)}  # fmt: skip
+        shown = [f"{name} from {first:g} to {last:g} Hz" for name, (first, last) in ends.items()
+                 if 0.0 < low < first * (1.0 - ROUNDED) or high > last * (1.0 + ROUNDED)]  # fmt: skip
+        if shown and self.span:  # refuses bands without any noise
+            more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
+            warnings.warn(f"noise is asked for from {low:g} to {high:g} Hz, but tables give that of "
+                          f"{', '.join(shown[:SHOWN])}{more}; it counts as 0 outside. Extend the tables, or ask within "
+                          f"them.", OutsideTableWarning, stacklevel=4)  # fmt: skip
+
+    def reasons(self) -> dict[str, str]:
+        """Return why mean squares are infinite, {output: words}."""
+        result: dict[str, str] = {}
+        for at, which in self._divergences():
+            for row, column in np.argwhere(which).tolist():
+                what = (f"drives a motion at {at:.6g} Hz, which does not decay" if at < np.inf else
+                        "comes through directly at all frequencies")  # fmt: skip
+                result.setdefault(self.outputs[row], f"the noise of {self.sources.names[column]} {what}")
+        return result
 
     def _weighted(self, f: Array) -> Array:
         """Densities of the sources as the weights of the outputs see them, (outputs, s, n)."""

@@ -74,6 +74,9 @@ class SampledRandom(Random):
         near, farther = (np.abs(self.linear.frequency_response(at * (1.0 + k * extrema.CLOSE))) for k in (1.0, 10.0))
         yield from zip(at / (2.0 * np.pi), np.moveaxis(near > extrema.GROWTH * farther, 2, 0), strict=True)
 
+    def warn_outside(self, low: float, high: float) -> None:
+        """Warn of nothing: sampling folds noise to all frequencies."""
+
     def check_finite(self) -> None:
         """Refuse mean squares over a band that are infinite."""
         if self.band is not None and self._infinite().any():

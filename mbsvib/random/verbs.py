@@ -24,7 +24,7 @@ class RandomVerbs:
 
     Noise is given as ``{"floor.z": [(1, 1e-5), (100, 1e-6)], "leg*.noise": isolation.white(1e-6)}``: by name or pattern
     the one-sided density of an input [unit^2/Hz] as a table of pairs (frequency [Hz], density), straight on log-log
-    axes and zero beyond, as a number (white noise), filtered white noise (``isolation.shaped``), a curve such as
+    axes and zero beyond (``OutsideTableWarning`` where that is asked for), as a number (white noise), filtered white noise (``isolation.shaped``), a curve such as
     ``isolation.vc_spectrum("VC-C")``, or a function of the frequency [Hz].
     """
 
@@ -62,7 +62,9 @@ class RandomVerbs:
         from mbsvib.random.budget import random
 
         f = hertz(frequencies)
-        return np.asarray(random(self, floor, outputs, None, correlation, weighting).densities(f).sum(axis=1))
+        under = random(self, floor, outputs, None, correlation, weighting)
+        under.warn_outside(f[0], f[-1])
+        return np.asarray(under.densities(f).sum(axis=1))
 
     def rms(
         self, outputs: Names, floor: Mapping[str, Any], band: Iterable[float] | None = None,

@@ -43,7 +43,35 @@ def test_it_prints_sources_in_the_order_of_their_size():
     assert "All frequencies." in text
     assert "From 1 to 20 Hz." in str(made(band=(1.0, 20.0)))
     assert repr(made()) == "Budget('two': 2 outputs, 2 sources)"
-    assert "Infinite" in str(two_masses(0.0, 0.0).linearize().budget({"F1": 1.0}))
+
+
+def test_it_says_why_a_value_is_infinite():
+    """The first mode of the two masses in Hz by hand, a free mass, and noise that comes through directly."""
+    squares = np.roots([2.0, -(2.0 * 300.0 + 1200.0), 900.0 * 300.0])
+    first = f"{np.sqrt(squares.min()) / (2.0 * np.pi):.6g}"
+    text = str(two_masses(0.0, 0.0).linearize().budget({"F1": 1.0}, "x1"))
+    assert f"x1 is infinite: the noise of F1 drives a motion at {first} Hz, which does not decay." in text
+    free = mv.StateSpace.from_arrays([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2)[:1], 0.0)
+    assert "y1 is infinite: the noise of u1 drives a motion at 0 Hz" in str(free.budget({"u1": 1.0}))
+    direct = mv.StateSpace.from_arrays([[-1.0]], [[1.0, 1.0]], [[1.0], [2.0]], [[0.0, 0.0], [0.0, 1.0]])
+    text = str(direct.budget({"u?": 1.0}))
+    assert "y2 is infinite: the noise of u2 comes through directly at all frequencies." in text
+    assert "y1 is infinite" not in text
+
+
+def test_it_warns_of_tables_that_end_within_the_frequencies():
+    system = two_masses().linearize()
+    noise = {"F1": TABLE, "F2": 1e-6}
+    for f in ([0.2, 3.0], [3.0, 31.0]):
+        with pytest.warns(mv.OutsideTableWarning, match=r"from 0.2 to 3 Hz|from 3 to 31 Hz") as told:
+            system.psd("x1", noise, f)
+        assert "F1 from 0.5 to 30 Hz" in str(told[0].message)
+        assert "F2" not in str(told[0].message)
+    with pytest.warns(mv.OutsideTableWarning, match="F1 from 0.5 to 30 Hz"):
+        outside = system.rms("x1", noise, band=(0.1, 40.0))
+    system.psd("x1", noise, [0.5, 30.0])
+    within = system.rms("x1", noise, band=(0.5, 30.0))  # neither warns: warnings are errors here
+    assert outside["x1"] == pytest.approx(within["x1"], rel=1e-2)
 
 
 def test_rows_of_the_table():
