@@ -24,8 +24,9 @@ class RandomVerbs:
 
     Noise is given as ``{"floor.z": [(1, 1e-5), (100, 1e-6)], "leg*.noise": isolation.white(1e-6)}``: by name or pattern
     the one-sided density of an input [unit^2/Hz] as a table of pairs (frequency [Hz], density), straight on log-log
-    axes and zero beyond (``OutsideTableWarning`` where that is asked for), as a number (white noise), filtered white noise (``isolation.shaped``), a curve such as
-    ``isolation.vc_spectrum("VC-C")``, or a function of the frequency [Hz].
+    axes and zero beyond (``OutsideTableWarning`` where that is asked for), as a number (white noise), filtered white
+    noise (``isolation.shaped``), a curve such as ``isolation.vc_spectrum("VC-C")``, or a function of the frequency
+    [Hz].
     """
 
     def psd(

@@ -21,6 +21,7 @@ from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.intervals import Channels, cover
+from mbsvib.uncertain.moment_bound import affine, moment_bound
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
 from mbsvib.uncertain.search import gain, peak_of, perturbed, values_at
@@ -39,6 +40,7 @@ STATIC = 1e-9  # share of the fastest pole below which a peak is static
 HIGHEST = 1e3  # times the gain that is reached, up to which a bound is sought
 SHARES = (0.2, 0.5, 0.8, 0.95, 0.99)  # of the factor that is reached, at which stability is to be proven in turn
 MOST, FEW = 100, 40  # frequencies at which scalings are sought for a proof, and for one of its boxes
+CLOSE = 0.02  # share above what is reached, up to which a bound of a root mean square is not sought in another way
 HALVINGS = 2  # of the way between what is proven and what is not
 
 
@@ -108,6 +110,16 @@ def _halves(box: Array, k: int) -> list[Array]:
 
 
 def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
+    r, (space, unit) = len(problem.owner), _decaying(plant, problem)
+    at = np.flatnonzero(np.repeat([block.inertial for block in plant.parameters], list(plant.blocks.values())))
+    space = even_gain(by_velocities(space, at, r) if velocities else space, r)
+    return Proof(space, tuple(plant.blocks.values()), unit)
+
+
+def _decaying(plant: Any, problem: Perturbed) -> tuple[Matrices, float]:
+    """The equations without motions that last but that no output shows, in units of time of the mean pole, and 1 / the
+    unit.
+    """
     r = len(problem.owner)
     a, b, c, d = problem.space
     rows, columns = [*range(r), *problem.shown], [*range(r), *problem.sources]
@@ -120,10 +132,7 @@ def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
                                 )  # fmt: skip
     rest = parts.decaying
     unit = mean_size(rest.poles)
-    space = *scaled(rest.a / unit, rest.b / unit, rest.c), d
-    inertial = np.repeat([block.inertial for block in plant.parameters], list(plant.blocks.values()))
-    space = even_gain(by_velocities(space, np.flatnonzero(inertial), r) if velocities else space, r)
-    return Proof(space, tuple(plant.blocks.values()), unit)
+    return (*scaled(rest.a / unit, rest.b / unit, rest.c), d), unit
 
 
 def even_gain(space: Matrices, r: int) -> Matrices:
@@ -258,15 +267,20 @@ def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
         value, delta = problem.highest(square)
         places[name] = values_at(plant, delta)
         result[name] = float(np.sqrt(value))
-        upper[name] = result[name] if value in {0.0, np.inf} else max(result[name], _rms_bound(plant, problem, single))
+        upper[name] = result[name] if value in {0.0, np.inf} else max(
+            result[name], _rms_bound(plant, problem, single, result[name]))
     return WorstRms(plant.name, result, places, upper)
 
 
-def _rms_bound(plant: Any, problem: Perturbed, under: Any) -> float:
+def _rms_bound(plant: Any, problem: Perturbed, under: Any, reached: float) -> float:
     """A root mean square that no values exceed, infinite if none is proven."""
     white = behind_filters(problem, [part.filter for part in under.sources.densities])
-    proofs = [_proof(plant, white, velocities) for velocities in (True, False)]
-    within, beyond = [proof.channels(white.limits, 1.0) for proof in proofs]
-    if within is None or beyond is None:
-        return np.inf
-    return float(np.sqrt(proofs[0].unit * mean_square_bound(within, beyond)))
+    space, unit = _decaying(plant, white)
+    equations = affine(space, white.owner, white.limits)
+    bound = np.inf if equations is None else float(np.sqrt(unit * moment_bound(equations, reached**2 / unit)))
+    if bound <= (1.0 + CLOSE) * reached:
+        return bound
+    forms = [_proof(plant, white, velocities).channels(white.limits, 1.0) for velocities in (True, False)]
+    known = [form for form in forms if form is not None]
+    beyond = [form for form in known if not form.d[:, form.count :].any()]
+    return min(bound, float(np.sqrt(unit * mean_square_bound(known[0], beyond[0])))) if beyond else bound
