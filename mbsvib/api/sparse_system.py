@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 
@@ -16,7 +17,7 @@ from mbsvib.responses.linear import PortedVerbs
 from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
@@ -245,7 +246,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         if self.matrices is not None and (method == "krylov" or not near):
             small = self._reduced_matrices(order, error, "static-corrected" if correction else method, near)
             return cast("System", small)
-        if np.ndim(near):
+        if isinstance(near, Sequence) or np.ndim(near):
             raise ResponseError(f"reduced: near = {near!r} with method = {method!r}; expected one frequency [Hz].")
         known = method in ("modal", "static-corrected")
         if error is not None or order is None or not known:

@@ -76,7 +76,7 @@ def _rotated(z: Array, stiffness: Any, free: Array) -> Array:
     inner = z.T @ (stiffness @ z)
     turned = z @ np.linalg.eigh(0.5 * (inner + inner.T))[1]
     turned[:, : free.shape[1]] = free
-    return turned
+    return np.asarray(turned)
 
 
 def _speed(given: Any) -> float:
@@ -95,7 +95,7 @@ def _frequencies(near: Any) -> list[float]:
 
 def _free(system: SparseEquations, form: type[Equations]) -> Array:
     """Free motions (size, r) of unit mass."""
-    found = modes(system, min(FREE, system.dof), 0.0, form)
+    found: Any = modes(system, min(FREE, system.dof), 0.0, form)
     basis = undamped(found.reduced, RTOL)
     return np.asarray((motions_of(found.reduced) @ basis.shapes)[:, : basis.rigid])
 

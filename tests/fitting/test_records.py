@@ -266,7 +266,7 @@ def covered(runs, known):
     for seed in range(runs):
         words = {} if known else {"variance": None}
         data = records(model, seed=seed, noise=0.1, band=(1.0, 120.0), **words)
-        fit = away(model, FREE, 0.2, 500 + seed).fit(data, FREE, starts=4)
+        fit = away(model, FREE, 0.02, 500 + seed).fit(data, FREE)
         failed += not fit.residual_test.passed
         hits += [low <= model.parameters[name] <= high for name, (low, high) in fit.intervals.items()]
         errors.append(off(fit, model))
