@@ -31,8 +31,7 @@ def brick():
         shape = terms.prod(axis=1)
         slope = np.array([corners[:, k] / SIZE[k] * shape / terms[:, k] for k in range(3)])
         strain = np.zeros((6, 8, 3))
-        for k in range(3):
-            strain[k, :, k] = slope[k]
+        strain[range(3), :, range(3)] = slope
         for row, (i, j) in enumerate(((0, 1), (1, 2), (0, 2)), 3):
             strain[row, :, i], strain[row, :, j] = slope[j], slope[i]
         stiffness += strain.reshape(6, 24).T @ law @ strain.reshape(6, 24)

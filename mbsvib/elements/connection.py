@@ -114,9 +114,18 @@ class Connection(Part):
         return {field: np.repeat(array[None], len(along), axis=0) if array.ndim == 1 else array[along]
                 for field, array in values.items()}  # fmt: skip
 
-    def replaced_coefficients(self, _: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-        """Return stiffness and damping of the connections of other names that replace it, by their names, for values of
-        its fields with the variants on the last axis.
+    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        """Return stiffness and damping of the connections that replace it.
+
+        Parameters
+        ----------
+        fields : mapping of str to array
+            Values of its fields by name, with the variants on the last axis.
+
+        Returns
+        -------
+        dict
+            {name of a connection: {field: values}}; none for what stands for itself.
         """
         return {}
 

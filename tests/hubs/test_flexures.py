@@ -59,6 +59,7 @@ def held(model):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [NOTCH, ELLIPTIC, FILLETED])
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 1, 0)])
 def test_a_notch_of_some_mass_follows_short_beams(shape, axis):

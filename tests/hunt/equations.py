@@ -86,7 +86,8 @@ class Equations:
         for call in self.scene.of("maxwell"):
             self.internal[call.name], n = n, n + 1
         for call in self.scene.of("bushing", "spring", "torsion_spring"):
-            self.internal[call.name], n = n, n + 6 * len(words_of(call).get("weights", ()))
+            directions = 6 if call.kind == "bushing" else 1
+            self.internal[call.name], n = n, n + directions * len(words_of(call).get("weights", ()))
         self.size = n
         ground = self.number["ground"]
         self.moving = np.array([i for i in range(n) if not ground <= i < ground + 6])
@@ -233,8 +234,10 @@ class Equations:
         force, damped = self.elements[call.name]
         viscous = words.get("viscous", 0.0) * stiffness
         self.C += rows.T @ viscous @ rows
+        own = np.ones(6, dtype=bool) if call.kind == "bushing" else rows.any(axis=1)
         for j, (g, tau) in enumerate(zip(words["weights"], words["times"], strict=True)):
-            yields = np.eye(self.size)[self.internal[call.name] + 6 * j :][:6]
+            yields = np.zeros((6, self.size))
+            yields[own] = np.eye(self.size)[self.internal[call.name] + own.sum() * j :][: own.sum()]
             spring = rows - yields
             self.K += g * spring.T @ stiffness @ spring
             self.C += g * tau * yields.T @ stiffness @ yields
@@ -247,6 +250,12 @@ class Equations:
             for i, (matrix, weighed) in enumerate(zip(part.under_tension, part.under_weight, strict=True)):
                 pair = np.concatenate([self.at(body, point) for body, point in part.nodes[i : i + 2]])
                 self.K -= self.preloads[start] * pair.T @ matrix @ pair  # a preload pushes, a tension pulls
+                # a force across turns with the mean of both halves: the energy P . (r x d) / 2 beside the first's
+                first, second, middle, axes = part.elements[i]
+                d, r = np.split(np.kron(np.eye(2), axes.T) @ self.relative(first, second, middle), 2)
+                across = np.cross(np.eye(3), np.array([0.0, *self.preloads[start + 1 : start + 3]]))
+                term = 0.5 * d.T @ across @ r
+                self.K += term + term.T
                 start += 6
                 if self.scene.gravity is not None:
                     along = np.subtract(part.nodes[i + 1][1], part.nodes[i][1])
