@@ -77,6 +77,7 @@ def sixth(of, step):
     return (45.0 * one - 9.0 * two + three) / (60.0 * step)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("shape", ["leaf", "notch", "beam"])
 @pytest.mark.parametrize("scene", [stage, arm])
 def test_sensitivities_under_shear(scene, shape):

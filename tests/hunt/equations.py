@@ -19,6 +19,15 @@ RANK = 1e-9
 ORDERS = ("displacement", "velocity", "acceleration")
 
 
+def yielding(call):
+    """Directions (n, 6) in which what relaxes has stiffness; those of a line and of an axis have one."""
+    if call.kind != "bushing":
+        return np.eye(6)[[2 if call.kind == "spring" else 5]]
+    a = call.arguments
+    values, vectors = np.linalg.eigh(square(a.get("dynamic_stiffness", a.get("stiffness", np.zeros(6)))))
+    return vectors.T[np.abs(values) > 1e-12 * np.abs(values).max()]
+
+
 @dataclass
 class Ports:
     """Rows of the outputs; ``size`` of the multipliers that they are made of, where components cancel, and ``outside``
@@ -86,8 +95,7 @@ class Equations:
         for call in self.scene.of("maxwell"):
             self.internal[call.name], n = n, n + 1
         for call in self.scene.of("bushing", "spring", "torsion_spring"):
-            directions = 6 if call.kind == "bushing" else 1
-            self.internal[call.name], n = n, n + directions * len(words_of(call).get("weights", ()))
+            self.internal[call.name], n = n, n + len(yielding(call)) * len(words_of(call).get("weights", ()))
         self.size = n
         ground = self.number["ground"]
         self.moving = np.array([i for i in range(n) if not ground <= i < ground + 6])
@@ -229,19 +237,19 @@ class Equations:
 
     def _relaxations(self, call, rows):
         """Springs in series with dampers, which yield by displacements of their own, and a damper beside them."""
-        words, stiffness = words_of(call), call.arguments.get("dynamic_stiffness", call.arguments["stiffness"])
+        words, own = words_of(call), yielding(call)
+        stiffness = call.arguments.get("dynamic_stiffness", call.arguments["stiffness"])
         stiffness = square(stiffness) if np.ndim(stiffness) else stiffness * np.eye(6)
         force, damped = self.elements[call.name]
         viscous = words.get("viscous", 0.0) * stiffness
         self.C += rows.T @ viscous @ rows
-        own = np.ones(6, dtype=bool) if call.kind == "bushing" else rows.any(axis=1)
+        inner = own @ stiffness @ own.T
         for j, (g, tau) in enumerate(zip(words["weights"], words["times"], strict=True)):
-            yields = np.zeros((6, self.size))
-            yields[own] = np.eye(self.size)[self.internal[call.name] + own.sum() * j :][: own.sum()]
-            spring = rows - yields
-            self.K += g * spring.T @ stiffness @ spring
-            self.C += g * tau * yields.T @ stiffness @ yields
-            force = force + g * stiffness @ spring
+            yields = np.eye(self.size)[self.internal[call.name] + len(own) * j :][: len(own)]
+            spring = own @ rows - yields
+            self.K += g * spring.T @ inner @ spring
+            self.C += g * tau * yields.T @ inner @ yields
+            force = force + g * own.T @ inner @ spring
         self.elements[call.name] = (force, damped + viscous @ rows)
 
     def _tension(self):

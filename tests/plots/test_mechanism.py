@@ -189,7 +189,7 @@ def test_torques_have_two_heads():
     assert "input" in words
     np.testing.assert_allclose(force[1], (0.5, 0.0), atol=1e-12)  # its point is where the force acts
     (first, second), words = heads("rx", "y")
-    assert "input (», torque)" in words
+    assert "input (torque: two heads)" in words
     np.testing.assert_allclose(second[1], (0.5, 0.0), atol=1e-12)
     assert first[1][0] < second[1][0]  # along x, one behind the other
     assert first[1][1] == pytest.approx(0.0, abs=1e-12)

@@ -149,7 +149,7 @@ def test_loops_and_studies_of_one_model_have_different_names():
     assert names == ["IFF", "IFF at 10000 Hz"]
     studied = plots.isolation([plant.isolation([10.0, 20.0]), loop.isolation([10.0, 20.0])])
     words = [text.get_text() for text in studied.legends[0].get_texts()]
-    assert words == ["stewart_isolator", "stewart_isolator with IFF"]
+    assert words == ["stewart_isolator", "stewart_isolator with IFF", "isolation begins"]
 
 
 def test_a_name_without_room_is_left_out():
