@@ -203,7 +203,7 @@ def test_a_notch_without_cuts_is_a_bar(part):
     assert_allclose(products[0] / size, products[1] / size, atol=1e-4)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [NOTCH, ELLIPTIC, FILLETED])
 def test_tension_and_weight_of_a_notch(shape):
     """Compliances of a block that is pulled and weighs, to first order in both, as those of short beams."""
@@ -281,7 +281,7 @@ def test_mass_that_goes_along_with_a_guide():
     assert_allclose(model.linearize().modes().frequencies[0], expected, rtol=1e-12)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shape", [LEAF, NOTCH, ELLIPTIC, FILLETED])
 @pytest.mark.parametrize("gravity", [None, (1.0, -2.0, 3.0)])
 def test_sensitivities_are_slopes_of_variants(shape, gravity):

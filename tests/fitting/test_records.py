@@ -235,6 +235,7 @@ def test_records_responses_and_modes_of_several_payloads_in_one_fit():
     assert fit.residual_test.passed
 
 
+@pytest.mark.slow
 def test_noise_of_a_colour_weighs_lines():
     """Noise of low frequencies under a stated density: its intervals are narrower in the median, and hold."""
     model = chain()

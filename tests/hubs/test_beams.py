@@ -38,6 +38,7 @@ def test_rotating_cantilever_flaps_as_published_and_lags(speed):
     np.testing.assert_allclose(np.sort(2 * np.pi * np.array(sparse.frequencies) / UNIT), [lag, flap], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_flapping_converges_by_the_fourth_power():
     errors = [lowest(blade(12.0, n).linearize())[1] - lowest(blade(12.0, 40).linearize())[1] for n in (5, 10, 20)]
     assert errors[0] / errors[1] > 10
