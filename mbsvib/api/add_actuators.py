@@ -23,7 +23,7 @@ from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.common import arguments as check
 from mbsvib.elements.connection import line_between
-from mbsvib.mechanism.mechanism import check_name
+from mbsvib.mechanism.names import check_name
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning
 from mbsvib.mechanism.copies import copies, placement
-from mbsvib.mechanism.mechanism import GROUND, Mechanism, check_name
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
+from mbsvib.mechanism.names import check_name
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -11,7 +11,8 @@ from mbsvib.elements import motion_input as _motion
 from mbsvib.elements import ports as _ports
 from mbsvib.elements import strain_output as _strain
 from mbsvib.errors import nearest
-from mbsvib.mechanism.mechanism import GROUND, Mechanism, check_name
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
+from mbsvib.mechanism.names import check_name
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 
 from mbsvib.common import arguments as check
-from mbsvib.common.tables import listed
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rolling import Travel
 from mbsvib.elements.superelement import Superelement
-from mbsvib.errors import ModelError, an, nearest
+from mbsvib.errors import ModelError, nearest
+from mbsvib.mechanism.names import check_name, unknown_body
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -209,16 +209,14 @@ class Mechanism:
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:
         """Gravity as a part with parameters, if there is gravity and no other part has its name."""
-        if self._gravity is None or any("gravity" in group for group in _with_parameters(self)):
-            return ()
-        return (Gravity("gravity", self._gravity),)
+        taken = any("gravity" in group for group in _with_parameters(self))
+        return () if self._gravity is None or taken else (Gravity("gravity", self._gravity),)
 
     @property
     def travel_parts(self) -> tuple[Travel, ...]:
         """Forward motion as a part with parameters, if the model has it and no other part has its name."""
-        if self._travel is None or any("travel" in group for group in _with_parameters(self)):
-            return ()
-        return (Travel("travel", self._travel),)
+        taken = any("travel" in group for group in _with_parameters(self))
+        return () if self._travel is None or taken else (Travel("travel", self._travel),)
 
     @property
     def parameters(self) -> Parameters:
@@ -370,8 +368,7 @@ class Mechanism:
                           if part.name in self._composed or part.name in self._springs}  # fmt: skip
 
     def _group(self, key: str) -> dict[str, Any]:
-        group: dict[str, Any] = getattr(self, f"_{key}")
-        return group
+        return cast("dict[str, Any]", getattr(self, f"_{key}"))
 
     def _keep(self, group: dict[str, Any], part: P) -> P:
         """Add a part to its group."""
@@ -400,20 +397,4 @@ class Mechanism:
         key = body if type(body) is str else getattr(body, "name", body)
         if isinstance(key, str) and (key in self._bodies or key == GROUND or key in self._nodes):
             return key
-        who = f"{family} '{name}'"
-        hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
-        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} It has "
-                         f"{listed([GROUND, *self._bodies, *self._nodes])}. Add bodies before what refers to them.",
-                         element=who, field=field)  # fmt: skip
-
-
-def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
-    """Refuse what cannot be a name or is already the name of a part."""
-    if type(name) is not str or not name.isidentifier():
-        check.name(name, family)
-    for group in groups:
-        if name in group:
-            raise ModelError(
-                f"{family} '{name}': the name is taken by {an(group[name].family)}; choose another.",
-                element=name, field="name",
-            )  # fmt: skip
+        raise unknown_body(key, (f"{family} '{name}'", field), self.name, [GROUND, *self._bodies, *self._nodes])
