@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.tuning.measures import Goal
     from mbsvib.tuning.structures import Tunable
+    from mbsvib.tuning.tuning import Design
 
 BOUNDS = "PARAMETER=LOW:HIGH, such as 'leg*.k.damping=1:500'"
 VALUES = "PARAMETER=VALUE[,PARAMETER=VALUE...], such as payload.mass=14"
@@ -65,10 +66,21 @@ def tune(
     with as_misuse(*bounds):
         design = mv.tune(plants if variants else source, sum(laws[1:], laws[0]), goals, bounds, starts, seed,
                          workers=workers)  # fmt: skip
+    _say(design, source.name, as_json)
+    if file is not None and target is not None:
+        getattr(mx, target.writes)(design.controller, file)
+        if not as_json:
+            shell.say_written(file, as_json)
+    if not design.success:
+        raise shell.CheckFailed
+
+
+def _say(design: Design, name: str, as_json: bool) -> None:
+    """Print a tuned controller as JSON or as tables."""
     if as_json:
         law = design.controller
         shell.say_json({
-            "name": source.name, "values": dict(design.values), "objective": design.objective,
+            "name": name, "values": dict(design.values), "objective": design.objective,
             "achieved": dict(design.achieved), "reached": dict(design.reached), "success": design.success,
             "by_plant": dict(design.by_plant), "controller": {
                 **{key: getattr(law, key).tolist() for key in "ABCD"}, "inputs": law.inputs, "outputs": law.outputs},
@@ -77,14 +89,8 @@ def tune(
         from mbsvib.common import tables
 
         shell.say(str(design))
-        rows = [(name, f"{value:.8g}") for name, value in design.values.items()]
+        rows = [(key, f"{value:.8g}") for key, value in design.values.items()]
         tables.show("Values", [("name", "left"), ("value", "right")], rows, [])
-    if file is not None and target is not None:
-        getattr(mx, target.writes)(design.controller, file)
-        if not as_json:
-            shell.say_written(file, as_json)
-    if not design.success:
-        raise shell.CheckFailed
 
 
 def _variant(model: Model, text: str) -> Model:
