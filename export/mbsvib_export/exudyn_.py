@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.model import Model
+from mbsvib.common.arguments import shown
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.motion_input import DrivenCoordinate
@@ -18,7 +20,7 @@ from mbsvib.linalg.rotations import logarithm
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
@@ -67,6 +69,9 @@ def to_exudyn(model: Model, inputs: Mapping[str, Signal] | None = None) -> Any:
     if not isinstance(model, Model):
         raise ExportError(f"to_exudyn: model = {type(model).__name__}; expected a Model, as exudyn linearizes and "
                           f"simulates by itself.")  # fmt: skip
+    if inputs is not None and not isinstance(inputs, Mapping):
+        raise ExportError(f"to_exudyn: inputs = {shown(inputs)}; expected the values of inputs by name, such as "
+                          f"{{'F': 10.0}}. The result is a system of exudyn in memory, no file.")  # fmt: skip
     plain = expanded(model)
     signals = dict(inputs or {})
     _check(model, plain, signals)
