@@ -107,7 +107,14 @@ class Poses:
         blocks: tuple[tuple[Index, Index], ...] = ()
         if kinematics.cuts is not None:
             arms = partial(arm, kinematics.topology, kinematics.described.centre[:-1])
-            reduction = reduce(kinematics.coordinates, kinematics.cuts, kinematics.closure, list(asked), arms)
+            try:
+                reduction = reduce(kinematics.coordinates, kinematics.cuts, kinematics.closure, list(asked), arms)
+            except ModelError as error:
+                if error.field != "independent":
+                    raise
+                raise ModelError(f"{caller}: the loops leave no choice of the displacements of {', '.join(asked)}: "
+                                 f"they lock one of these or tie them to each other. Ask for fewer, or for others.",
+                                 element=error.element, field="values") from error  # fmt: skip
             blocks = blocks_of(reduction, kinematics.cuts.names)
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)

@@ -151,7 +151,7 @@ def test_what_exudyn_has_nothing_for_is_refused_by_name():
         mx.to_exudyn(pendulum(), {"torque": 1.0})
     with pytest.raises(mv.ExportError, match="expected a Model"):
         mx.to_exudyn(pendulum().linearize())
-    with pytest.raises(mv.ExportError, match="inputs = 'pendulum.py'; expected the values of inputs by name"):
+    with pytest.raises(mv.ExportError, match=r"inputs = 'pendulum\.py'; expected the values of inputs by name"):
         mx.to_exudyn(pendulum(), "pendulum.py")
 
 
