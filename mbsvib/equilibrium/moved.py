@@ -112,7 +112,7 @@ class Poses:
             except ModelError as error:
                 if error.field != "independent":
                     raise
-                raise ModelError(f"{caller}: the loops leave no choice of the displacements of {', '.join(asked)}: "
+                raise ModelError(f"{caller}: loops and couplers leave no choice for {', '.join(asked)}: "
                                  f"they lock one of these or tie them to each other. Ask for fewer, or for others.",
                                  element=error.element, field="values") from error  # fmt: skip
             blocks = blocks_of(reduction, kinematics.cuts.names)
