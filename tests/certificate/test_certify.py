@@ -14,7 +14,7 @@ from mbsvib.certificate.restated import difference, factor
 from mbsvib.equations import assembly
 from mbsvib.library import bicycle
 from mbsvib.sparse import choice
-from tests.equations.test_alignment import four_bar
+from tests.equations.tilted import four_bar
 
 KEYS = {"verdict", "equilibrium.residual", "rank.margin", "accuracy.radius", "units.invariance", "engine", "skipped",
         "versions"}  # fmt: skip

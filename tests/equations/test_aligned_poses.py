@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.equations.test_alignment import four_bar
+from tests.equations.tilted import four_bar
 
 
 @pytest.fixture(params=[1e-6, 1e-4])
