@@ -78,7 +78,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         Source: as in ``mbsvib.api.add_actuators``.
         """
         who = f"voice coil '{name}'"
-        T = _factor(constant, who, "constant", "the force per current [N/A]")
+        T = check.not_zero(constant, who, "constant", "the force per current [N/A]")
         L = _least(inductance, who, "inductance", "an inductance [H] of 0 or more")
         if resistance is None and L:
             raise check.refuse(who, "inductance", inductance, "a resistance with it", "A current has no inductance.")
@@ -139,7 +139,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         """
         who = f"piezo stack '{name}'"
         k = _above(stiffness, who, "stiffness", "a stiffness [N/m] above 0")
-        T = _factor(constant, who, "constant", "the force per voltage [N/V]")
+        T = check.not_zero(constant, who, "constant", "the force per voltage [N/V]")
         c = _least(damping, who, "damping", "a damping [N s/m] of 0 or more")
         R = _least(resistance, who, "resistance", "a resistance [Ohm] of 0 or more")
         if drive not in ("voltage", "charge"):
@@ -193,13 +193,6 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
             self.add_spring(f"{name}.{words[2]}", first, second, start, end, 0.0, damping)
         self.add_input(source, second, gain * line, end, first, per=unit)
         return (source, *names)
-
-
-def _factor(value: Any, who: str, field: str, expected: str) -> float:
-    number = check.number(value, who, field, f"{expected}, not zero")
-    if number == 0.0:
-        raise check.refuse(who, field, value, f"{expected}, not zero")
-    return number
 
 
 def _above(value: Any, who: str, field: str, expected: str) -> float:

@@ -68,7 +68,7 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
         """
         who = f"ball screw '{name}'"
         fixed, turning, sliding = self._bodies_of(who, base=base, screw=screw, nut=nut)
-        advance = _not_zero(lead, who, "lead", "the advance per turn [m]") / (2.0 * pi)
+        advance = check.not_zero(lead, who, "lead", "the advance per turn [m]") / (2.0 * pi)
         k, c = _compliance(who, stiffness, damping)
         names = _names(name, ("bearing", "guide", "thread"), ("nut", "travel", "axial") if k else ())
         self._reserve(who, names)
@@ -194,7 +194,7 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
         """
         who = f"gear pair '{name}'"
         fixed, driver, driven = self._bodies_of(who, base=base, first=first, second=second)
-        factor = _not_zero(ratio, who, "ratio", "turns of second per turn of first")
+        factor = check.not_zero(ratio, who, "ratio", "turns of second per turn of first")
         names = _names(name, ("first", "second", "mesh"))
         self._reserve(who, names)
         a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
@@ -233,13 +233,6 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
 
 def _names(name: str, always: tuple[str, ...], compliant: tuple[str, ...] = ()) -> tuple[str, ...]:
     return tuple([f"{name}.{part}" for part in (*always, *compliant)])
-
-
-def _not_zero(value: Any, who: str, field: str, expected: str) -> float:
-    number = check.number(value, who, field, f"{expected}, not zero")
-    if number == 0.0:
-        raise check.refuse(who, field, value, f"{expected}, not zero")
-    return number
 
 
 def _positive(value: Any, who: str, field: str, expected: str) -> float:

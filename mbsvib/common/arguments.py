@@ -263,3 +263,11 @@ def direction(value: Any, who: str, field: str = "direction") -> tuple[float, ..
     if not any(result):
         raise refuse(who, field, value, expected)
     return result if len(result) == 6 else (*result, 0.0, 0.0, 0.0)
+
+
+def not_zero(value: Any, who: str, field: str, expected: str) -> float:
+    """Return a number that is not zero."""
+    result = number(value, who, field, f"{expected}, not zero")
+    if result == 0.0:
+        raise refuse(who, field, value, f"{expected}, not zero")
+    return result
