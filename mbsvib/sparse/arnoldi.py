@@ -55,13 +55,13 @@ class Ritz:
 
 def arnoldi(
     apply: Callable[[NDArray[Any]], NDArray[Any]], start: NDArray[Any], enough: Callable[[Ritz], bool],
-    dimensions: tuple[int, int],
+    dimensions: tuple[int, int], growth: float = GROWTH,
 ) -> Ritz:  # fmt: skip
     """Return Ritz values and vectors of a linear operator, the largest first.
 
     ``apply``: the operator on columns (n, b). ``start`` (n, b): the first block. ``enough``: tells whether the Ritz
     values suffice, which ends the iteration. ``dimensions``: those of the basis at which they are first computed, and
-    at most; there they may not suffice.
+    at most; there they may not suffice. ``growth``: the share by which the basis grows until they are computed again.
     """
     block = np.linalg.qr(start)[0]
     n, limit = len(block), min(dimensions[1], len(block))
@@ -81,7 +81,7 @@ def arnoldi(
         count = block.shape[1]
         full = size + count > limit
         if not count or full or size >= next_check:
-            next_check = int(size * (1.0 + GROWTH)) + 1
+            next_check = int(size * (1.0 + growth)) + 1
             result = _ritz(inner[:size, :size], upper, basis[:, :size])
             if not count or full or enough(result):
                 return result

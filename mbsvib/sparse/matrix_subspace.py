@@ -31,16 +31,18 @@ if TYPE_CHECKING:
 # The shift for the lowest modes, as a share of the square of a typical frequency of single coordinates: below the
 # flexible modes of most structures, and far enough from 0 that rigid-body modes do not drown the others in rounding.
 BELOW = 1e-9
-# Residual of Ritz values: the error of eigenvalues is its square, that of shapes this over the relative gap.
-TOLERANCE = 1e-12
-# Vectors of a block: repeated modes of up to this multiplicity are found by one search.
-BLOCK = 6
+# Residual of Ritz values: the error of eigenvalues is its square. One more solve makes that of shapes smaller.
+TOLERANCE = 1e-9
+# Vectors of a block: repeated modes of up to this multiplicity are found by one search. The factor is read once for a
+# block: eight vectors take hardly longer than six, and converge in fewer blocks.
+BLOCK = 8
 # Additional modes, among which the count finds a gap, and the least relative gap.
 GUARDS, GAP = 4, 1e-6
 # Coordinates up to which all modes are computed.
 FEW = 100
-# Dimension of the basis, at which it is first tested and at most: multiples of the number of modes, and more.
-FIRST, MOST, MORE = 1.5, 8, 200
+# Dimension of the basis, at which it is first tested and at most: multiples of the number of modes, and more; and the
+# share by which it grows between tests, which take far less than a block of solves.
+FIRST, MOST, MORE, GROWTH = 2.5, 8, 200, 0.1
 # Steps of the static iteration of free bodies.
 STATIC = 40
 # Largest dense matrix for all modes [coordinates]: 1 GB.
@@ -122,7 +124,8 @@ def _basis(t: Operator, requested: int) -> Array:
 
     start = apply(np.random.default_rng(2).standard_normal((n, BLOCK)))
     last = min(MOST * requested + MORE, n)
-    ritz = arnoldi(apply, start, lambda r: r.converged(TOLERANCE) >= requested, (int(FIRST * requested), last))
+    ritz = arnoldi(apply, start, lambda r: r.converged(TOLERANCE) >= requested, (int(FIRST * requested), last),
+                   GROWTH)  # fmt: skip
     if ritz.converged(TOLERANCE) < min(requested, len(ritz.values)):
         raise ResponseError(f"modes: {requested} modes of '{t.system.name}' did not converge in {last} vectors; ask "
                             f"for fewer, or near another frequency.")  # fmt: skip
