@@ -17,11 +17,13 @@ from mbsvib.linalg.products import nonzero_eigenrows
 from mbsvib.mechanism.topology import Topology
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+
+    Read = Callable[[str, str, Any], Any]
 
 E = TypeVar("E", bound=Equations)
 
@@ -52,13 +54,13 @@ def from_matrices(
     if mass.shape != (m, m):
         raise ModelError(f"System '{name}': M has shape {mass.shape}; expected (m, m).", field="M")
     mass, factor = _factored(name, mass)
-    damping, stiffness = (np.zeros((m, m)) if value is None else _shaped(name, label, value, (m, m))
+    damping, stiffness = (np.zeros((m, m)) if value is None else shaped(name, label, value, (m, m), _array)
                           for label, value in (("C", matrices[1]), ("K", matrices[2])))  # fmt: skip
     (k_rows, k, circulatory), (c_rows, c, gyroscopic) = _rows(stiffness), _rows(damping)
-    b = np.zeros((m, 0)) if ports[0] is None else _shaped(name, "B", ports[0], (m, None))
+    b = np.zeros((m, 0)) if ports[0] is None else shaped(name, "B", ports[0], (m, None), _array)
     inputs = signal_names(names[0], b.shape[1], "inputs", f"System '{name}'")
     coordinates = signal_names(names[2], m, "coordinates", f"System '{name}'")
-    outputs, cq, cv, ca, d = _outputs(name, ports[1:], (coordinates, inputs), names[1])
+    outputs, (cq, cv, ca, d) = outputs_of(name, ports[1:], (coordinates, inputs), names[1], (_array, np.zeros, np.eye))
     return form(
         name=name, coordinates=coordinates, coordinate_units=("",) * m, inputs=inputs, input_units=("",) * len(inputs),
         outputs=outputs, output_units=("",) * len(outputs), bodies=(), M=mass, C=damping, K=stiffness, B=b, Cq=cq,
@@ -92,8 +94,9 @@ def _check_size(name: str, label: str, shape: tuple[int, ...]) -> None:
             f"matrices too: they stay sparse.", field=label)  # fmt: skip
 
 
-def _shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | None]) -> Array:
-    array = _array(name, label, value)
+def shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | None], read: Read) -> Any:
+    """Return a matrix of a shape, of which None is any; ``read`` makes a matrix of the argument ``label``."""
+    array = read(name, label, value)
     if array.shape[0] != shape[0] and shape == (array.shape[1], None):
         array = array.T  # a vector for a single input
     if any(size is not None and length != size for length, size in zip(array.shape, shape, strict=True)):
@@ -144,18 +147,23 @@ def _rows(matrix: Array) -> tuple[Array, Array, Array | None]:
     return rows, weights, antisymmetric
 
 
-def _outputs(
-    name: str, matrices: tuple[Any, ...], columns: tuple[tuple[str, ...], tuple[str, ...]], names: Sequence[str] | None
-) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
-    """Names of outputs, Cq, Cv, Ca and D; the coordinates themselves if no matrix is given."""
-    coordinates, inputs = columns
-    m, u = len(coordinates), len(inputs)
+def outputs_of(
+    name: str, matrices: tuple[Any, ...], columns: tuple[tuple[str, ...], tuple[str, ...]],
+    names: Sequence[str] | None, kind: tuple[Read, Callable[[tuple[int, int]], Any], Callable[[int], Any]],
+) -> tuple[tuple[str, ...], list[Any]]:  # fmt: skip
+    """Return the names of outputs, and Cq, Cv, Ca and D; the coordinates themselves if no matrix is given.
+
+    ``columns``: names of coordinates and of inputs. ``kind``: functions that read a matrix, and that make one of zeros
+    and an identity.
+    """
+    (read, zeros, identity), m = kind, len(columns[0])
     if all(value is None for value in matrices):
-        output_names = coordinates if names is None else signal_names(names, m, "outputs", f"System '{name}'")
-        return output_names, np.eye(m), np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, u))
-    first = next(i for i, value in enumerate(matrices) if value is not None)
-    rows = len(_array(name, OUTPUT_MATRICES[first], matrices[first]))
-    arrays = [np.zeros((rows, m if label != "D" else u)) if value is None
-              else _shaped(name, label, value, (rows, m if label != "D" else u))
-              for label, value in zip(OUTPUT_MATRICES, matrices, strict=True)]  # fmt: skip
-    return (signal_names(names, rows, "outputs", f"System '{name}'"), *arrays)  # type: ignore[return-value]
+        matrices, names = (identity(m), None, None, None), columns[0] if names is None else names
+    rows, known = None, []
+    for label, value, count in zip(OUTPUT_MATRICES, matrices, (m, m, m, len(columns[1])), strict=True):
+        known.append(None if value is None else shaped(name, label, value, (rows, count), read))
+        rows = rows if known[-1] is None else known[-1].shape[0]
+    assert rows is not None
+    filled = [zeros((rows, count)) if matrix is None else matrix
+              for matrix, count in zip(known, (m, m, m, len(columns[1])), strict=True)]  # fmt: skip
+    return signal_names(names, rows, "outputs", f"System '{name}'"), filled

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import eigh, lapack
 
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.gram_schmidt import extended
 from mbsvib.linalg.rank import FREE_PIVOT, SAME_ROW
 from mbsvib.reduction.projection import projected
 
@@ -67,11 +67,18 @@ def _interface(system: Equations) -> tuple[Array, list[str], list[str]]:
     names = [*[system.outputs[k] for k in outputs], *[f"at {name}" for name in system.inputs]]
     units = [*[system.output_units[k] for k in outputs],
              *["rad" if unit.startswith("N m") else "m" for unit in system.input_units]]  # fmt: skip
-    size = np.linalg.norm(rows, axis=1)
-    retained: list[int] = []
-    for k in np.flatnonzero(size).tolist():  # in their order, so that outputs come before inputs at the same points
-        trial = rows[[*retained, k]] / size[[*retained, k], None]
-        diagonal = np.abs(pivoted_qr(trial.T)[0].diagonal())
-        if len(retained) < system.dof and diagonal.min() > SAME_ROW:
-            retained.append(k)
+    retained = independent_rows(rows)
     return rows[retained], [names[k] for k in retained], [units[k] for k in retained]
+
+
+def independent_rows(rows: Array) -> list[int]:
+    """Return the numbers of rows (n, m) that do not depend on those before them, so that outputs come before inputs at
+    the same points.
+    """
+    retained, basis = [], np.zeros((rows.shape[1], 0))
+    for k, row in enumerate(rows):
+        wider = extended(basis, row[:, None], SAME_ROW)
+        if wider is not basis:
+            retained.append(k)
+            basis = wider
+    return retained

@@ -15,7 +15,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.selection import signal_names
 from mbsvib.elements import Body, Joint
-from mbsvib.equations.from_matrices import OUTPUT_MATRICES, SYMMETRIC, from_matrices
+from mbsvib.equations.from_matrices import SYMMETRIC, from_matrices, outputs_of, shaped
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.rank import RIGID_ENERGY, UNCOUPLED, ZERO_SUM
@@ -106,16 +106,16 @@ def sparse_from_matrices(
     ``ports``: B (m, inputs), Cq, Cv, Ca (outputs, m) and D (outputs, inputs), or None. ``names``: of inputs, outputs
     and coordinates, or None.
     """
-    from scipy.sparse import csc_matrix
+    from scipy.sparse import csc_matrix, eye
 
     m = np.shape(matrices[0])[0] if np.ndim(matrices[0]) == 2 or hasattr(matrices[0], "shape") else 0
     mass, damping, stiffness = (csc_matrix((m, m)) if value is None else _symmetric(name, label, value, m)
                                 for label, value in zip("MCK", matrices, strict=True))  # fmt: skip
     _check_mass(name, mass, damping)
-    b = csc_matrix((m, 0)) if ports[0] is None else _matrix(name, "B", ports[0], (m, None))
+    b = csc_matrix((m, 0)) if ports[0] is None else shaped(name, "B", ports[0], (m, None), _matrix)
     inputs = signal_names(names[0], b.shape[1], "inputs", f"System '{name}'")
     coordinates = signal_names(names[2], m, "coordinates", f"System '{name}'")
-    outputs, rows, d = _outputs(name, ports[1:], names[1], coordinates, len(inputs))
+    outputs, (cq, cv, ca, d) = outputs_of(name, ports[1:], (coordinates, inputs), names[1], (_matrix, csc_matrix, eye))
     held = Mechanism(name).with_parts(bodies={"held": Body("held", 1.0, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))},
                                       joints={"weld": Joint("weld", "fixed", "ground", "held")})  # fmt: skip
     empty = replace(linearized(held, form=form), bodies=(), model=Mechanism(name))
@@ -126,35 +126,31 @@ def sparse_from_matrices(
     return replace(
         empty, joint_coordinates=coordinates, inputs=inputs, input_units=("",) * len(inputs), outputs=outputs,
         output_units=("",) * len(outputs), layout=layout, elastic_rows=nothing, inertia_factor=nothing,
-        input_rows=b.T.tocsr(), output_rows=rows, D=d, matrices=given, tableau=tableau,
+        input_rows=b.T.tocsr(), output_rows=(cq.tocsr(), cv.tocsr(), ca.tocsr()), D=d.toarray(), matrices=given,
+        tableau=tableau,
     )  # fmt: skip
 
 
-def _matrix(name: str, label: str, value: Any, shape: tuple[int | None, int | None]) -> Any:
-    """A sparse matrix by columns, of finite real numbers and of a shape."""
-    from scipy.sparse import csc_matrix, issparse
+def _matrix(name: str, label: str, value: Any) -> Any:
+    """A sparse matrix by columns, of finite real numbers."""
+    from scipy.sparse import csc_matrix
 
-    vector = np.ndim(value) == 1 and not issparse(value)
     try:
         matrix = csc_matrix(value, dtype=complex if np.iscomplexobj(getattr(value, "data", value)) else float)
     except (TypeError, ValueError):
         raise ModelError(f"System '{name}': {label} = {shown(value)}; expected a matrix of real numbers.",
                          field=label) from None  # fmt: skip
-    matrix = matrix.T.tocsc() if vector and shape[1] is None else matrix
     matrix.sum_duplicates()
     if np.iscomplexobj(matrix.data) or not np.isfinite(matrix.data).all():
         bad = next((v for v in matrix.data.tolist() if not isinstance(v, float) or not np.isfinite(v)), None)
         raise ModelError(f"System '{name}': {label} has the entry {bad}; expected a matrix of finite real numbers.",
                          field=label)  # fmt: skip
-    if any(size is not None and length != size for length, size in zip(matrix.shape, shape, strict=True)):
-        expected = ", ".join({"B": "inputs"}.get(label, "outputs") if size is None else str(size) for size in shape)
-        raise ModelError(f"System '{name}': {label} has shape {matrix.shape}; expected ({expected}).", field=label)
     return matrix
 
 
 def _symmetric(name: str, label: str, value: Any, m: int) -> Any:
     """A sparse matrix (m, m), symmetric to the last bit."""
-    matrix = _matrix(name, label, value, (m, m))
+    matrix = shaped(name, label, value, (m, m), _matrix)
     other = matrix.T.tocsc()
     difference = (matrix - other).tocoo()
     if not difference.nnz:
@@ -190,29 +186,6 @@ def _check_mass(name: str, mass: Any, damping: Any) -> None:
     if len(damped):
         raise ModelError(f"System '{name}': coordinate {damped[0]} has damping and no mass; expected mass, or neither. "
                          f"Give it a small mass, or dense matrices to StateSpace.from_arrays.", field="C")  # fmt: skip
-
-
-def _outputs(
-    name: str, matrices: tuple[Any, ...], names: Sequence[str] | None, coordinates: tuple[str, ...], inputs: int
-) -> tuple[tuple[str, ...], tuple[Any, Any, Any], Array]:
-    """Names of outputs, rows of displacements, velocities and accelerations, and D; coordinates if none is given."""
-    from scipy.sparse import csr_matrix, eye
-
-    m = len(coordinates)
-    if all(value is None for value in matrices):
-        matrices, names = (eye(m, format="csr"), None, None, None), coordinates if names is None else names
-    columns = (m, m, m, inputs)
-    known = [None if value is None else _matrix(name, label, np.atleast_2d(value) if np.ndim(value) == 1 else value,
-                                                (None, size))
-             for label, value, size in zip(OUTPUT_MATRICES, matrices, columns, strict=True)]  # fmt: skip
-    count = next(matrix.shape[0] for matrix in known if matrix is not None)
-    for label, matrix in zip(OUTPUT_MATRICES, known, strict=True):
-        if matrix is not None and matrix.shape[0] != count:
-            raise ModelError(f"System '{name}': {label} has shape {matrix.shape}; expected {count} rows, one for each "
-                             f"output.", field=label)  # fmt: skip
-    cq, cv, ca, d = (csr_matrix((count, size)) if matrix is None else matrix.tocsr()
-                     for matrix, size in zip(known, columns, strict=True))  # fmt: skip
-    return signal_names(names, count, "outputs", f"System '{name}'"), (cq, cv, ca), d.toarray()
 
 
 def projected(system: SparseEquations, z: Array, rigid: int, form: type[E]) -> E:

@@ -20,8 +20,9 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.gram_schmidt import extended
 from mbsvib.modes.undamped import undamped
-from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected
+from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected, quadratic_of
 from mbsvib.sparse.modes import modes
 from mbsvib.sparse.reduction import RTOL
 
@@ -46,22 +47,21 @@ def krylov(system: SparseEquations, order: int, near: float | Sequence[float], f
     if not ends.shape[1]:
         raise ResponseError(f"reduced: '{system.name}' has no inputs and outputs, about which method = 'krylov' is.")
     free = _free(system, form)
-    speed = _speed(given)
+    speed = quadratic_of(system).speed
     scale = max(2.0 * np.pi * max(frequencies), speed)
     metric = given.M + given.K / scale**2
-    basis = _Basis(metric, np.zeros((system.layout.size, 0))).with_motions(free, order)
+    z = extended(free[:, :0], free, REPEATED, order, metric)
     series = [_Moments(given, 2j * np.pi * f, ends, speed) for f in frequencies if f or not free.shape[1]]
     if not series:
         raise ResponseError(f"reduced: near = {shown(near)} with method = 'krylov': '{system.name}' moves freely, and "
                             f"has no static response; expected frequencies above 0.")  # fmt: skip
     idle = 0  # undamped, every other coefficient about 0 is nothing; after more, these are all that inputs reach
-    while basis.motions.shape[1] < order and idle < IDLE:
-        before = basis.motions.shape[1]
+    while z.shape[1] < order and idle < IDLE:
+        before = z.shape[1]
         for one in series:
             block = one.next()
-            basis = basis.with_motions(np.concatenate((block.real, block.imag), axis=1), order)
-        idle = idle + 1 if basis.motions.shape[1] == before else 0
-    z = basis.motions
+            z = extended(z, np.concatenate((block.real, block.imag), axis=1), REPEATED, order, metric)
+        idle = idle + 1 if z.shape[1] == before else 0
     mass = z.T @ (given.M @ z)
     size, turn = np.linalg.eigh(0.5 * (mass + mass.T))
     if size[0] <= REPEATED * size[-1]:
@@ -79,12 +79,6 @@ def _rotated(z: Array, stiffness: Any, free: Array) -> Array:
     return np.asarray(turned)
 
 
-def _speed(given: Any) -> float:
-    """A typical frequency [rad/s] of matrices, by their diagonals."""
-    k, m = given.K.diagonal(), given.M.diagonal()
-    return float(np.sqrt(np.median(np.abs(k[m > 0.0]) / m[m > 0.0]))) or 1.0
-
-
 def _frequencies(near: Any) -> list[float]:
     values = np.atleast_1d(np.asarray(near, dtype=float)) if np.ndim(near) < 2 else np.zeros(0)
     if not len(values) or not np.isfinite(values).all() or (values < 0.0).any():
@@ -98,29 +92,6 @@ def _free(system: SparseEquations, form: type[Equations]) -> Array:
     found: Any = modes(system, min(FREE, system.dof), 0.0, form)
     basis = undamped(found.reduced, RTOL)
     return np.asarray((motions_of(found.reduced) @ basis.shapes)[:, : basis.rigid])
-
-
-class _Basis:
-    """Motions (size, n) that are orthonormal in a metric."""
-
-    def __init__(self, metric: Any, motions: Array) -> None:
-        self.metric, self.motions = metric, motions
-
-    def with_motions(self, block: Array, most: int) -> _Basis:
-        """Return the basis with what is new in a block, up to so many motions."""
-        z = self.motions
-        for column in block.T:
-            if z.shape[1] == most or not (size := self._size(column)):
-                continue
-            rest = column / size
-            for _ in range(2):
-                rest = rest - z @ (z.T @ (self.metric @ rest))
-            if (left := self._size(rest)) > REPEATED:
-                z = np.column_stack((z, rest / left))
-        return _Basis(self.metric, z)
-
-    def _size(self, column: Array) -> float:
-        return float(np.sqrt(max(0.0, column @ (self.metric @ column))))
 
 
 class _Moments:
@@ -150,11 +121,5 @@ class _Moments:
             right = given.C @ x + 2.0 * self.s * (given.M @ x) + given.M @ before
             block = np.concatenate((-self.factor.solve(right), x / self.speed))
         self.last = self.pairs.shape[1]
-        for column in block.T:
-            size = np.linalg.norm(column)
-            rest = column / (size or 1.0)
-            for _ in range(2):
-                rest = rest - self.pairs @ (self.pairs.conj().T @ rest)
-            if (left := np.linalg.norm(rest)) > REPEATED:
-                self.pairs = np.column_stack((self.pairs, rest / left))
+        self.pairs = extended(self.pairs, block, REPEATED)
         return self.pairs[:n, self.last :]

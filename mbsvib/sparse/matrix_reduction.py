@@ -15,8 +15,9 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations, Truncation
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import EPS, SAME_ROW, UNSYMMETRIC
+from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
+from mbsvib.reduction.craig_bampton import independent_rows
 from mbsvib.reduction.error import error_bound
 from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected
 from mbsvib.sparse.krylov import krylov
@@ -236,18 +237,12 @@ class HeldFactor:
 def _interface(system: SparseEquations) -> tuple[Array, list[str]]:
     """Independent rows (r, n) of displacement outputs, then of inputs, with names."""
     names = [*system.outputs, *[f"at {name}" for name in system.inputs]]
-    ports, retained, basis = _ports(system).T, [], np.zeros((system.layout.size, 0))
+    ports = _ports(system).T
     if len(ports) > MOST_PORTS:
         raise ResponseError(f"reduced: method = 'craig-bampton' of '{system.name}' with {len(ports)} outputs and "
                             f"inputs; expected at most {MOST_PORTS}: take those of the interface, "
                             f"system[outputs, inputs].")  # fmt: skip
-    for k in np.flatnonzero(ports.any(axis=1)).tolist():
-        row = ports[k] / np.linalg.norm(ports[k])
-        for _ in range(2):
-            row = row - basis @ (basis.T @ row)
-        if np.linalg.norm(row) > SAME_ROW:
-            retained.append(k)
-            basis = np.concatenate((basis, (row / np.linalg.norm(row))[:, None]), axis=1)
+    retained = independent_rows(ports)
     return ports[retained], [names[k] for k in retained]
 
 

@@ -212,7 +212,7 @@ REFUSALS = [
     ((ONE, None, np.nan * ONE), {}, r"K has the entry nan"),
     ((ONE, None, ONE, np.eye(3)), {}, r"B has shape \(3, 3\); expected \(4, inputs\)"),
     ((ONE, None, ONE), {"Cq": np.eye(3)}, r"Cq has shape \(3, 3\); expected \(outputs, 4\)"),
-    ((ONE, None, ONE), {"Cq": np.eye(4), "Cv": np.ones((2, 4))}, r"Cv has shape \(2, 4\); expected 4 rows"),
+    ((ONE, None, ONE), {"Cq": np.eye(4), "Cv": np.ones((2, 4))}, r"Cv has shape \(2, 4\); expected \(4, 4\)"),
     ((ONE, None, ONE), {"coordinates": ["a"]}, r"coordinates = .*expected 4 names"),
 ]  # fmt: skip
 
