@@ -8,12 +8,13 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import tables
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
@@ -62,7 +63,7 @@ class Comparison(Displayed):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ExportCheck(Displayed):
+class ExportCheck(Columnar, Displayed):
     """What was compared in a file, and ``remarks`` on what was not; printed as a table."""
 
     path: Path
@@ -73,6 +74,11 @@ class ExportCheck(Displayed):
     def passed(self) -> bool:
         """Whether all errors are within their limits."""
         return all(comparison.passed for comparison in self.comparisons)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the comparisons as columns ``quantity``, ``against``, ``error``, ``limit`` and ``passed``."""
+        names = ("quantity", "against", "error", "limit", "passed")
+        return by_name(names, [[getattr(row, name) for name in names] for row in self.comparisons])
 
     def __str__(self) -> str:
         rows = [(row.quantity, row.against, f"{row.error:.1e}", f"{row.limit:.0e}", "yes" if row.passed else "NO")

@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.api.batch import Batch
 from mbsvib.api.poses import batch_of, columns_of, told
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Worst(Displayed):
+class Worst(Columnar, Displayed):
     """The pose of a family with the largest, or smallest, value of a quantity.
 
     ``index`` counts from 0, as ``family[index]``; ``pose`` are the displacements of its coordinates [m, rad].
@@ -39,6 +40,11 @@ class Worst(Displayed):
     index: int
     pose: Mapping[str, float]
     value: float
+
+    def columns(self) -> dict[str, Any]:
+        """Return one row: ``index``, ``value``, and the displacements of the coordinates by their names."""
+        return {"index": np.array([self.index]), "value": np.array([self.value]),
+                **{name: np.array([displacement]) for name, displacement in self.pose.items()}}  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular, real
 from mbsvib.common.selection import selected
@@ -35,7 +37,7 @@ def _motions(system: Any) -> Any:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DeflectionShape(Displayed):
+class DeflectionShape(Columnar, Displayed):
     """Steady motion under harmonic inputs of one ``frequency`` [Hz]: Re(shape e^(i w t)).
 
     ``inputs`` {name: complex amplitude}; ``coordinates`` {name: complex amplitude} of the minimal coordinates [m, rad];
@@ -51,6 +53,19 @@ class DeflectionShape(Displayed):
 
     def __repr__(self) -> str:
         return f"DeflectionShape({self.name!r} at {self.frequency:.5g} Hz: {', '.join(self.inputs)})"
+
+    def columns(self) -> dict[str, Any]:
+        """Return the complex amplitudes of the bodies as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (bodies,)
+            ``body``; ``x_re``, ``x_im`` [m] to ``rz_re``, ``rz_im`` [rad].
+        """
+        shapes = np.array([*self.body_shapes.values()]).reshape(-1, 6)
+        return {"body": np.array([*self.body_shapes]),
+                **{f"{axis}_{part}": getattr(shapes[:, i], name) for i, axis in enumerate(DIRECTIONS)
+                   for part, name in (("re", "real"), ("im", "imag"))}}  # fmt: skip
 
     def animate(
         self, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1, view: Any = "3-D",

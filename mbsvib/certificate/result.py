@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError
 
@@ -33,7 +34,7 @@ class Check(Displayed):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Certificate(Displayed):
+class Certificate(Columnar, Displayed):
     """What was checked of the linear equations of a model.
 
     ``verdict`` is "passed" or "failed"; checks that were skipped, with the reason by their names in ``skipped``, fail
@@ -69,6 +70,20 @@ class Certificate(Displayed):
         notes = [f"skipped: {name}: {why}" for name, why in self.skipped.items()]
         return {"title": f"Certificate of {self.name}: {self.verdict}", "columns": columns, "rows": rows,
                 "notes": [*notes, ", ".join(map(" ".join, self.versions.items()))]}  # fmt: skip
+
+    def columns(self) -> dict[str, Any]:
+        """Return the checks as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (checks,)
+            ``check``, ``value`` (not a number where it was skipped), ``limit``, ``result`` ("passed", "failed" or ""),
+            ``of``.
+        """
+        words = {True: PASSED, False: FAILED, None: ""}
+        return by_name(("check", "value", "limit", "result", "of"), [
+            (check.name, float("nan") if check.value is None else check.value, check.limit, words[check.passed],
+             check.words) for check in self.checks])  # fmt: skip
 
     def content(self) -> dict[str, Any]:
         """Return the certificate as JSON has it.

@@ -15,7 +15,7 @@ from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
 
@@ -74,6 +74,13 @@ class Columnar:
 def numbered(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return the columns of arrays (n, k) by name, as "NAME(1)", "NAME(2)", ..., those of all arrays in turn."""
     return {f"{name}({k})": column for name, array in arrays.items() for k, column in enumerate(np.transpose(array), 1)}
+
+
+def by_name(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> dict[str, Any]:
+    """Return rows of entries as columns by name."""
+    entries = list(rows)
+    return {name: np.array(column) for name, column in zip(names, zip(*entries, strict=True), strict=True)} \
+        if entries else {name: np.zeros(0) for name in names}
 
 
 def pandas_for(caller: str) -> Any:

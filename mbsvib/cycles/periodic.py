@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.cycles.inverse_dynamics import inverse_dynamics
 from mbsvib.cycles.result import CycleData
@@ -42,7 +43,7 @@ NEUTRAL = 1e-7
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Periodic(Displayed):
+class Periodic(Columnar, Displayed):
     """Linear periodic equations at n samples, evenly spread over the ``period`` [s].
 
     ``M``, ``C`` and ``K`` (n, m, m) are those of the deviations of ``coordinates``, with what drives have of stiffness
@@ -60,6 +61,17 @@ class Periodic(Displayed):
     def time(self) -> Array:
         """Times (n,) of the samples [s]."""
         return np.asarray(np.arange(len(self.M)) * (self.period / len(self.M)))
+
+    def columns(self) -> dict[str, Any]:
+        """Return the frozen eigenvalues over time as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (n,)
+            ``time_s``; ``eigenvalue_re(1)``, ``eigenvalue_im(1)``, ... [1/s].
+        """
+        frozen = self.frozen
+        return {"time_s": self.time, **numbered({"eigenvalue_re": frozen.real, "eigenvalue_im": frozen.imag})}
 
     @property
     def frozen(self) -> Complex:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.cycles.total_derivatives import total_derivatives
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CycleSensitivities(Displayed):
+class CycleSensitivities(Columnar, Displayed):
     """Derivatives to ``parameters`` (k) of the samples of a cycle: ``torques`` (k, n) by drive, ``shaking_force`` and
     ``shaking_moment`` (k, n, 3).
     """
@@ -42,6 +43,21 @@ class CycleSensitivities(Displayed):
     def torque(self) -> Any:
         """That of the only drive (k, n), else those of all drives by name."""
         return next(iter(self.torques.values())) if len(self.torques) == 1 else self.torques
+
+    def columns(self) -> dict[str, Any]:
+        """Return the derivatives, one parameter after the other, as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (k * n,)
+            ``parameter``, ``sample``, from 1, and the torques, forces and moments as ``Cycle.columns`` names them.
+        """
+        count, samples = self.shaking_force.shape[:2]
+        result = {"parameter": np.repeat(self.parameters, samples), "sample": np.tile(np.arange(1, samples + 1), count)}
+        result |= {f"{name}.torque": values.ravel() for name, values in self.torques.items()}
+        for name, vectors in (("shaking_force", self.shaking_force), ("shaking_moment", self.shaking_moment)):
+            result |= {f"{name}.{axis}": vectors[:, :, i].ravel() for i, axis in enumerate("xyz")}
+        return result
 
     def values(self, quantity: str, drive: str | None = None) -> Array:
         """Return the derivatives (k, n, 3) or (k, n, 1) of what ``CycleData.values`` returns."""

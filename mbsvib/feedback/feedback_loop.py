@@ -9,6 +9,7 @@ from warnings import warn
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError, UnstableWarning
 from mbsvib.feedback.integrand import response
@@ -29,13 +30,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class FeedbackLoop(LinearVerbs, Loop):
+class FeedbackLoop(Columnar, LinearVerbs, Loop):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
 
     Subclasses define whether controllers run in continuous or discrete time.
     """
 
     _engine = "continuous_form sampled_form"
+
+    def columns(self) -> dict[str, Any]:
+        """Return the poles as columns by name: those of the table of ``modes()``."""
+        return dict(self.modes().columns())
 
     @property
     @abstractmethod

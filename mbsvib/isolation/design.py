@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Design(Displayed):
-    """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``."""
+class Design(Columnar, Displayed):
+    """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``.
+
+    Its columns are the variables, those of ``before`` and ``after`` the responses.
+    """
 
     model: Model
     optimum: Optimum
@@ -39,6 +42,10 @@ class Design(Displayed):
     def success(self) -> bool:
         """Whether the constraints hold and no variable betters the objective."""
         return self.optimum.success
+
+    def columns(self) -> dict[str, Any]:
+        """Return the variables with their values at the start and at the optimum, as ``Optimum.columns``."""
+        return self.optimum.columns()
 
     def table(self) -> dict[str, Any]:
         """Return variables, objective and figures as arguments of ``mbsvib.common.tables.text`` and ``show``.

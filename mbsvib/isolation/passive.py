@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,7 +78,7 @@ class Passive(Displayed):
         """
         f, ports = hertz(frequencies), self._ports(self._base_weights, "index")
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
-        return Leaf(f"index at {span} [1]", lambda point: ports.size(point, 2.0 * np.pi * f))
+        return Leaf(f"index at {span} [1]", partial(ports.size, w=2.0 * np.pi * f))
 
     def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square acceleration of the body under base noise, rotations times the length.
@@ -188,7 +188,7 @@ class Passive(Displayed):
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
         newton = abs(check.number(weight, "sag", "load"))
         ports = Weighted("sag", {f"displacement.{direction}": 1.0}, {f"load.{direction}": newton})
-        return Leaf(f"sag along {direction} [m]", lambda point: ports.size(point, np.zeros(1)))
+        return Leaf(f"sag along {direction} [m]", partial(ports.size, w=np.zeros(1)))
 
     def compliance(self, frequency: float = 0.0) -> Quantity:
         """Return the compliance of the body to forces and moments, their arm being the length.
@@ -205,8 +205,7 @@ class Passive(Displayed):
         """
         scale = dict(zip(LOADS, self.scene.scale() / np.sqrt(6.0), strict=True))
         ports = Weighted("compliance", dict(zip(DISPLACEMENTS, self.scene.scale(), strict=True)), scale)
-        return Leaf(f"compliance at {frequency:g} Hz [m/N]",
-                    lambda point: ports.size(point, np.array([2.0 * np.pi * frequency])))  # fmt: skip
+        return Leaf(f"compliance at {frequency:g} Hz [m/N]", partial(ports.size, w=np.array([2.0 * np.pi * frequency])))
 
     @property
     def legs(self) -> tuple[str, ...]:
@@ -312,7 +311,7 @@ class Passive(Displayed):
             squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).requested(outputs)
         else:
             squares = self._mean(outputs, noise, span)
-        return Leaf(label, lambda point: squares.at(point, outputs))
+        return Leaf(label, partial(squares.at, outputs=outputs))
 
     def _mean(self, outputs: Sequence[str], noise: BaseNoise, span: tuple[float, float] | None) -> MeanSquares:
         laws = {leg.stroke: (leg.force, *leg.law) for leg in self.scene.legs if leg.law}

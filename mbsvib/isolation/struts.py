@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.elements import Maxwell
 from mbsvib.errors import ModelError, nearest
@@ -26,7 +27,7 @@ ENDS = ("start", "end")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Struts(Displayed):
+class Struts(Columnar, Displayed):
     """Legs that push and pull along their lines and do nothing else: ``jacobian`` J (legs, 6) from the body's motion
     at the reference point to their elongations, ``stiffness`` J^T k J (6, 6), ``length`` [m] for rotations.
     """
@@ -35,6 +36,10 @@ class Struts(Displayed):
     jacobian: Array
     stiffness: Array
     length: float
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row of the Jacobian for each leg, as columns ``leg``, ``x`` [1] to ``rz`` [m]."""
+        return {"leg": np.array(self.legs), **dict(zip(check.DIRECTIONS, self.jacobian.T, strict=True))}
 
     @property
     def coupling(self) -> float:

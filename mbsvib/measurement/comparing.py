@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mbsvib.common.columnar import Columnar
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ResponseError, counted
@@ -95,8 +95,7 @@ class Comparison(Columnar, Displayed):
         """
         names = ("mode_a", "mode_b", "mac", "frequency_a_hz", "frequency_b_hz", "damping_ratio_a", "damping_ratio_b",
                  "largest_motion")  # fmt: skip
-        rows = [(p.a, p.b, p.mac, *p.frequencies, *p.damping_ratios, p.motion) for p in self.pairs]
-        return {name: np.array([row[i] for row in rows]) for i, name in enumerate(names)}
+        return by_name(names, [(p.a, p.b, p.mac, *p.frequencies, *p.damping_ratios, p.motion) for p in self.pairs])
 
     def table(self) -> dict[str, Any]:
         """Return title, columns, rows and notes of the table that ``print`` shows.

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted, nearest
 from mbsvib.measurement.doors import Doors
-from mbsvib.measurement.matching import ORDERS, Matching, matching_of
+from mbsvib.measurement.matching import ORDERS, Matched
 from mbsvib.measurement.points import nodes_of, points_of
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class MeasuredMode:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Measurement(Doors, Displayed):
+class Measurement(Matched, Columnar, Doors, Displayed):
     """Frequency responses of a structure, as measured, with their noise and the places of all channels.
 
     y(i w) = G(i w) u(i w) + n;  of G is known ``responses``, of its error the mean square E|n|^2
@@ -205,6 +206,23 @@ class Measurement(Doors, Displayed):
         """Frequencies of the lines [Hz], (n,)."""
         return np.asarray(self.omega / (2 * np.pi))
 
+    def columns(self) -> dict[str, Any]:
+        """Return the responses as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (n,)
+            ``frequency_hz``; ``OUTPUT/INPUT_re`` and ``OUTPUT/INPUT_im`` of each pair, and ``OUTPUT/INPUT_variance`` if
+            it is known.
+        """
+        result = {"frequency_hz": self.frequencies}
+        for i, output in enumerate(self.outputs):
+            for j, name in enumerate(self.inputs):
+                pair = self.responses[i, j]
+                result |= {f"{output}/{name}_re": pair.real, f"{output}/{name}_im": pair.imag}
+                result |= {} if self.variance is None else {f"{output}/{name}_variance": self.variance[i, j]}
+        return result
+
     @property
     def driving_points(self) -> tuple[tuple[str, str], ...]:
         """Pairs of output and input at the same node in the same direction, either sign."""
@@ -294,36 +312,6 @@ class Measurement(Doors, Displayed):
 
         return replace(self, **{
             name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")})
-
-    def matched(
-        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
-    ) -> Matching:
-        """Return the outputs and inputs of a model that are those of the measurement, by name, then by place.
-
-        G_measured = s_o s_i (i w)^(k_o - k_i) G_model, with signs s, and k time derivatives between the quantities
-
-        Parameters
-        ----------
-        linear : Model, System, ClosedLoop or StateSpace
-            What has the inputs and outputs.
-        names : dict of str to str, optional
-            Names in the model of measured channels that have another name there.
-        distance : float
-            Largest distance [m] of places that are the same.
-        angle : float
-            Largest angle [rad] of directions that are the same, or opposite.
-
-        Returns
-        -------
-        Matching
-            A partner of each channel, printed as a table; ``.factor(omega)`` are the factors of the equation.
-
-        Raises
-        ------
-        ResponseError
-            If a channel has no partner, or its unit, place or direction is another one.
-        """
-        return matching_of(self, linear, names or {}, (distance, angle))
 
     def plot(
         self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import astuple, dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, an, nearest
 from mbsvib.measurement.points import Point, model_places, place_of, point_of
@@ -53,7 +54,7 @@ class Partner:
 
 
 @dataclass(frozen=True, repr=False)
-class Matching(Displayed):
+class Matching(Columnar, Displayed):
     """The partner in a model of each output and input of a measurement, in the order of the measurement."""
 
     outputs: tuple[Partner, ...]
@@ -93,6 +94,19 @@ class Matching(Displayed):
         turn = np.array([1, 1j, -1, -1j])[power % 4]
         return np.asarray(np.multiply.outer(row_signs, signs)[:, :, None] * turn * size)
 
+    def columns(self) -> dict[str, Any]:
+        """Return the channels as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (outputs + inputs,)
+            ``kind`` ("output" or "input"), and the fields of ``Partner`` by their names; distances [m] and angles [rad]
+            that are not known are not numbers.
+        """
+        rows = [(kind, *[np.nan if entry is None else entry for entry in astuple(partner)])
+                for kind, partners in (("output", self.outputs), ("input", self.inputs)) for partner in partners]
+        return by_name(("kind", *[field.name for field in fields(Partner)]), rows)
+
     def table(self) -> dict[str, Any]:
         """Return title, columns and rows of the table that ``print`` shows.
 
@@ -111,6 +125,43 @@ class Matching(Displayed):
         names = ("", "measured", "model", "by", "distance [mm]", "angle [deg]", "sign", "unit", "factor")
         return {"title": "Channels of a measurement and of the model",
                 "columns": [(name, "right" if "[" in name else "left") for name in names], "rows": rows}  # fmt: skip
+
+
+class Matched:
+    """Data with channels that a model has as well: those of ``_kinds``."""
+
+    _kinds: ClassVar[tuple[str, ...]] = ("output", "input")
+
+    def matched(
+        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
+    ) -> Matching:
+        """Return the outputs and inputs of a model that are those of the data, by name, then by place.
+
+        G_measured = s_o s_i (i w)^(k_o - k_i) G_model, with signs s, and k time derivatives between the quantities
+
+        Parameters
+        ----------
+        linear : Model, System, ClosedLoop or StateSpace
+            What has the inputs and outputs.
+        names : dict of str to str, optional
+            Names in the model of measured channels that have another name there.
+        distance : float
+            Largest distance [m] of places that are the same.
+        angle : float
+            Largest angle [rad] of directions that are the same, or opposite.
+
+        Returns
+        -------
+        Matching
+            A partner of each channel, printed as a table; ``.factor(omega)`` are the factors of the equation. Measured
+            modes have outputs only.
+
+        Raises
+        ------
+        ResponseError
+            If a channel has no partner, or its unit, place or direction is another one.
+        """
+        return matching_of(self, linear, names or {}, (distance, angle), self._kinds)
 
 
 def matching_of(

@@ -12,21 +12,18 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError
-from mbsvib.measurement.matching import matching_of
+from mbsvib.measurement.matching import Matched
 from mbsvib.measurement.points import label_of, nodes_of, points_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.measurement.data import Measurement
-    from mbsvib.measurement.matching import Matching
 
 WHO = "MeasuredModes"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class MeasuredModes(Columnar, Displayed):
+class MeasuredModes(Matched, Columnar, Displayed):
     """Modes that were measured, in any order; a model's modes are paired with them by their shapes.
 
     Parameters
@@ -49,6 +46,8 @@ class MeasuredModes(Columnar, Displayed):
     ResponseError
         If shapes do not match, or a number is not finite or not positive.
     """
+
+    _kinds = ("output",)
 
     frequencies: Array
     damping_ratios: Array | None = None
@@ -114,27 +113,6 @@ class MeasuredModes(Columnar, Displayed):
         frequencies, ratios = (np.array([getattr(mode, field) for mode in data.modes])
                                for field in ("frequency", "damping_ratio"))  # fmt: skip
         return cls(frequencies, ratios, flat[known], outputs, nodes=world)
-
-    def matched(
-        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
-    ) -> Matching:
-        """Return the outputs of a model that are those of the shapes, by name, then by place.
-
-        Parameters
-        ----------
-        linear : Model, System, ClosedLoop or StateSpace
-            What has the outputs.
-        names : dict of str to str, optional
-            Names in the model of outputs that have another name there.
-        distance, angle : float
-            Largest distance [m] of places and angle [rad] of directions that are the same.
-
-        Returns
-        -------
-        Matching
-            A partner of each output, printed as a table.
-        """
-        return matching_of(self, linear, names or {}, (distance, angle), kinds=("output",))
 
     _index = "mode"
 

@@ -8,21 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.measurement.data import quantities_of
-from mbsvib.measurement.matching import matching_of
+from mbsvib.measurement.matching import Matched
 from mbsvib.measurement.points import nodes_of, points_of
 from mbsvib.measurement.time_records import check_length, stacked, step_of
 from mbsvib.responses.densities import density
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.measurement.matching import Matching
 
 WHO = "Records"
 HOLDS = ("first", "zero", "band-limited")
@@ -32,7 +30,7 @@ HIGHEST = 0.4
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Records(Displayed):
+class Records(Matched, Columnar, Displayed):
     """Time records of inputs and outputs, as data of ``Model.fit``; what went before them need not be known.
 
     y_k = (G u)_k + transient + n_k
@@ -120,6 +118,19 @@ class Records(Displayed):
         """How many experiments there are."""
         return int(next(iter(self.outputs.values())).shape[0])
 
+    def columns(self) -> dict[str, Any]:
+        """Return the records, one experiment after the other, as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (experiments * N,)
+            ``experiment``, from 1, ``time_s``, and the channels by their names.
+        """
+        count, times = self.experiments, np.arange(self.samples) * self.t
+        channels = {**self.outputs, **self.inputs}
+        return {"experiment": np.repeat(np.arange(1, count + 1), self.samples), "time_s": np.tile(times, count),
+                **{name: values.ravel() for name, values in channels.items()}}  # fmt: skip
+
     def lines(self) -> Index:
         """Return the numbers of the lines that count; line k is at k / (length of the record).
 
@@ -201,27 +212,6 @@ class Records(Displayed):
             raise ResponseError(f"{WHO}: {field} of '{names[k]}' is not positive at all lines; expected a positive "
                                 f"number there.")  # fmt: skip
         return np.asarray(np.einsum("on,op->nop", rows, np.eye(len(names))))
-
-    def matched(
-        self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
-    ) -> Matching:
-        """Return the outputs and inputs of a model that are those of the records, by name, then by place.
-
-        Parameters
-        ----------
-        linear : Model, System, ClosedLoop or StateSpace
-            What has the channels.
-        names : dict of str to str, optional
-            Names in the model of channels that have another name there.
-        distance, angle : float
-            Largest distance [m] of places and angle [rad] of directions that are the same.
-
-        Returns
-        -------
-        Matching
-            A partner of each channel, printed as a table.
-        """
-        return matching_of(self, linear, names or {}, (distance, angle))
 
     def __repr__(self) -> str:
         return (f"Records({counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}, "

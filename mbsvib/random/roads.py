@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import positive, real, reals
 from mbsvib.common.memory import BATCH_BYTES
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class RoadProfile(Displayed):
+class RoadProfile(Columnar, Displayed):
     """The height of a road [m] over the distance x [m]: h(x) = sum of a cos(2 pi n x + phi) from ``start`` on.
 
     ``waves`` (w,) are spatial frequencies n [cycles/m], ``amplitudes`` (w,) [m] and ``phases`` (w,) [rad]. It is 0
@@ -37,6 +38,10 @@ class RoadProfile(Displayed):
     def __post_init__(self) -> None:
         for array in (self.waves, self.amplitudes, self.phases):
             array.setflags(write=False)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the waves as columns ``spatial_frequency_1/m``, ``amplitude_m`` and ``phase_rad``."""
+        return {"spatial_frequency_1/m": self.waves, "amplitude_m": self.amplitudes, "phase_rad": self.phases}
 
     def at(self, distance: ArrayLike, derivative: int = 0) -> Array:
         """Return the height, or a derivative of it to the distance.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import separated
@@ -28,7 +29,7 @@ LAST, ROUNDING = 1e3, 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Norm(Displayed):
+class Norm(Columnar, Displayed):
     """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
     of the peak, inf where the response only tends to it, None for the H2 norm.
     """
@@ -37,6 +38,19 @@ class Norm(Displayed):
     variables: tuple[str, ...] = ()
     slopes: Array = field(default_factory=lambda: np.zeros(0))
     omega: float | None = None
+
+    def columns(self) -> dict[str, Any]:
+        """Return the norm, in one row or one for each variable, as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (variables or 1,)
+            ``parameter`` and ``slope``, if there are variables; ``value``; ``frequency_hz`` of a peak.
+        """
+        rows = max(len(self.variables), 1)
+        result = {"parameter": np.array(self.variables), "slope": self.slopes} if self.variables else {}
+        result["value"] = np.full(rows, self.value)
+        return result if self.omega is None else {**result, "frequency_hz": np.full(rows, self.omega / (2.0 * np.pi))}
 
 
 def pole_words(pole: complex) -> str:

@@ -39,9 +39,32 @@ class Dual:
     def __add__(self, right: Dual) -> Dual:
         return Dual(self.value + right.value, self.slope + right.slope)
 
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __sub__(self, right: Dual) -> Dual:
+        return self + -right
+
     def __mul__(self, right: Dual) -> Dual:
         slope = self.value[:, None] * right.slope + right.value[:, None] * self.slope
         return Dual(self.value * right.value, slope)
+
+    def __truediv__(self, right: Dual) -> Dual:
+        return self * right.through(lambda x: 1.0 / x, lambda x: -1.0 / x**2)
+
+    def __pow__(self, power: float) -> Dual:
+        return self.through(lambda x: x**power, lambda x: power * x ** (power - 1.0))
+
+    def __getitem__(self, which: Any) -> Dual:
+        return Dual(np.atleast_1d(self.value[which]), np.atleast_2d(self.slope[which]))
+
+    def log(self) -> Dual:
+        """Return the natural logarithm of each number."""
+        return self.through(np.log, lambda x: 1.0 / x)
+
+    def sum(self) -> Dual:
+        """Return the sum of all numbers, as one."""
+        return Dual(self.value.sum(keepdims=True), self.slope.sum(axis=0, keepdims=True))
 
     def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
         """Return a function of each number, by its derivative."""
@@ -49,7 +72,7 @@ class Dual:
             return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
 
 
-def stacked(duals: Sequence[Dual]) -> Dual:
+def stacked(*duals: Dual) -> Dual:
     """Return all numbers concatenated; constants may have derivatives (k, 1)."""
     width = next((dual.slope.shape[1] for dual in duals if dual.slope.shape[1] != 1), 1)
     slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]

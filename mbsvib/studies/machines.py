@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,7 +79,7 @@ class CycleMeasures(Displayed):
         """
         _checked(quantity)
         unit = UNITS[quantity] if " " not in UNITS[quantity] else f"({UNITS[quantity]})"
-        return _OfCycle(f"mean square {quantity} [{unit}^2]", lambda point: self._square(point, quantity, drive))
+        return _OfCycle(f"mean square {quantity} [{unit}^2]", partial(self._square, quantity=quantity, drive=drive))
 
     def rms(self, quantity: str, drive: str | None = None) -> Quantity:
         """Return the root mean square of a quantity, for constraints; it has no derivative where it is zero.

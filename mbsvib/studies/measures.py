@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     Band = tuple[float, float]
 
 # natural frequency [rad/s], sum of the two eigenvalues, and changes of both, to a value and its change
+Given = Callable[["System", Mapping[str, Mapping[str, float]]], "tuple[Any, Any]"]
 Rule = Callable[["Array", "Array", "Array", "Array"], "tuple[Array, Array]"]
 
 TOGETHER = 1e-9  # eigenvalues nearer to each other than this, relative, coincide
@@ -121,11 +123,11 @@ def frequency(mode: int | Iterable[int] | None = None) -> Quantity:
     Quantity
         |lambda| / 2 pi [Hz].
     """
+    return Modal("frequency", "Hz", mode, _hertz)
 
-    def rule(natural: Array, _: Array, d_natural: Array, __: Array) -> tuple[Array, Array]:
-        return natural / (2.0 * np.pi), d_natural / (2.0 * np.pi)
 
-    return Modal("frequency", "Hz", mode, rule)
+def _hertz(natural: Array, _: Array, d_natural: Array, __: Array) -> tuple[Array, Array]:
+    return natural / (2.0 * np.pi), d_natural / (2.0 * np.pi)
 
 
 def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
@@ -142,12 +144,12 @@ def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
     Quantity
         -Re lambda / |lambda|, above 1 where a mode creeps.
     """
+    return Modal("damping ratio", "1", mode, _ratio)
 
-    def rule(natural: Array, total: Array, d_natural: Array, d_total: Array) -> tuple[Array, Array]:
-        ratio = -0.5 * total / natural
-        return ratio, -(0.5 * d_total + ratio * d_natural) / natural
 
-    return Modal("damping ratio", "1", mode, rule)
+def _ratio(natural: Array, total: Array, d_natural: Array, d_total: Array) -> tuple[Array, Array]:
+    ratio = -0.5 * total / natural
+    return ratio, -(0.5 * d_total + ratio * d_natural) / natural
 
 
 def placement(targets: Mapping[int, float]) -> Quantity:
@@ -206,7 +208,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
         raise check.refuse("gain", "frequencies", frequencies, "frequencies [Hz]") from error
     ports = PortResponses(outputs, inputs)
     where = f"{f[0]:g} Hz" if len(f) == 1 else f"{f.min():g} to {f.max():g} Hz"
-    return Leaf(f"gain of {ports.label} at {where}", lambda point: ports.size(point, 2.0 * np.pi * f))
+    return Leaf(f"gain of {ports.label} at {where}", partial(ports.size, w=2.0 * np.pi * f))
 
 
 def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) -> Quantity:
@@ -250,15 +252,7 @@ def variable(name: str) -> Quantity:
     ModelError
         In a search that has no such variable.
     """
-    def at(point: DesignPoint) -> Dual:
-        if name not in point.values:
-            raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, point.values)} Variables "
-                             f"are: {', '.join(point.values)}.", element=name)  # fmt: skip
-        slope = np.zeros((1, len(point.scale)))
-        slope[0, list(point.rates).index(name)] = 1.0
-        return point.dual(np.array([point.values[name]]), slope)
-
-    return _Variable(name, at)
+    return _Variable(name, partial(_value_of, name))
 
 
 class _Variable(Leaf):
@@ -267,7 +261,16 @@ class _Variable(Leaf):
     equations = False
 
 
-def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[Any, Any]], label: str) -> Quantity:
+def _value_of(name: str, point: DesignPoint) -> Dual:
+    if name not in point.values:
+        raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, point.values)} Variables "
+                         f"are: {', '.join(point.values)}.", element=name)  # fmt: skip
+    slope = np.zeros((1, len(point.scale)))
+    slope[0, list(point.rates).index(name)] = 1.0
+    return point.dual(np.array([point.values[name]]), slope)
+
+
+def given(function: Given, label: str) -> Quantity:
     """Return a quantity of one's own.
 
     Parameters
@@ -281,17 +284,18 @@ def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[
     Returns
     -------
     Quantity
-        The numbers.
+        The numbers; it pickles if the function does, as one that a module defines.
     """
+    return Leaf(label, partial(_given, function))
+
+
+def _given(function: Given, point: DesignPoint) -> Dual:
     def of(system: Any) -> Array:
         return np.atleast_1d(np.asarray(function(system, {})[0], dtype=float))
 
-    def at(point: DesignPoint) -> Dual:
-        if point.of_parameters:
-            value, slope = function(point.system, point.rates)
-        else:
-            value, slope = of(point.system), point.by_differences(of)
-        value = np.atleast_1d(np.asarray(value, dtype=float))
-        return point.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(point.rates)))
-
-    return Leaf(label, at)
+    if point.of_parameters:
+        value, slope = function(point.system, point.rates)
+    else:
+        value, slope = of(point.system), point.by_differences(of)
+    value = np.atleast_1d(np.asarray(value, dtype=float))
+    return point.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(point.rates)))

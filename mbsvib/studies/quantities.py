@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from operator import add, itemgetter, methodcaller, mul, neg, sub, truediv
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -22,7 +24,7 @@ class Quantity(Displayed):
     """One or several numbers of a system, with exact derivatives with respect to any variables.
 
     Quantities are added, multiplied, divided and raised to powers like numbers; ``q[i]`` picks one of several. ``<=``,
-    ``>=``, ``between`` and ``equals`` make constraints of them. ``q(system)`` is the number itself.
+    ``>=``, ``between`` and ``equals`` make constraints of them. ``q(system)`` is the number itself. All of them pickle.
     """
 
     __array_ufunc__ = None  # numpy's numbers leave arithmetic to this class
@@ -79,16 +81,16 @@ class Quantity(Displayed):
             yield from part.inner()
 
     def __add__(self, other: Any) -> Quantity:
-        return _joined("+", self, quantity(other), lambda a, b: a + b)
+        return _joined("+", self, quantity(other), add)
 
     def __sub__(self, other: Any) -> Quantity:
-        return _joined("-", self, quantity(other), lambda a, b: a + Dual(-b.value, -b.slope))
+        return _joined("-", self, quantity(other), sub)
 
     def __mul__(self, other: Any) -> Quantity:
-        return _joined("*", self, quantity(other), lambda a, b: a * b)
+        return _joined("*", self, quantity(other), mul)
 
     def __truediv__(self, other: Any) -> Quantity:
-        return _joined("/", self, quantity(other), lambda a, b: a * b.through(lambda x: 1.0 / x, lambda x: -1.0 / x**2))
+        return _joined("/", self, quantity(other), truediv)
 
     def __radd__(self, other: Any) -> Quantity:
         return quantity(other) + self
@@ -103,25 +105,22 @@ class Quantity(Displayed):
         return quantity(other) / self
 
     def __neg__(self) -> Quantity:
-        return Quantity(f"-{_bracketed(self)}", (self,), lambda a: Dual(-a.value, -a.slope))
+        return Quantity(f"-{_bracketed(self)}", (self,), neg)
 
     def __pow__(self, power: float) -> Quantity:
         p = check.number(power, self.label, "power")
-        return Quantity(f"{_bracketed(self)}^{p:g}", (self,),
-                        lambda a: a.through(lambda x: x**p, lambda x: p * x ** (p - 1.0)))  # fmt: skip
+        return Quantity(f"{_bracketed(self)}^{p:g}", (self,), methodcaller("__pow__", p))
 
     def __getitem__(self, which: Any) -> Quantity:
-        return Quantity(f"{self.label}[{which}]", (self,),
-                        lambda a: Dual(np.atleast_1d(a.value[which]), np.atleast_2d(a.slope[which])))  # fmt: skip
+        return Quantity(f"{self.label}[{which}]", (self,), itemgetter(which))
 
     def log(self) -> Quantity:
         """Return the natural logarithm."""
-        return Quantity(f"log {_bracketed(self)}", (self,), lambda a: a.through(np.log, lambda x: 1.0 / x))
+        return Quantity(f"log {_bracketed(self)}", (self,), methodcaller("log"))
 
     def sum(self) -> Quantity:
         """Return the sum of several numbers."""
-        return Quantity(f"sum of {self.label}", (self,),
-                        lambda a: Dual(a.value.sum(keepdims=True), a.slope.sum(axis=0, keepdims=True)))  # fmt: skip
+        return Quantity(f"sum of {self.label}", (self,), methodcaller("sum"))
 
     def __le__(self, bound: Any) -> Constraint:
         return _between(self, None, bound)
@@ -226,7 +225,7 @@ def quantity(value: Any) -> Quantity:
     if fixed.ndim != 1 or not np.isfinite(fixed).all():
         raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
     label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)
-    return Constant(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
+    return Constant(label, (), partial(Dual, fixed, np.zeros((len(fixed), 1))))
 
 
 def _joined(sign: str, a: Quantity, b: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:
@@ -294,7 +293,7 @@ def largest(*quantities: Any) -> Quantity:
         One number.
     """
     quantity = _stacked(quantities)
-    return Largest(f"largest of {quantity.label}", (quantity,), lambda a: a)
+    return Largest(f"largest of {quantity.label}", (quantity,), stacked)
 
 
 def smallest(*quantities: Any) -> Quantity:
@@ -311,7 +310,7 @@ def smallest(*quantities: Any) -> Quantity:
         One number, as large as its constraints let it be where its negative is minimised.
     """
     quantity = _stacked(quantities)
-    result = -Largest(f"largest of {(-quantity).label}", (-quantity,), lambda a: a)
+    result = -Largest(f"largest of {(-quantity).label}", (-quantity,), stacked)
     result.label = f"smallest of {quantity.label}"
     return result
 
@@ -322,5 +321,4 @@ def _stacked(quantities: tuple[Any, ...]) -> Quantity:
         raise check.refuse("largest", "quantities", quantities, "at least one quantity")
     if len(parts) == 1:
         return parts[0]
-
-    return Quantity(", ".join(part.label for part in parts), parts, lambda *duals: stacked(duals))
+    return Quantity(", ".join(part.label for part in parts), parts, stacked)

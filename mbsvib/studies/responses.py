@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from mbsvib.random.sources import sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
-from mbsvib.studies.evaluation import Dual, steady_response
+from mbsvib.studies.evaluation import Dual, stacked, steady_response
 from mbsvib.studies.quantities import Largest, Leaf
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ class Peak(Largest):
 
     def __init__(self, ports: PortResponses, band: Band | None) -> None:
         where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
-        super().__init__(f"peak of {ports.label}{where}", (), lambda: None)  # type: ignore[arg-type,return-value]
+        super().__init__(f"peak of {ports.label}{where}", (), stacked)
         self.ports, self.band = ports, band
 
     def true(self, point: DesignPoint) -> Dual:
@@ -141,7 +142,7 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
     ports, span_ = PortResponses(outputs, known), band_of(band, lowest=0.0)
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
-                lambda point: _rms(point, ports, known, span_))  # fmt: skip
+                partial(_rms, ports=ports, spectra=known, band=span_))  # fmt: skip
 
 
 def band_of(band: Any, lowest: float | None = None) -> Band | None:

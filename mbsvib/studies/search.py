@@ -310,7 +310,7 @@ class Search:
 
 
 def _stacked(duals: list[Dual]) -> Dual:
-    return stacked(duals) if duals else Dual(np.zeros(0), np.zeros((0, 1)))
+    return stacked(*duals) if duals else Dual(np.zeros(0), np.zeros((0, 1)))
 
 
 def _not_finite(point: DesignPoint) -> ModelError:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.progress import counting
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Design(Displayed):
+class Design(Columnar, Displayed):
     """A tuned ``controller`` with what it reaches.
 
     ``values`` {name: value} of the controller and of parameters; ``objective``: the largest weighted norm;
@@ -63,6 +64,24 @@ class Design(Displayed):
         """Whether all limits are reached."""
         return all(self.reached.values())
 
+    def columns(self) -> dict[str, Any]:
+        """Return goals and tuned values as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (goals + values,)
+            ``kind`` ("goal" or "value"), ``name``, ``value``, ``result`` ("reached", "not reached" or "minimised" of
+            goals).
+        """
+        rows = [("goal", label, value, self._verdict(label)) for label, value in self.achieved.items()]
+        return by_name(("kind", "name", "value", "result"),
+                       [*rows, *[("value", name, value, "") for name, value in self.values.items()]])  # fmt: skip
+
+    def _verdict(self, label: str) -> str:
+        """Whether the limit of a goal is reached, in words."""
+        reached = self.reached.get(label)
+        return "minimised" if reached is None else "reached" if reached else "not reached"
+
     def table(self) -> dict[str, Any]:
         """Return the table of goals as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
@@ -71,9 +90,7 @@ class Design(Displayed):
         dict
             Title, columns, rows and notes.
         """
-        words = {True: "reached", False: "not reached"}
-        rows = [(label, f"{value:.6g}", words[self.reached[label]] if label in self.reached else "minimised")
-                for label, value in self.achieved.items()]  # fmt: skip
+        rows = [(label, f"{value:.6g}", self._verdict(label)) for label, value in self.achieved.items()]
         missed = [label for label, reached in self.reached.items() if not reached]
         notes = [f"Not reached: {', '.join(missed)}."] if missed else []
         plants = len(next(iter(self.by_plant.values())))

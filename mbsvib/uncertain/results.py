@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.columnar import Columnar
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.display import upper as rounded_up
 from mbsvib.common.units import pretty
@@ -137,7 +137,7 @@ def _named(names: tuple[str, ...], kind: str) -> str:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class WorstRms(Displayed):
+class WorstRms(Columnar, Displayed):
     """The largest root mean squares within limits: they are reached, ``lower`` {output: rms}, at ``values`` {output:
     {parameter: value}}, and never above ``upper`` {output: rms}, infinite where nothing is proven.
     """
@@ -146,6 +146,19 @@ class WorstRms(Displayed):
     lower: Mapping[str, float]
     values: Mapping[str, Mapping[str, float]]
     upper: Mapping[str, float]
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each output as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (outputs,)
+            ``output``, ``lower``, ``upper``, and by their names the parameters at which ``lower`` is reached.
+        """
+        names = dict.fromkeys(name for values in self.values.values() for name in values)
+        return by_name(("output", "lower", "upper", *names), [
+            (output, value, self.upper[output], *[self.values[output][name] for name in names])
+            for output, value in self.lower.items()])  # fmt: skip
 
     def table(self) -> dict[str, Any]:
         """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -1,15 +1,36 @@
 """Results as files of comma-separated values and as pandas DataFrames: all digits, one line for each entry."""
 
 import csv
+import pickle
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
+import mbsvib_export as mx
 from mbsvib import isolation, studies
 from mbsvib.campbell import campbell
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from tests.test_display import RESULTS
+
+# Results that are no table, and why: their numbers come from what they answer.
+MODELS = "equations or a model: its modes, responses and parameters are tables"
+MATRICES = "matrices, of which it returns arrays"
+ROW = "a row of the table of the result that it comes with"
+RULE = "a rule: it has values where it is evaluated"
+FILES = "files that were written, or what stands in them"
+NO_TABLE = {
+    **dict.fromkeys(("Batch", "DrivenSystem", "DrivenBatch", "Family", "LPVSystem", "Model", "Plant", "RollingSystem",
+                     "SparseSystem", "StateSpace", "System", "SampleToSample", "Controller", "Active", "UncertainPlant",
+                     "NamedStateSpace", "CasadiModel"), MODELS),
+    **dict.fromkeys(("Tangent", "MatrixDerivatives"), MATRICES),
+    **dict.fromkeys(("Candidate", "Pair", "PlacedSet", "Parameter", "mbsvib_export.checking.Comparison", "MasterCheck"),
+                    ROW),
+    **dict.fromkeys(("Passive", "Platform", "BaseNoise", "Integrated", "Window", "RoadCorrelation", "Shaped", "Table",
+                     "CycleMeasures", "Constraint", "Quantity"), RULE),
+    **dict.fromkeys(("CFiles", "FmuFile", "SignalNames", "SystemData", "BatchData", "Animation"), FILES),
+}  # fmt: skip
 
 pandas = pytest.importorskip("pandas")
 
@@ -21,9 +42,25 @@ def results():
     omega = np.linspace(1.0, 100.0, 30)
     data = mv.Measurement(omega, system.frequency_response(omega), system.outputs, system.inputs)
     plant = isolation.actuated(model, "platform")
-    study = isolation.study(mv.library.cubic_hexapod(damping=2.0), "platform")
+    hexapod = mv.library.cubic_hexapod(damping=2.0)
+    study, passive = isolation.study(hexapod, "platform"), isolation.passive(hexapod, "platform")
+    loop, times = system.feedback([[-1.0]], "x", "Fx"), np.arange(100.0)
+    toggle, uncertain = mv.library.toggle(), system.uncertain({"platform.mass": 0.1})
+    cycle = toggle.cycle("elbow.rz", np.linspace(0.0, 0.1, 5), speed=1.0)
+    turned = mv.library.slider_crank().cycle("A.rz", np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False), speed=3.0)
     return {
-        "modes": system.modes(), "margins": system.feedback([[-1.0]], "x", "Fx").margins(), "isolation": study,
+        "modes": system.modes(), "margins": loop.margins(), "isolation": study, "loop": loop,
+        "sampled loop": loop.sampled(1e4), "norm": system.hinf_norm("x", "Fx", ["platform.mass"]),
+        "h2 norm": system.h2_norm("x", "Fx"), "certificate": mv.certify(mv.library.quarter_car()),
+        "tuned": mv.tune(system, mv.tunable.gain("Fx", "x"), mv.goals.hinf("x", "Fx"), starts=1),
+        "design": passive.optimize({"leg1.k.stiffness": (1e5, 1e6)}, passive.sag()),
+        "struts": isolation.struts(hexapod, "platform"), "worst rms": uncertain.worst_rms("x", {"Fx": 1e-6}),
+        "worst gain": uncertain.worst_gain("x", "Fx"), "robust": uncertain.robust_stability(),
+        "worst pose": toggle.family({"elbow.rz": [0.0, 0.1]}, relaxed=True).worst(lambda s: s.K[0, 0]),
+        "measurement": data, "matching": data.matched(model), "deflection": system.deflection_shape(10.0, "Fx"),
+        "records": mv.Records(1e-3, {"F": times.reshape(2, 50)}, {"x": times.reshape(2, 50) ** 2}),
+        "road": isolation.road_profile("C"), "periodic": turned.periodic({"A.rz": (1.0, 0.1)}),
+        "slopes of a cycle": cycle.sensitivities(["arm1.mass", "arm2.mass"]),
         "vibration": study.under({"x y z": [(1.0, 1e-6), (10.0, 1e-4)]}),
         "measured modes": mv.MeasuredModes([1.0, 2.0]),
         "budget": system.budget({"Fx": isolation.white(1e-6)}), "step": system[["x", "z"], ["Fx", "Fz"]].step_info(),
@@ -39,8 +76,22 @@ def results():
         "campbell": campbell(mv.library.rotor_stator(), [0.0, 50.0, 100.0]),
         "locus": isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, 1.0), [0.0, 40.0]),
         "placement": isolation.placement(system, ["x", "y", "z"], sensors=2, modes=[1, 2]),
-        "cycle": mv.library.toggle().cycle("elbow.rz", np.linspace(0.0, 0.1, 5), speed=1.0),
+        "cycle": cycle,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_result_has_columns_or_is_no_table(name):
+    stated = name in NO_TABLE or name.rpartition(".")[2] in NO_TABLE
+    assert issubclass(RESULTS[name], Columnar) != stated, f"{name}: derive it from Columnar, or say why it has no table"
+
+
+def test_checks_of_exports_have_columns(tmp_path):
+    system = mv.library.quarter_car().linearize()
+    mx.to_npz(system, tmp_path / "car.npz")
+    check = mx.check_export(tmp_path / "car.npz", system)
+    assert check.columns()["error"].tolist() == [row.error for row in check.comparisons]
+    assert len(check.to_dataframe()) == len(check.comparisons) > 1
 
 
 def test_files_and_frames_have_all_columns_with_all_digits(results, tmp_path):
@@ -58,6 +109,14 @@ def test_files_and_frames_have_all_columns_with_all_digits(results, tmp_path):
             np.testing.assert_array_equal(same, column if same is not read else list(map(str, column)), err_msg=key)
             framed = frame.index if frame.index.name == key else frame[key]
             np.testing.assert_array_equal(np.asarray(framed), np.asarray(column), err_msg=key)
+
+
+def test_results_pickle_with_their_columns(results):
+    for name, result in results.items():
+        other = pickle.loads(pickle.dumps(result))
+        assert type(other) is type(result), name
+        for key, column in result.columns().items():
+            np.testing.assert_array_equal(np.asarray(other.columns()[key]), np.asarray(column), err_msg=f"{name} {key}")
 
 
 def test_columns_are_the_values_of_the_result(results):

@@ -86,6 +86,39 @@ def used(result, *questions):
 
 W = np.array([1.0, 10.0])
 MASSES, CAR = {"body.mass": np.linspace(300.0, 400.0, 3)}, library.quarter_car
+def ranged(system, variables):
+    """A quantity of one's own."""
+    return system.poles().real.max(keepdims=True), np.zeros((1, len(variables)))
+
+
+def quantities():
+    """Quantities of all kinds, what is made of them, and the models of which they are."""
+    f, x, car = studies.frequency(), studies.frequency(1), CAR(suspension_damping=1e3, tyre_damping=9.0)
+    for asked in (x + 1.0, 1.0 - x, 2.0 * x / f[1], -x, x**2, f[1:], x.log(), f.sum(), studies.largest(x, 3.0),
+                  studies.smallest(f), x <= 2.0, f.between(1.0, 2.0), x.equals(3.0), studies.damping_ratio([1, 2]),
+                  studies.placement({1: 2.0}), studies.gain("body.z", "road", [0.0, 2.0]),
+                  studies.peak("body.z", "road"), studies.rms("body.z", {"load": 1.0}),
+                  studies.given(ranged, "fastest pole")):  # fmt: skip
+        yield asked, car.linearize()
+    passive = isolation.passive(library.cubic_hexapod(damping=2.0), "platform")
+    noisy = [getattr(passive, name)({"z": 1e-6}, band=(1.0, 9.0)) for name in ("rms", "stroke", "force")]
+    for asked in (passive.peak(), passive.index([3.0]), passive.sag(), passive.compliance(2.0), *noisy):
+        yield asked, passive.scene.system
+    cycle = studies.cycle("A.rz", np.linspace(0.0, 6.0, 5), speed=1.0)
+    for asked in (cycle, cycle.mean_square("force"), cycle.rms("torque"), studies.variable("body.mass")):
+        yield asked, None
+
+
+def test_quantities_and_constraints():
+    for asked, system in quantities():
+        other = sent(asked)
+        assert repr(other) == repr(asked)
+        if system is not None:
+            expected, value = (one.quantity(system) if isinstance(one, studies.Constraint) else one(system)
+                               for one in (asked, other))  # fmt: skip
+            assert_array_equal(value, expected)
+
+
 RESULTS = {
     "model": (stewart, lambda r: r.linearize().K),
     "system": (lambda: used(stewart().linearize(), lambda s: s.modes(), lambda s: s.frequency_response(W)),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import tables
+from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class MasterCheck(Displayed):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CosimulationCheck(Displayed):
+class CosimulationCheck(Columnar, Displayed):
     """What ``check_cosimulation`` found; printed as a table, drawn by ``plot()``.
 
     ``connections`` and ``excitation`` tell what was simulated over ``duration`` [s]; ``growth`` is the largest real
@@ -77,6 +78,19 @@ class CosimulationCheck(Displayed):
     def passed(self) -> bool:
         """Whether all masters asked for passed."""
         return all(master.passed for master in self.masters)
+
+    def columns(self) -> dict[str, Any]:
+        """Return a row for each master and step as columns by name.
+
+        Returns
+        -------
+        dict of str to array, shape (masters * steps,)
+            ``master``, ``step_s``, ``error``, ``order``, ``difference``, ``largest_stable_step_s``, ``passed``.
+        """
+        names = ("master", "step_s", "error", "order", "difference", "largest_stable_step_s", "passed")
+        return by_name(names, [
+            (one.method, step, error, one.order, one.difference, one.largest_stable_step, one.passed)
+            for one in self.masters for step, error in zip(one.steps, one.errors, strict=True)])  # fmt: skip
 
     def __getitem__(self, method: str) -> MasterCheck:
         """Return the results of one master."""
