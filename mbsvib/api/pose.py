@@ -82,11 +82,15 @@ class Posed(Mechanism):
         ModelError
             If a coordinate is unknown or tied to the others, the loops cannot be closed in that pose, or a coupler acts
             on a homokinetic joint that has turned.
+        SingularPoseError
+            If a coordinate stands still at a dead centre here.
 
         Warns
         -----
         LargeDisplacementWarning
             If beams or superelements bend further than small displacements hold.
+        NearSingularWarning
+            If the new pose is a dead centre of the coordinates, by which it is known to a few digits only.
         """
         from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.moved import moved

@@ -67,7 +67,7 @@ class Simulated(Mechanism):
             If what was given is refused, CasADi is not installed, or a part has no statement in finite motion, by its
             name.
         SingularPoseError
-            If the run starts in a singular pose of rigid loops.
+            If the run starts in a singular pose of rigid loops, or at a dead centre of what is displaced.
         SimulationError
             If a step cannot be taken; it tells time, coordinate and reason, and its ``run`` holds what was reached.
 

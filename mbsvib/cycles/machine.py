@@ -11,10 +11,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.cycles.expressions import Statement, statement
-from mbsvib.cycles.following import DrivenLoops, followed
+from mbsvib.cycles.following import ACCEPTED, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
+from mbsvib.finite_motion.following import DrivenLoops
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
@@ -139,7 +140,9 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     p, zero = plant.values(expressions), np.zeros(len(units))
 
     at = Called(position, zero, zero, zero, p, plant.about)
-    loops = DrivenLoops(kinematics.names, driven, Loops(lambda q, _: at(q), units, 1.0 / row_units), plant.rounding)
+    closures = Loops(lambda q, _: at(q), units, 1.0 / row_units, len(units) - len(driven))
+    loops = DrivenLoops(kinematics.names, driven, closures, max(ACCEPTED, plant.rounding),
+                        kinematics.no_turns)  # fmt: skip
     q = followed(loops, motion)
     matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent

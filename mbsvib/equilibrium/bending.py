@@ -6,24 +6,24 @@ the parts with loops closed: Newton's method takes the residual along free coord
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.motion import PosedModel, close, posed_model
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
-from mbsvib.equilibrium.vector_coordinates import held_vectors
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.kinematics.closing import Closing, blocks_of
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.vector_coordinates import Held
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.kinematics.closing import Reached
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -47,27 +47,28 @@ def pose_of_least_energy(
 
     ``values``: how far coordinates of its tree move [m, rad]. ``cut``: joints at which loops are cut.
     """
-    at = posed_model(mechanism, cut=cut)
-    names = list(values)
-    if not set(names) <= set(at.coordinates.names):
+    at, names = posed_model(mechanism, cut=cut), list(values)
+    known = at.coordinates.names
+    if not set(names) <= set(known):
         return None
-    scale = at.scale[[at.coordinates.names.index(name) for name in names]]
-    target = np.array([values[name] for name in names])
-    longest = float(np.abs(target / scale).max(initial=0.0))
     try:
         forces = balance(at, names)
     except (ModelError, SingularPoseError):
         return None
+    blocks = () if at.cuts is None else blocks_of(forces.reduction, at.cuts.names)
+    closing = Closing(at.kinematics, tuple(mechanism.couplers.values()), blocks)
+    state = _Bent(at, forces, closing, closing.described)
+    places = np.array([known.index(name) for name in names], dtype=np.intp)
+    target = np.array([values[name] for name in names])
+    longest = float(np.abs(target / at.scale[places]).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    held = held_vectors(mechanism, at.coordinates, _free(at.coordinates.names, names))
-    whole = np.array([values.get(name, 0.0) for name in at.coordinates.names])
     for _ in range(STEPS + int(longest / LONGEST)):
         share = min(step, 1.0 - done)
-        reached = _follow(at, forces, names, share * target, held.at((done + share) * whole))
-        if reached is not None:
-            (at, forces), done = reached, done + share
+        after = _follow(state, places, (done + share) * target)
+        if after is not None:
+            state, done = after, done + share
             if done >= 1.0:
-                return at, forces
+                return state.at, state.forces
             step = min(2.0 * step, LONGEST / max(longest, LONGEST))
         elif share * longest < SHORTEST:
             break
@@ -76,30 +77,46 @@ def pose_of_least_energy(
     return None
 
 
-def _follow(
-    at: PosedModel, forces: Balance, names: list[str], by: Array, held: Held
-) -> tuple[PosedModel, Balance] | None:
-    """One step of the requested coordinates, and Newton's method for the others."""
+@dataclass(frozen=True)
+class _Bent:
+    """A pose ``at``, its ``forces``, and the values of the coordinates there, ``reached`` by ``closing`` loops."""
+
+    at: PosedModel
+    forces: Balance
+    closing: Closing
+    reached: Reached
+
+    def moved(self, step: Array, places: Index, target: Array) -> tuple[PosedModel, Reached]:
+        """The pose after a step (n,) of all joints with coordinates at ``places`` at their values and loops closed."""
+        q = self.reached.q + self.closing.changes(self.reached, step)
+        q[:, places] = target
+        reached = self.closing.near(q, self.reached)
+        return replace(self.at, pose=reached.pose[0], travel=reached.travel[0]), reached
+
+
+def _follow(state: _Bent, places: Index, target: Array) -> _Bent | None:
+    """One step of the requested coordinates to their values, and Newton's method for the others."""
+    forces, names = state.forces, [state.at.coordinates.names[k] for k in places.tolist()]
     motion = np.zeros(len(forces.names))
-    motion[[forces.names.index(name) for name in names]] = by
+    motion[[forces.names.index(name) for name in names]] = target - state.reached.q[0, places]
     unbalanced = _along_free(forces, names)
     # along the tangent, the others follow such that their forces do not change
     against = np.where(_free(forces.names, names), forces.tangent @ motion, 0.0)
     follow = newton_step(replace(unbalanced, residual=unbalanced.residual - against))
     step = forces.all_joints(motion) + follow
     for _ in range(NEWTON_STEPS):
-        if np.abs(step / at.scale).max(initial=0.0) > 5.0 * LONGEST:
+        if np.abs(step / state.at.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            after_step, gap = close(at.moved(step), _free(at.coordinates.names, names), held)
-            after = None if gap > max(CLOSED, after_step.rounding) else balance(after_step, names)
+            at, reached = state.moved(step, places, target)
+            if reached.opening[0] > max(CLOSED, at.rounding):
+                return None
+            state = replace(state, at=at, reached=reached, forces=balance(at, names))
         except (ModelError, SingularPoseError):
             return None
-        if after is None:
-            return None
-        at, unbalanced = after_step, _along_free(after, names)
+        unbalanced = _along_free(state.forces, names)
         if unbalanced.share <= BALANCED:
-            return at, after
+            return state
         step = newton_step(unbalanced)
     return None
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack, qr
 
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.characteristic_length import size_of
-from mbsvib.kinematics.closing import CLOSED, CORRECTIONS, NEARBY
+from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
 from mbsvib.kinematics.coupler_travel import coupler_travel
 from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.pose import start
 from mbsvib.kinematics.pose_kinematics import locked, pose_kinematics
 from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
 from mbsvib.mechanism.topology import span
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.vector_coordinates import Held
     from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.pose import Pose
@@ -149,13 +148,10 @@ def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
     return result
 
 
-def close(
-    at: PosedModel, may_move: NDArray[np.bool_] | None = None, held: Held | None = None
-) -> tuple[PosedModel, float]:
+def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[PosedModel, float]:
     """Close the loops by joint motions of least norm, starting from a pose nearby.
 
-    q <- q - pinv(Phi) e  with the exact openings e of cut joints and couplers. Where some coordinates of a rotation
-    vector are ``held``, steps are those of the values v of the coordinates, dq = J^-1 dv.
+    q <- q - pinv(Phi) e  with the exact openings e of cut joints and couplers.
 
     Parameters
     ----------
@@ -163,72 +159,32 @@ def close(
         The model in the first pose.
     may_move : array of bool, shape (n,), optional
         Joint coordinates that may be used; default: all.
-    held : Held, optional
-        Coordinates that have to be at given values, beside others of the same vector that may be used.
 
     Returns
     -------
     PosedModel
         The model with its loops closed, as far as they could be.
     float
-        The largest opening that is left, and the largest error of what is held, in units of 1 rad and the size of the
-        mechanism.
+        The largest opening that is left, in units of 1 rad and the size of the mechanism.
     """
-    if at.cuts is None and (held is None or not held.blocks):
+    if at.cuts is None:
         return at, 0.0
-    scale = at.scale
-    allowed = np.arange(len(scale)) if may_move is None else may_move.nonzero()[0]
+    allowed = np.arange(len(at.scale)) if may_move is None else may_move.nonzero()[0]
     closer, best, opening = at, at, np.inf
     for _ in range(CORRECTIONS):
-        error, lag = closer.openings, None if held is None else held.lag(closer.pose) / scale
-        current = float(np.abs(error if lag is None else np.append(error, lag)).max(initial=0.0))
+        error = closer.openings
+        current = float(np.abs(error).max(initial=0.0))
         if not current < opening:
             break
         best, previous, opening = closer, opening, current
         if current <= CLOSED_EXACTLY or (current < CLOSED and current > 0.1 * previous):
             break
-        closer = closer.moved(step_to_close(closer, -error, allowed, held, lag))
+        step, limit = np.zeros(len(at.scale)), max(REDUNDANT_LOOPS, closer.rounding)
+        step[allowed] = minimum_norm_solution(closer.scaled_closure[:, allowed], -error, limit)
+        closer = closer.moved(at.scale * step)
     return best, opening
 
 
-def step_to_close(at: PosedModel, closing: Array, allowed: Any, held: Held | None, step: Array | None) -> Array:
-    """Return the joint motion (n,) that takes the openings by ``closing`` (rows,) with ``allowed`` coordinates.
-
-    ``step`` (n,): the scaled change of the values of the others.
-    """
-    limit, scale = max(REDUNDANT_LOOPS, at.rounding), at.scale
-    closure, change = by_values(at, held), np.zeros(len(scale)) if step is None else step
-    if change.any():
-        closing = closing - closure @ change
-    change[allowed] = minimum_norm_solution(closure[:, allowed], closing, limit)
-    return np.asarray(scale * change if held is None else held.steps(at.pose, at.coordinates, scale * change))
-
-
-def by_values(at: PosedModel, held: Held | None) -> Array:
-    """Return the scaled closure (rows, n) per unit change of the values of the coordinates."""
-    if held is None or not held.blocks:
-        return at.scaled_closure
-    return np.asarray(at.scaled_closure @ (held.steps(at.pose, at.coordinates, np.diag(at.scale)) / at.scale[:, None]))
-
-
-def same_branch(
-    first: PosedModel, second: PosedModel, depends: NDArray[np.bool_], held: tuple[Held, Held] | None = None
-) -> bool:
-    """Tell whether there is no dead point between two poses: both are on the same branch of the closed loops.
-
-    A is Phi restricted to dependent coordinates. Beyond a dead point A(first)^-1 A(second) has a negative eigenvalue.
-    Eigenvalues are used rather than the determinant, whose sign does not show two dead points at once. ``held``: what
-    is held in each of both poses.
-    """
-    if not depends.any():  # all loops are redundant
-        return True
-    before, after = (by_values(at, vectors)[:, depends]
-                     for at, vectors in zip((first, second), held or (None, None), strict=True))  # fmt: skip
-    if len(before) > before.shape[1]:  # some rows are redundant
-        rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
-        before, after = before[rows], after[rows]
-    _, _, change, failed = lapack.dgesv(before, after - before)
-    if not failed and np.abs(change).sum(axis=0).max(initial=0.0) < NEARBY:
-        return True  # no eigenvalue of 1 + change is anywhere near 0
-    alpha, _, beta, *_, info = lapack.dggev(after, before, compute_vl=0, compute_vr=0)
-    return info == 0 and bool((alpha * beta > 0.0).all())
+def same_branch(first: PosedModel, second: PosedModel, depends: NDArray[np.bool_]) -> bool:
+    """Tell whether there is no dead point of the coordinates that depend on others between two poses."""
+    return no_dead_point(first.scaled_closure[:, depends], second.scaled_closure[:, depends])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -16,10 +17,11 @@ from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.errors import ModelError, UnreachableError, nearest
-from mbsvib.kinematics.closing import Closing, blocks_of
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest
+from mbsvib.kinematics.closing import TOLERANCE, Closing, blocks_of
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 from mbsvib.mechanism.unit_warnings import with_angles
@@ -28,9 +30,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.kinematics.closing import Reached
     from mbsvib.kinematics.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
+
+# Frames from the warning up to the call of the user.
+USER = 6
 
 
 def moved(
@@ -58,6 +64,13 @@ def moved(
     ------
     ModelError
         If a coordinate is unknown or depends on the others, or loops cannot be closed there.
+    SingularPoseError
+        If the described pose is a dead centre of a coordinate.
+
+    Warns
+    -----
+    NearSingularWarning
+        If the new pose is a dead centre of a coordinate, or next to one.
     """
     if not isinstance(values, Mapping):
         raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
@@ -115,6 +128,12 @@ class Poses:
                 raise ModelError(f"{caller}: loops and couplers leave no choice for {', '.join(asked)}: "
                                  f"they lock one of these or tie them to each other. Ask for fewer, or for others.",
                                  element=error.element, field="values") from error  # fmt: skip
+            except SingularPoseError as error:
+                if not str(error).startswith("independent:"):
+                    raise
+                raise SingularPoseError(f"{caller}: {', '.join(asked)} is at a dead centre in the described pose, "
+                                        f"where loops move others while it stands still. Ask for a value of a "
+                                        f"coordinate that moves there.") from error  # fmt: skip
             blocks = blocks_of(reduction, kinematics.cuts.names)
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)
@@ -134,7 +153,25 @@ class Poses:
             i = int(np.argmax(lost))
             raise self._unreachable(values[i], float(done[i]), float(reached.opening[i]),
                                     caller if first is None else f"{caller} {first + i}")  # fmt: skip
+        for i in np.flatnonzero(reached.doubtful).tolist():
+            self._warn_of_dead_point(reached, i, values[i], caller if first is None else f"{caller} {first + i}")
         return reached.pose
+
+    def _warn_of_dead_point(self, reached: Reached, i: int, values: Array, caller: str) -> None:
+        """Warn if the loops that rounding leaves open hide where the dependent coordinates of a pose are."""
+        known = self.closing.kinematics.coordinates.names
+        smallest, most = min(self.closing.weakest(reached, i), default=(1.0, 0))
+        opening = max(TOLERANCE, float(reached.rounding[i]))
+        if is_unknown(smallest, opening):
+            warnings.warn(
+                f"{caller}: at {self._in_words(values)} the mechanism is at a dead centre of {', '.join(self.names)}, "
+                f"or next to it: '{known[most]}' could move by itself, so that the pose is known to "
+                f"{np.sqrt(opening):.0e} only, and rates and forces of these coordinates have no digits. Ask for a "
+                f"value of '{known[most]}', or for a pose further off.", NearSingularWarning, stacklevel=USER,
+            )  # fmt: skip
+
+    def _in_words(self, values: Array) -> str:
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, values, strict=True))
 
     def _along(self, values: Array) -> Pose:
         """Return steps from poses that are reached, each pose computed once."""
@@ -145,7 +182,7 @@ class Poses:
         return self.closing.along(reached[which.reshape(-1)], change)
 
     def _unreachable(self, values: Array, done: float, gap: float, caller: str) -> ModelError:
-        upto = ", ".join(f"{name} = {done * value:.6g}" for name, value in zip(self.names, values, strict=True))
+        upto = self._in_words(done * values)
         cuts = self.closing.kinematics.cuts
         loops = ", ".join(cuts.joints if cuts else ())
         open_by = f" beyond it they stay open by {gap:.1e} of the mechanism's size" if np.isfinite(gap) else \

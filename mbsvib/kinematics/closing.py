@@ -14,11 +14,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
 
 from mbsvib.kinematics.coupler_travel import coupler_travel
 from mbsvib.kinematics.pose_kinematics import locked
-from mbsvib.linalg.rank import CLOSED_EXACTLY
+from mbsvib.linalg.dead_points import NEARBY, no_dead_point
+from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 CORRECTIONS = 25
-# A change of norm below 1 takes no eigenvalue of 1 to 0; the margin is for rounding.
-NEARBY = 0.9
 # Loops count as closed when they are open by no more than this share of their size and steps do not reduce it.
 CLOSED = 1e-13
 # The longest step [rad, mechanism sizes] in which loops are kept closed, and the shortest that is still tried.
@@ -53,7 +51,7 @@ class Reached:
 
     ``opening`` (v,) is what loops are open and ``rounding`` (v,) what of it is rounding, in units of 1 rad and the size
     of the mechanism; ``closure`` (v, rows, n) is Phi J in the same units, ``error`` (v, rows) the openings, ``travel``
-    (v, terms) the displacements of the coordinates in couplers.
+    (v, terms) the displacements of the coordinates in couplers. ``doubtful`` (v,) may be next to a dead point.
     """
 
     q: Array
@@ -63,15 +61,16 @@ class Reached:
     closure: Array
     error: Array
     travel: Array
+    doubtful: Mask
 
     def __getitem__(self, which: Index | Mask) -> Reached:
         """Return some of them."""
         return Reached(self.q[which], self.pose[which], self.opening[which], self.rounding[which], self.closure[which],
-                       self.error[which], self.travel[which])  # fmt: skip
+                       self.error[which], self.travel[which], self.doubtful[which])  # fmt: skip
 
     def update(self, which: Index | Mask, others: Reached) -> None:
         """Replace some of them, in place."""
-        for name in ("q", "opening", "rounding", "closure", "error", "travel"):
+        for name in ("q", "opening", "rounding", "closure", "error", "travel", "doubtful"):
             getattr(self, name)[which] = getattr(others, name)
         self.pose.centre[which], self.pose.rotations[which] = others.pose.centre, others.pose.rotations
 
@@ -107,7 +106,7 @@ class Closing:
         done, step, lost, open_by = np.zeros(count), full.copy(), np.zeros(count, dtype=bool), np.zeros(count)
         if kinematics.cuts is None:
             return self._open(target, None), lost, done
-        first = self._described
+        first = self.described
         reached, active, before = None, np.arange(count), first
         while len(active):
             share = np.minimum(step[active], 1.0 - done[active])
@@ -117,7 +116,8 @@ class Closing:
                                            CLOSED_EXACTLY if ends.any() else WAY)  # fmt: skip
             limit = np.where(ends, np.maximum(TOLERANCE, attempt.rounding), RENEWED)
             good = small & (attempt.opening <= limit) & self._near(before, attempt)
-            good &= self._same_branch(before, attempt, good)
+            good, near = self._same_branch(before, attempt, good)
+            attempt.doubtful[:] = ~near | before.doubtful
             if reached is None and good.all():
                 reached = attempt
             else:
@@ -136,7 +136,7 @@ class Closing:
         return replace(reached, pose=replace(reached.pose)), lost, done
 
     @cached_property
-    def _described(self) -> Reached:
+    def described(self) -> Reached:
         """The reference pose, with the loops closed that its rounded numbers leave open."""
         kinematics = self.kinematics
         described, scale = kinematics.described, kinematics.row_scale
@@ -146,8 +146,22 @@ class Closing:
         pose = replace(described, centre=described.centre.copy())[None]
         travel = np.zeros((1, sum(len(part.terms) for part in self.couplers)))
         at = Reached(np.zeros((1, closure.shape[1])), pose, np.array([np.abs(error).max(initial=0.0)]),
-                     kinematics.rounding(kinematics.coordinates)[None], closure[None], error[None], travel)  # fmt: skip
-        return at if at.opening[0] <= CLOSED_EXACTLY else self.closed(at.q, at, CLOSED_EXACTLY)
+                     kinematics.rounding(kinematics.coordinates)[None], closure[None], error[None], travel,
+                     np.zeros(1, dtype=bool))  # fmt: skip
+        at = at if at.opening[0] <= CLOSED_EXACTLY else self.closed(at.q, at, CLOSED_EXACTLY)
+        at.doubtful[0] = min(self.weakest(at, 0), default=(1.0, 0))[0] < NEAR_SINGULAR
+        return at
+
+    def weakest(self, reached: Reached, i: int) -> list[tuple[float, int]]:
+        """Return of each group of loops in a pose the smallest singular value of its dependent coordinates, and the
+        coordinate that could move most without the others there.
+        """
+        result = []
+        for rows, dependent in self.blocks:
+            if len(dependent):
+                _, values, motions = np.linalg.svd(reached.closure[i][rows[:, None], dependent])
+                result.append((float(values[-1]), int(dependent[np.argmax(np.abs(motions[-1]))])))
+        return result
 
     def _attempt(self, before: Reached, change: Array, values: Array, enough: float) -> tuple[Reached, Mask]:
         """One step with closed loops: ``values`` (v, n) of the independent coordinates, which change by ``change``.
@@ -176,6 +190,25 @@ class Closing:
         at = reached if kinematics.cuts is None else self._with_closure(reached)
         q = at.q + 1j * kinematics.scale * self._with_dependent(at.closure, change)
         return kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
+
+    def changes(self, reached: Reached, steps: Array) -> Array:
+        """Return how the values of the coordinates change by ``steps`` (n,) of the coordinates of one pose.
+
+        They differ for components of a rotation vector and for curved joints; see ``Tree.by_values``.
+        """
+        kinematics, result = self.kinematics, np.array(steps)
+        pose = reached.pose[0]
+        own, _ = kinematics.at(pose)
+        values = kinematics.tree.by_values(kinematics.described, kinematics.coordinates, reached.q[0], pose, own)
+        own_twists, by_values = (np.concatenate((part.linear, part.angular)) for part in (own, values))
+        for columns in kinematics.tree.joints_by_values:
+            twist = own_twists[:, columns] @ steps[columns]
+            result[columns] = np.linalg.lstsq(by_values[:, columns], twist, rcond=None)[0]
+        return result
+
+    def near(self, q: Array, before: Reached) -> Reached:
+        """Return the poses for values (v, n) next to others, with loops closed."""
+        return self._open(q, None) if self.kinematics.cuts is None else self.closed(q, before, CLOSED_EXACTLY)
 
     def closed(self, q: Array, before: Reached | None, enough: float) -> Reached:
         """Return the poses for values (v, n) with the dependent ones changed such that loops are closed.
@@ -222,7 +255,8 @@ class Closing:
             travel[:, tree] = q[:, couplings.column[tree]]
             error = np.concatenate((error, couplings.sums(travel)), axis=1)
         error = error * kinematics.row_scale
-        return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, error, travel)
+        return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, error, travel,
+                       np.zeros(count, dtype=bool))  # fmt: skip
 
     def _with_closure(self, at: Reached) -> Reached:
         """Return the same poses with their own Phi J."""
@@ -245,13 +279,12 @@ class Closing:
         far = 1.0 + 2.0 * np.cos(5.0 * LONGEST), 5.0 * LONGEST * self.kinematics.size
         return np.asarray((turned.min(axis=1) > far[0]) & (went < far[1]))
 
-    def _same_branch(self, first: Reached, second: Reached, which: Mask) -> Mask:
-        """Tell of poses ``which`` whether there is no dead point between: both are on one branch of the closed loops.
+    def _same_branch(self, first: Reached, second: Reached, which: Mask) -> tuple[Mask, Mask]:
+        """Tell of poses ``which`` whether there is no dead point between, and which are far from one.
 
-        Beyond a dead point A(first)^-1 A(second) has a negative eigenvalue. Eigenvalues are used rather than the
-        determinant, whose sign does not show two dead points at once.
+        A change of norm below ``NEARBY`` takes no eigenvalue of 1 near 0; others are looked at one by one.
         """
-        result = which.copy()
+        same, far = which.copy(), which.copy()
         for rows, dependent in self.blocks:
             before, after = (at.closure[:, rows[:, None], dependent] for at in (first, second))
             change = _inverse(before) @ (after - before)
@@ -261,14 +294,10 @@ class Closing:
                 if near.all():
                     break
                 change = change @ change
+            far &= near
             for i in np.flatnonzero(which & ~near).tolist():
-                result[i] &= _no_dead_point(before[i if len(before) > 1 else 0], after[i])
-        return result
-
-
-def _no_dead_point(before: Array, after: Array) -> bool:
-    alpha, _, beta, *_, info = lapack.dggev(after, before, compute_vl=0, compute_vr=0)
-    return info == 0 and bool((alpha * beta > 0.0).all())
+                same[i] &= no_dead_point(before[i if len(before) > 1 else 0], after[i])
+        return same, far
 
 
 def _inverse(a: Array) -> Array:

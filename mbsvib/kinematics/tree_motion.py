@@ -93,6 +93,13 @@ class Tree:
     parent: Index
     levels: tuple[slice, ...]
 
+    @property
+    def joints_by_values(self) -> list[Index]:
+        """The coordinates of each joint whose values are not the sums of its steps."""
+        columns, groups = self.vectors
+        vectors = [columns[groups == group] for group in np.unique(groups)]
+        return vectors + [own for part in self.curved for own in part.columns.T]
+
     def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
         """Return the pose after finite joint motions, one coordinate after the other along the tree.
 

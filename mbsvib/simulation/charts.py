@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
+from mbsvib.finite_motion.loops import CLOSED
+from mbsvib.linalg.dead_points import is_unknown
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.loops import Loops
@@ -16,8 +19,6 @@ if TYPE_CHECKING:
 POOR_IN_BLOCK = 0.2
 # A rotation vector is started anew from 0 beyond this angle [rad]; beyond LONGEST_TURN it must not go in one step.
 LONG_TURN, LONGEST_TURN = 1.0, 2.8
-# The smallest singular value of the closures, in units of like size, below which the pose is a singular one.
-SINGULAR = 1e-8
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,29 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     return Chart(independent, dependent, order, rows, bases, ratio / POOR_IN_BLOCK)
 
 
-def conditioning(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
-    """Return how well the dependent coordinates of a choice follow, and how near the pose is to a singular one.
+@dataclass(frozen=True, slots=True)
+class Conditioning:
+    """How well the dependent coordinates of a choice follow in a pose.
 
-    ``q`` (n,): the pose. Returns smallest singular value of the closures' derivative to the dependent coordinates over
-    that of all; the latter over the largest.
+    ``share`` is the smallest singular value of the closures' derivative to the dependent coordinates over that of all;
+    ``smallest`` is the latter over the largest.
     """
+
+    share: float = 1.0
+    smallest: float = 1.0
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the pose is a singular one, as far as loops that count as closed can tell."""
+        return is_unknown(self.smallest, CLOSED)
+
+
+def conditioning(loops: Loops, chart: Chart, q: Array) -> Conditioning:
+    """Return how well the dependent coordinates of a choice follow in a pose q (n,)."""
     if not loops.rank:
-        return 1.0, 1.0
+        return Conditioning()
     jacobian = loops.scaled(q, chart.bases)[1]
     closures = (chart.rows / loops.row_scale) @ jacobian
     values = np.linalg.svd(closures, compute_uv=False)
     dependent_values = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
-    return float(dependent_values[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])
+    return Conditioning(float(dependent_values[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0]))

@@ -9,8 +9,10 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, SingularPoseError, nearest
+from mbsvib.finite_motion.following import DrivenLoops
 from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DETERMINED
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.simulation.session import Session
 
-# The longest step [rad, mechanism sizes] along which loops are followed, and how far they may stay open.
-LONGEST, OPEN = 0.05, 1e-11
+# How far loops may stay open, in units of 1 rad and the size of the mechanism.
+OPEN = 1e-11
 # Displacements and rates of all joints of a loop, as another run has them, agree to this share.
 AGREES = 1e-6
 
@@ -85,35 +87,36 @@ def _moved(run: Session, target: Array, given: Index, bases: Array) -> tuple[Arr
     """Coordinates with some at their values and loops closed, followed from the pose as described, and which of the
     given ones were held: of more than the loops leave free, the others follow, and must agree.
     """
+    if not len(run.loops.row_scale):
+        return target, given
     reached, scale = run.loops.projected(np.zeros(len(target)), bases)[0], run.loops.coordinate_scale
     fixed = _independent(run, reached, given, bases)
-    others = np.setdiff1d(np.arange(len(target)), fixed)
-    change = target[fixed] - reached[fixed]
-    longest = float(np.abs((target[given] - reached[given]) / scale[given]).max(initial=0.0))
-    steps = int(np.ceil(longest / LONGEST)) if len(run.loops.row_scale) else 1
-    start = reached[fixed]
-    for i in range(1, steps + 1):
-        trial = reached.copy()
-        trial[fixed] = start + change * i / steps
-        projected, opening = run.loops.projected(trial, bases, others)
-        if opening > OPEN or np.abs((projected - trial) / scale).max(initial=0.0) > 1.0:
-            raise _open(run, trial, given)
-        reached = projected
-    if np.abs((reached - target)[given] / scale[given]).max(initial=0.0) > AGREES:
-        raise _open(run, target, given)
+    loops = DrivenLoops(run.names, fixed, run.loops, OPEN, bases)
+    (reached, matrix), done = loops.followed((reached, loops.jacobian(reached)), target[fixed])
+    if is_unknown(loops.smallest(matrix), OPEN):
+        where = _named(run, reached, given)
+        raise SingularPoseError(
+            f"simulate: the run would start {f'with {where} ' if where else ''}at a dead centre or another singular "
+            f"pose: '{loops.loose(matrix)}' could move by itself there, so that no rate follows. Start further from "
+            f"it, or displace '{loops.loose(matrix)}' instead."
+        )  # fmt: skip
+    if done < 1.0 or np.abs((reached - target)[given] / scale[given]).max(initial=0.0) > AGREES:
+        raise _open(run, target, given, reached)
     return reached, fixed
 
 
-def _open(run: Session, q: Array, given: Index) -> ModelError:
-    names = ", ".join(f"{run.names[k]} = {q[k]:.6g}" for k in given)
-    return ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
+def _named(run: Session, q: Array, given: Index) -> str:
+    return ", ".join(f"{run.names[k]} = {q[k]:.6g}" for k in given)
+
+
+def _open(run: Session, q: Array, given: Index, reached: Array) -> ModelError:
+    return ModelError(f"simulate: the loops cannot be closed with {_named(run, q, given)}, on the way only up to "
+                      f"{_named(run, reached, given)}; give fewer coordinates, or others.",
                       field="initial")  # fmt: skip
 
 
 def _independent(run: Session, q: Array, given: Index, bases: Array) -> Index:
     """Of more coordinates than the loops leave free, those that vary most independently of each other."""
-    if not len(run.loops.row_scale):
-        return given
     free = np.linalg.svd(run.loops.scaled(q, bases)[1])[2][run.loops.rank_at(q, bases) :]
     factor, order, _ = pivoted_qr(free[:, given])
     if len(given) <= len(free):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SimulationError
-from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, SINGULAR, Chart, chart_at, conditioning
+from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, Chart, chart_at, conditioning
 from mbsvib.simulation.states import State, restarted
 
 if TYPE_CHECKING:
@@ -99,12 +99,15 @@ def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> li
         states = run.integrator.block(sample.state, sample.chart, grid, coefficients)
     except RuntimeError:
         return []
-    least = POOR_IN_BLOCK * conditioning(run.loops, sample.chart, sample.state.q)[0]
-    good = 0
+    before, good = conditioning(run.loops, sample.chart, sample.state.q), 0
+    least = POOR_IN_BLOCK * before.share
     for state in states:
-        if _angles(run, state.q) > LONGEST_TURN or conditioning(run.loops, sample.chart, state.q)[0] < least:
+        after = conditioning(run.loops, sample.chart, state.q)
+        if _angles(run, state.q) > LONGEST_TURN or (after.share < least and not after.is_singular):
             break
         good += 1
+        if after.is_singular:  # the next block ends the run there
+            break
     return states[:good]
 
 
@@ -140,11 +143,11 @@ def _closed(run: Session, state: State, chart: Chart) -> State:
 
 def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
-    current, singular = conditioning(run.loops, chart, state.q)
-    if singular < SINGULAR:
+    current = conditioning(run.loops, chart, state.q)
+    if current.is_singular:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
-    best = chart_at(run.loops, state.q, chart.bases)
-    if _angles(run, state.q) > LONG_TURN or current < POOR_BETWEEN_BLOCKS * conditioning(run.loops, best, state.q)[0]:
+    best = conditioning(run.loops, chart_at(run.loops, state.q, chart.bases), state.q)
+    if _angles(run, state.q) > LONG_TURN or current.share < POOR_BETWEEN_BLOCKS * best.share:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 

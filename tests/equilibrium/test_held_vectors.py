@@ -6,8 +6,8 @@ from scipy.optimize import newton
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
-from mbsvib.equilibrium.motion import posed_model
-from mbsvib.equilibrium.vector_coordinates import held_vectors
+from mbsvib.equilibrium.motion import kinematics_of
+from mbsvib.kinematics.closing import Closing
 from tests.equilibrium.test_moved import check_pose, without_springs
 
 
@@ -95,30 +95,25 @@ def test_a_beam_bends_until_a_held_component_is_at_its_value(turn):
     assert np.allclose(rotation_vector(model, there, "ball")[[0, 2]], [0.1, 0.08], rtol=0, atol=1e-12)
 
 
-def test_turns_of_a_free_joint_are_a_vector_without_its_shifts():
-    """Values and rates of that vector alone are taken: those of its body, turned by hand."""
-    model = mv.Model()
-    model.add_body("body", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
-    model.add_joint("free", "free", "ground", "body", (0.1, 0.0, 0.0))
-    at = posed_model(model)
-    at = at.moved(np.array((0.1, -0.2, 0.3, 0.2, -0.4, 0.5)))
-    (block,) = held_vectors(model, at.coordinates, np.arange(6) != 4).blocks
-    assert [at.coordinates.names[k] for k in block.columns] == ["free.rx", "free.ry", "free.rz"]
-    turned = Rotation.from_matrix(at.pose.rotations[at.pose.number["body"]]).as_rotvec()
-    expected = np.array(model.joints["free"].axes).T @ turned
-    assert block.values(at.pose, np.zeros(3)) == pytest.approx(expected, abs=1e-14)
-
-
-def test_the_arc_of_a_rod_starts_along_its_coordinates():
-    model = mv.Model()
-    model.add_body("body", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
-    model.add_joint("rod", "distance", "ground", "body", (0.1, 0.0, 0.0), end=(0.1, 0.5, 0.9))
-    at = posed_model(model)
-    names = at.coordinates.names
-    block = held_vectors(model, at.coordinates, np.array([name != "rod.x" for name in names])).blocks[0]
-    assert [names[k] for k in block.columns] == ["rod.x", "rod.y"]
-    assert block.values(at.pose, np.zeros(2)) == pytest.approx(np.zeros(2), abs=1e-15)
-    assert block.rates(at.pose, at.coordinates, np.zeros(2)) == pytest.approx(np.eye(2), abs=1e-14)
+@pytest.mark.parametrize(("kind", "names"), [("free", 6), ("spherical", 3), ("homokinetic", 2), ("distance", 5)])
+@pytest.mark.parametrize("turned", [0.0, 0.9])
+def test_values_change_as_steps_move_the_body(kind, names, turned):
+    """A short step from a pose, and the change of the values of the coordinates, lead to the same pose."""
+    model = tied(kind, 0, "carrier")
+    closing = Closing(kinematics_of(model), (), ())
+    tree, described = closing.kinematics.tree, closing.kinematics.described
+    coordinates = closing.kinematics.coordinates
+    assert len(coordinates.names) == 1 + names
+    generator = np.random.default_rng(1)
+    q, step = turned * generator.uniform(0.2, 0.5, 1 + names), 1e-5 * generator.standard_normal(1 + names)
+    reached = closing.near(q[None], closing.described)
+    pose = reached.pose[0]
+    for sign in (1.0, -1.0):
+        change = closing.changes(reached, sign * step)
+        there = tree.moved(pose, closing.kinematics.at(pose)[0], sign * step)
+        by_values = tree.moved(described, coordinates, q + change)
+        assert np.allclose(by_values.centre, there.centre, rtol=0, atol=1e-9)
+        assert np.allclose(by_values.rotations, there.rotations, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.5, 4.0, -4.5])

@@ -1,0 +1,88 @@
+"""Loops followed along a way: tree coordinates where some have given values, on the branch of the pose before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.dead_points import no_dead_point
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.loops import Loops
+
+# The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
+LONGEST, SHORTEST = 0.1, 1e-7
+
+
+@dataclass(frozen=True)
+class DrivenLoops:
+    """The loops of a mechanism whose tree coordinates ``names`` (n,) are prescribed where they are ``driven`` (m,).
+
+    Loops count as ``closed`` where they are open by less, in units of 1 rad and the size of the mechanism. ``bases``
+    (9 b,) are the rotations on top of which rotation vectors come.
+    """
+
+    names: tuple[str, ...]
+    driven: NDArray[np.intp]
+    loops: Loops
+    closed: float
+    bases: Array
+
+    @property
+    def dependent(self) -> NDArray[np.intp]:
+        """Numbers of the other coordinates."""
+        return np.setdiff1d(np.arange(len(self.names)), self.driven)
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the derivative (rows, n) of the openings in units of like size."""
+        return self.loops.scaled(q, self.bases)[1]
+
+    def followed(self, at: tuple[Array, Array], target: Array) -> tuple[tuple[Array, Array], float]:
+        """Take the driven coordinates to their values in steps along which the loops stay closed.
+
+        ``at``: a pose (n,) and the derivative of the openings there. ``target`` (m,) [rad, m]. Returns those of the
+        last pose that was reached, and its share of the way.
+        """
+        (pose, matrix), depends, driven, scale = at, self.dependent, self.driven, self.loops.coordinate_scale
+        start, change = pose[driven], target - pose[driven]
+        longest = float(np.abs(change / scale[driven]).max(initial=0.0))
+        done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
+        while done < 1.0:
+            share = min(step, 1.0 - done)
+            trial = pose.copy()
+            trial[driven] = target if done + share >= 1.0 else start + (done + share) * change
+            moved = (trial - pose)[driven] / scale[driven]
+            guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ moved, rcond=None)[0]
+            trial[depends] += scale[depends] * guess
+            opening = np.inf
+            if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST:
+                trial, opening = self.loops.projected(trial, self.bases, depends)
+            if opening < self.closed:
+                after = self.jacobian(trial)
+                if no_dead_point(matrix[:, depends], after[:, depends]):
+                    pose, matrix, done = trial, after, done + share
+                    step = min(2.0 * step, LONGEST / max(longest, LONGEST))
+                    continue
+            step = 0.5 * share
+            if step * longest < SHORTEST:
+                break
+        return (pose, matrix), done
+
+    def smallest(self, matrix: Array) -> float:
+        """Return the smallest singular value of the openings' derivative to the dependent coordinates that is not one
+        of redundant loops.
+        """
+        values = np.linalg.svd(matrix[:, self.dependent], compute_uv=False)
+        retained = values[: self.loops.rank]
+        return float(retained.min(initial=np.inf))
+
+    def loose(self, matrix: Array) -> str:
+        """Return the dependent coordinate that could move most by itself in a singular pose."""
+        values, vectors = np.linalg.svd(matrix[:, self.dependent])[1:]
+        most = int(np.argmax(np.abs(vectors[min(len(values), len(vectors)) - 1])))
+        return self.names[int(self.dependent[most])]

@@ -1,0 +1,67 @@
+"""Runs that start at a dead centre, or at a pose from which loops can go on in several ways, or come to one."""
+
+import re
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.library import hoeken
+
+LIMIT = 0.35  # length of crank and coupler in line
+
+
+def rocker_to_its_limit():
+    """A four-bar, and how far its rocker turns until crank and coupler are in line."""
+    model = hoeken(crank=0.1, coupler=0.25, rocker=0.25, ground=0.2, angle=1.2)
+    x, y, _ = model.joints["pin23"].position
+    inner = np.arccos((0.2**2 + 0.25**2 - LIMIT**2) / (2 * 0.2 * 0.25))
+    return model, np.pi - inner - np.arctan2(y, x - 0.2)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0])
+@pytest.mark.parametrize("distance", [1e-9, 1e-12, 0.0, -1e-13])
+def test_a_start_at_the_dead_centre_of_what_is_displaced(distance, rate):
+    model, limit = rocker_to_its_limit()
+    words = r"simulate: .* with rocker.rz = .* dead centre .* displace '\w+.rz' instead"
+    with pytest.raises(mv.SingularPoseError, match=words):
+        model.simulate([0.0, 0.01], initial={"rocker.rz": (limit * (1.0 - distance), rate)})
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1e-5])
+def test_near_a_dead_centre_rates_grow_as_the_root_of_the_distance(distance):
+    """The crank turns by c sqrt(d), so that its rate is c / (2 sqrt(d)) times that of d."""
+    model, limit = rocker_to_its_limit()
+    crank = [model.simulate([0.0, 1e-9], initial={"rocker.rz": (limit * (1.0 - d), -1.0)}).rates["crank.rz"][0]
+             for d in (distance, 1e-2 * distance)]  # fmt: skip
+    assert crank[1] == pytest.approx(10.0 * crank[0], rel=30.0 * np.sqrt(distance))
+
+
+def test_a_start_beyond_the_dead_centre_tells_how_far_loops_close():
+    model, limit = rocker_to_its_limit()
+    with pytest.raises(mv.ModelError, match=r"cannot be closed with .*, on the way only up to rocker.rz = ") as error:
+        model.simulate([0.0, 0.01], initial={"rocker.rz": 1.001 * limit})
+    assert float(re.findall(r"rocker.rz = (-?[\d.]+)", str(error.value))[1]) == pytest.approx(limit, rel=1e-5)
+
+
+def flat_parallelogram(angle):
+    return hoeken(crank=0.1, coupler=0.3, rocker=0.1, ground=0.3, angle=angle), np.pi - angle
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-9, 0.0, -1e-3])
+def test_a_parallelogram_does_not_start_where_it_is_flat_or_beyond(distance):
+    """There it may go on as an antiparallelogram: rates were anything between those of both."""
+    model, flat = flat_parallelogram(1.0)
+    with pytest.raises(mv.SingularPoseError, match=r"simulate: .* singular pose"):
+        model.simulate([0.0, 0.01], initial={"crank.rz": (flat - distance, 1.0)})
+    near = model.moved({"crank.rz": flat - 1e-4})
+    with pytest.raises(mv.SingularPoseError, match=r"simulate: .* singular pose"):
+        near.simulate([0.0, 0.01], initial={"crank.rz": (1e-4 - distance, 1.0)})
+
+
+def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
+    model, flat = flat_parallelogram(1.0)
+    with pytest.raises(mv.SimulationError, match="singular pose, from which they could go on in several ways") as error:
+        model.simulate([0.0, 0.005, 0.01, 0.02], initial={"crank.rz": (flat - 0.01, 1.0)})
+    assert error.value.time == pytest.approx(0.01, abs=1e-4)
+    assert error.value.run.rates["crank.rz"] == pytest.approx(1.0, rel=1e-6)
