@@ -15,7 +15,7 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import BaseMotion, Body, Input, Output
@@ -129,18 +129,12 @@ def port_matrices(
     variants = port_rows.shape[:-2]
     if port.base_motions:
         variants = max(variants, factor.shape[:-2], position.shape[:-2])
-    kind = np.result_type(port_rows, factor, position)
-    b = np.zeros((*variants, m, len(port.input_units)), kind)
+    kind_of_ground = np.result_type(port_rows, factor, position)
+    b = np.zeros((*variants, m, len(port.input_units)), kind_of_ground)
     b[..., port.force_inputs] = port_rows[..., :forces, :].swapaxes(-1, -2)
-    d = np.zeros((*(position.shape[:-2] if port.inertial_outputs else ()), len(port.output_units), b.shape[-1]), kind)
     for column, source in port.base_motions:
         rows = inertia_of_ground_motion(source.wrench, source.position, position, inertia, shared)
         b[..., column] = -(rows[..., None, :] @ factor)[..., 0, :]
-        for row, output, point in port.inertial_outputs:
-            terms = ground_motion(source.wrench, source.position, point) * output.wrench
-            value = terms.sum(axis=-1)
-            zero = np.abs(value) <= ZERO_SUM * np.abs(terms).sum(axis=-1)  # the directions are perpendicular
-            d[..., row, column] = np.where(zero, value - value.real, value)
     variants = port_rows.shape[:-2]
     weights_of = springs.weights if port.force_outputs else ()
     if port.force_outputs:
@@ -149,15 +143,43 @@ def port_matrices(
     kind = np.result_type(port_rows, elastic, springs.unit, *(value for _, value in weights_of))
     c = np.zeros((*variants, 3, len(port.output_units), m), kind)
     c[..., port.derivative, port.motion_outputs, :] = port_rows[..., forces:, :]
+    for row, order, which, weights in force_weights(port, springs):
+        c[..., order, row, :] += (weights[..., None, :] @ elastic[..., which, :])[..., 0, :]
+    if port.motion_forces:
+        b = _with_motion_forces(port, springs, elastic, b)
+    return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :],
+            "D": feedthrough_of_ground(port, position, kind_of_ground)}
+
+
+def force_weights(port: Ports, springs: ElementRows) -> Iterator[tuple[int, int, Index, Array]]:
+    """Yield for forces in elements the output, the order of the derivative, the elastic rows and their weights (...,
+    rows).
+    """
     for row, owner, wrench in port.force_outputs:
         which = np.nonzero(springs.owner == owner)[0]
         factors = springs.unit[..., which, :] @ wrench
-        for order, value in weights_of:
-            weights = (factors * value[..., which])[..., None, :]
-            c[..., order, row, :] += (weights @ elastic[..., which, :])[..., 0, :]
-    if port.motion_forces:
-        b = _with_motion_forces(port, springs, elastic, b)
-    return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}
+        for order, value in springs.weights:
+            yield row, order, which, factors * value[..., which]
+
+
+def motion_weights(port: Ports, springs: ElementRows) -> Iterator[tuple[int, int, Index, Array]]:
+    """Yield for forces of moved ends the input, the element, the elastic rows and their weights (..., rows)."""
+    for column, owner, order, wrench in port.motion_forces:
+        which = np.nonzero(springs.owner == owner)[0]
+        yield column, owner, which, springs.unit[..., which, :] @ wrench * dict(springs.weights)[order][..., which]
+
+
+def feedthrough_of_ground(port: Ports, position: Array, kind: Any = float) -> Array:
+    """Return D with the absolute accelerations by those of the ground, for bodies at ``position`` (..., bodies, 3)."""
+    variants = position.shape[:-2] if port.inertial_outputs else ()
+    d = np.zeros((*variants, len(port.output_units), len(port.input_units)), kind)
+    for column, source in port.base_motions:
+        for row, output, point in port.inertial_outputs:
+            terms = ground_motion(source.wrench, source.position, point) * output.wrench
+            value = terms.sum(axis=-1)
+            zero = np.abs(value) <= ZERO_SUM * np.abs(terms).sum(axis=-1)  # the directions are perpendicular
+            d[..., row, column] = np.where(zero, value - value.real, value)
+    return d
 
 
 def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array:
@@ -165,13 +187,10 @@ def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array
 
     ``springs``: rows of all elements, also those that no coordinate deforms.
     """
-    for column, owner, order, wrench in port.motion_forces:
-        which = np.nonzero(springs.owner == owner)[0]
-        value = dict(springs.weights)[order][..., which]
-        moved = springs.unit[..., which, :] @ wrench
+    for column, owner, which, weights in motion_weights(port, springs):
         for row, measured, direction in port.force_outputs:
             if measured == owner:
-                direct = -(springs.unit[..., which, :] @ direction * moved * value).sum(axis=-1)
+                direct = -(springs.unit[..., which, :] @ direction * weights).sum(axis=-1)
                 d = _like(d, direct.shape, direct)
                 d[..., row, column] += direct
     return d
@@ -179,9 +198,7 @@ def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array
 
 def _with_motion_forces(port: Ports, springs: ElementRows, elastic: Array, b: Array) -> Array:
     """B with the forces of moved ends, k d^T and c d^T."""
-    for column, owner, order, wrench in port.motion_forces:
-        which = np.nonzero(springs.owner == owner)[0]
-        weights = springs.unit[..., which, :] @ wrench * dict(springs.weights)[order][..., which]
+    for column, _, which, weights in motion_weights(port, springs):
         force = (weights[..., None, :] @ elastic[..., which, :])[..., 0, :]
         b = _like(b, force.shape[:-1], force)
         b[..., column] += force

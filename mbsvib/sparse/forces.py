@@ -28,7 +28,7 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.layout import virtual_unknowns
 from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.steps import of_rotors, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.steps import of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.tableau import FINE, SINGULAR
 
 if TYPE_CHECKING:
@@ -51,9 +51,7 @@ def with_joint_forces(draft: SparseDraft) -> SparseDraft:
     for row, kind, number, wrench in draft.port.wrench_outputs:
         rows, through[row] = (work.on_body if kind == "body" else work.in_joint)(number, wrench)
         for derivative, values in enumerate(rows):
-            at = np.flatnonzero(values)
-            outputs[derivative] = outputs[derivative] + csr_matrix(
-                (values[at], (np.full(len(at), row), at)), shape=outputs[derivative].shape)  # fmt: skip
+            outputs[derivative] = outputs[derivative] + placed(csr_matrix(values), [row], len(through))
     return replace(draft, outputs=(outputs[0], outputs[1], outputs[2]), D=through,
                    undetermined=work.undetermined_outputs(tuple(draft.model.outputs)))  # fmt: skip
 

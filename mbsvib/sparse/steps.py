@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
-from mbsvib.equations.ports import feedthrough_of_motions
+from mbsvib.equations.base_motion import inertia_of_ground_motion
+from mbsvib.equations.ports import feedthrough_of_ground, feedthrough_of_motions, force_weights, motion_weights
 from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.shared_rows import stack
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.draft import SparseDraft
     from mbsvib.sparse.layout import Layout
 
@@ -113,47 +113,35 @@ def _form(rows: csr_matrix, matrices: Sequence[Array]) -> csr_matrix | None:
 
 def with_ports(draft: SparseDraft) -> SparseDraft:
     """Return a draft with the rows of its inputs and outputs, and the feedthrough D, except forces in joints."""
-    from scipy.sparse import coo_matrix, csr_matrix
+    from scipy.sparse import csr_matrix
 
-    port, springs, layout = draft.port, draft.springs, draft.layout
-    forces = len(port.force_inputs)
-    shape = (len(port.input_units), layout.size)
-    entries = draft.port_rows[:forces].tocoo()
-    inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
-    through = np.zeros((len(port.output_units), len(port.input_units)))
-    position = draft.structure.position
+    port, springs, position = draft.port, draft.springs, draft.structure.position
+    forces, u, y = len(port.force_inputs), len(port.input_units), len(port.output_units)
+    inputs = placed(draft.port_rows[:forces], port.force_inputs, u)
     for column, source in port.base_motions:
-        rows = inertia_of_ground_motion(source.wrench, source.position, position, draft.inertia, draft.shared)
-        force = -(draft.body_factor.T @ rows)
-        at = np.flatnonzero(force)
-        inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
-        for row, output, point in port.inertial_outputs:
-            through[row, column] = np.dot(output.wrench, ground_motion(source.wrench, source.position, point))
-    for column, owner, order, wrench in port.motion_forces:
-        which = np.flatnonzero(springs.owner == owner)
-        weights = springs.unit[which] @ wrench * dict(springs.weights)[order][which]
-        line = (csr_matrix(weights) @ draft.elastic[which]).tocoo()
-        inputs = inputs + csr_matrix((line.data, (np.full(line.nnz, column), line.col)), shape=shape)
-    through = feedthrough_of_motions(port, springs, through)
-    shape = (len(port.output_units), layout.size)
+        inertia = inertia_of_ground_motion(source.wrench, source.position, position, draft.inertia, draft.shared)
+        inputs = inputs + placed(csr_matrix(-(draft.body_factor.T @ inertia)), [column], u)
+    for column, _, which, weights in motion_weights(port, springs):
+        inputs = inputs + placed(csr_matrix(weights) @ draft.elastic[which], [column], u)
     outputs = []
-    entries = draft.port_rows[forces:].tocoo()
     for derivative in range(3):
-        used = port.derivative[entries.row] == derivative
-        rows = port.motion_outputs[entries.row[used]]
-        outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
-    coupled = {k: name for k, name in enumerate(draft.model.springs) if name in draft.coupled}
+        used = np.flatnonzero(port.derivative == derivative)
+        outputs.append(placed(draft.port_rows[forces + used], port.motion_outputs[used], y))
+    for row, order, which, weights in force_weights(port, springs):
+        outputs[order] = outputs[order] + placed(csr_matrix(weights) @ draft.elastic[which], [row], y)
+    names = list(draft.model.springs)
     for row, owner, wrench in port.force_outputs:
-        which = np.flatnonzero(springs.owner == owner)
-        factors = springs.unit[which] @ wrench
-        for derivative, value in springs.weights:
-            line = (csr_matrix(factors * value[which]) @ draft.elastic[which]).tocoo()
-            outputs[derivative] = outputs[derivative] + csr_matrix(
-                (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
-        if owner in coupled:
-            part, rows = draft.coupled[coupled[owner]]
-            for derivative, matrix in enumerate((part.stiffness, part.damping)):
-                line = csr_matrix((matrix.T @ (part.axes @ wrench))[None]) @ rows
-                outputs[derivative] = outputs[derivative] + csr_matrix(
-                    (line.data, (np.full(line.nnz, row), line.indices)), shape=shape)  # fmt: skip
+        if names[owner] in draft.coupled:
+            part, rows = draft.coupled[names[owner]]
+            for order, matrix in enumerate((part.stiffness, part.damping)):
+                line = csr_matrix(matrix.T @ (part.axes @ wrench)) @ rows
+                outputs[order] = outputs[order] + placed(line, [row], y)
+    through = feedthrough_of_motions(port, springs, feedthrough_of_ground(port, position))
     return replace(draft, inputs=inputs, outputs=(outputs[0], outputs[1], outputs[2]), D=through)
+
+
+def placed(rows: csr_matrix, at: Sequence[int] | Index, count: int) -> csr_matrix:
+    """Return rows (n, size) in the places ``at`` (n,) of ``count`` rows."""
+    from scipy.sparse import csr_matrix
+
+    return csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(count, len(at))) @ rows

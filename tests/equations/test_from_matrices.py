@@ -146,7 +146,7 @@ REFUSALS = [
     ((ONE, None, np.eye(3)), {}, r"K has shape \(3, 3\); expected \(2, 2\)"),
     ((ONE, [[np.nan, 0], [0, 1]], ONE), {}, r"C = .*finite"),
     ((ONE, None, ONE, np.eye(3)), {}, r"B has shape \(3, 3\); expected \(2, inputs\)"),
-    ((ONE, None, ONE), {"Cq": np.eye(3)}, r"Cq has shape \(3, 3\); expected \(3, 2\)"),
+    ((ONE, None, ONE), {"Cq": np.eye(3)}, r"Cq has shape \(3, 3\); expected \(outputs, 2\)"),
     ((ONE, None, ONE, [1, 0]), {"inputs": ["a", "b"]}, r"inputs = .*expected 1 name"),
     ((ONE, None, ONE), {"coordinates": ["a", "a"]}, r"'a' is there more than once"),
     ((ONE * 1j, None, ONE), {}, r"M = .*real numbers"),
