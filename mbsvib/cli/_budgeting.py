@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, OUTPUTS, Argument, Command, ModelFile, file_argument, number, option
 from mbsvib.cli._controllers import DELAY, RATE, check_delay, read_controller
-from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import system_of
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
@@ -27,7 +27,7 @@ def budget(
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Print which source of noise contributes how much to the root mean square of each output."""
-    check_format(file)
+    check_format(file, table=True)
     plant = system_of(model)
     if controllers:
         loop, rate = closed(plant, controllers, rate)
@@ -43,7 +43,9 @@ def budget(
         })  # fmt: skip
     else:
         shell.say(str(result))
-    if file is not None:
+    if file is not None and is_table(file):
+        deliver_table(result.columns(), file, as_json)
+    elif file is not None:
         remark = f"Drawn: {result.outputs[0]}. Others by --output." if len(result.outputs) > 1 else ""
         deliver(result.plot(), file, as_json, remark)
 
@@ -161,5 +163,6 @@ COMMANDS = {"budget": Command(budget, (
     CONTROLLERS,
     RATE,
     DELAY,
-    file_argument("Density and cumulative root mean square of the first output, as .png, .pdf or .svg."), JSON,
+    file_argument("Density and cumulative root mean square of the first output (.png, .pdf, .svg), or of all (.csv)."),
+    JSON,
 ))}  # fmt: skip

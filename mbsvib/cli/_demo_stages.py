@@ -68,8 +68,6 @@ class Work:
 def model_and_modes(work: Work) -> None:
     """Build the platform, linearize it, and show its modes."""
     from mbsvib import library, plots
-    from mbsvib.cli._looking import csv_text
-    from mbsvib.common.atomic_file import write_atomic
     from mbsvib.files import save
 
     model = library.stewart_isolator(ports=("platform", "base"))
@@ -81,8 +79,7 @@ def model_and_modes(work: Work) -> None:
              f"{len(system.cut_joints)} loops are closed.")  # fmt: skip
     work.table(modes)
     save(model, work.path("isolator.yaml", "the model: bodies, joints, springs, inputs, outputs; edit and try again"))
-    content = csv_text(modes).encode()
-    write_atomic(work.path("modes.csv", "the table of modes, with every digit"), lambda stream: stream.write(content))
+    modes.to_csv(work.path("modes.csv", "the table of modes, with every digit"))
     work.draw(plots.mechanism(model), "mechanism.png", "the mechanism: a platform on six legs with flexures")
     work.draw(plots.modes(system), "modes.png", "natural frequencies and damping ratios")
     work.draw(plots.mode_strips(system), "mode-shapes.png", "the shape of each mode: which body moves how")

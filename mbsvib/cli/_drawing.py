@@ -22,7 +22,7 @@ from mbsvib.cli._arguments import (
     option,
     whole_number,
 )
-from mbsvib.cli._figures import FORMATS, check_format, default_path, deliver, write_figure
+from mbsvib.cli._figures import FORMATS, check_format, default_path, deliver, deliver_table, is_table, write_figure
 from mbsvib.cli._lookup import model_of, ports, system_of
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ def sigma(
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw the singular values of the frequency response into a file (default: NAME-sigma.png)."""
-    check_format(file)
+    check_format(file, table=True)
     system = system_of(model)
-    if as_json:
+    if as_json or is_table(file):
         import numpy as np
 
         from mbsvib.plots._curves import curves
@@ -80,8 +80,13 @@ def sigma(
             pairs = [(output, source) for output in group.outputs for source in group.inputs]
             sigma = of_curves(curves(part, pairs, omega / (2.0 * np.pi)), len(group.outputs))
             groups.append({**group._asdict(), "singular_values": sigma.tolist()})
-        shell.say_json({"name": part.name, "frequencies_hz": (omega / (2.0 * np.pi)).tolist(), "groups": groups})
-    if file is not None or not as_json:
+        if as_json:
+            shell.say_json({"name": part.name, "frequencies_hz": (omega / (2.0 * np.pi)).tolist(), "groups": groups})
+    if file is not None and is_table(file):
+        values = {f"singular_value_{k}_{group['unit']}": row for group in groups
+                  for k, row in enumerate(group["singular_values"], 1)}  # fmt: skip
+        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **values}, file, as_json)
+    elif file is not None or not as_json:
         from mbsvib import plots
 
         figure = plots.singular_values(system, outputs, inputs, span=(first, last))
@@ -93,19 +98,23 @@ def step(
     as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
-    check_format(file)
+    check_format(file, table=True)
     system = system_of(model)
-    if as_json:
+    if as_json or is_table(file):
         import numpy as np
 
+        from mbsvib.common.columnar import by_pair
         from mbsvib.plots import time_grid
 
         part = system.with_ports(outputs, inputs)
         t = time_grid(part, duration)
-        responses = [part.time_response(t, np.outer(unit, np.ones_like(t))) for unit in np.eye(len(part.inputs))]
-        shell.say_json({**_signals(part), "times_s": t.tolist(),
-                        "responses": _by_names(part, np.stack(responses, axis=1), _real)})  # fmt: skip
-    if file is not None or not as_json:
+        units = np.eye(len(part.inputs))
+        responses = np.stack([part.time_response(t, np.outer(unit, np.ones_like(t))) for unit in units], axis=1)
+        if as_json:
+            shell.say_json({**_signals(part), "times_s": t.tolist(), "responses": _by_names(part, responses, _real)})
+    if file is not None and is_table(file):
+        deliver_table({"time_s": t, **by_pair(part.outputs, part.inputs, responses)}, file, as_json)
+    elif file is not None or not as_json:
         from mbsvib import plots
 
         sources, results, remark = ports(system, inputs, outputs)
@@ -142,17 +151,23 @@ def _frequency_curves(
     file: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Draw responses over frequency, or print them."""
-    check_format(file)
+    check_format(file, table=True)
     system = system_of(model)
-    if as_json:
+    if as_json or is_table(file):
         import numpy as np
+
+        from mbsvib.common.columnar import by_pair
 
         part = system.with_ports(outputs, inputs)
         omega = part.frequency_grid(f_min=span[0], f_max=span[1])
         response = part.frequency_response(omega)
-        shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
-                        "responses": _by_names(part, response, _complex)})  # fmt: skip
-    if file is not None or not as_json:
+        if as_json:
+            shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
+                            "responses": _by_names(part, response, _complex)})  # fmt: skip
+    if file is not None and is_table(file):
+        pairs = by_pair(part.outputs, part.inputs, response)
+        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **pairs}, file, as_json)
+    elif file is not None or not as_json:
         sources, results, remark = ports(system, inputs, outputs)
         figure = plot(system, results, sources, span=span)
         deliver(figure, file or default_path(system.name, f"{name}.png"), as_json, remark)
@@ -182,7 +197,8 @@ VIEW = option("--view", to="view", metavar="VIEW", default="3-D", completes=("3-
               words="From where: 3-D, x, y or z. Default: 3-D.")
 PICTURE = file_argument(f"Where to: {', '.join(FORMATS)}.")
 DECIBELS = flag("--decibels", "decibels", "Magnitude in dB, 20 log10 of the value in SI units.")
-CURVES = (MODEL, INPUTS, OUTPUTS, FIRST, LAST, PICTURE, JSON)
+CURVE = file_argument(f"A figure ({', '.join(FORMATS)}) or a table (.csv).")
+CURVES = (MODEL, INPUTS, OUTPUTS, FIRST, LAST, CURVE, JSON)
 DURATION = option("--duration", to="duration", metavar="SECONDS", type=number, words="Time shown.")
 MODE = option("--mode", "-m", to="mode", metavar="N", type=whole_number, default=1,
               words="The mode's number in the table, from 1. Default: 1.")  # fmt: skip
@@ -190,7 +206,7 @@ COMMANDS = {
     "bode": Command(bode, (*CURVES[:-2], DECIBELS, *CURVES[-2:])),
     "nyquist": Command(nyquist, CURVES),
     "sigma": Command(sigma, CURVES),
-    "step": Command(step, (MODEL, INPUTS, OUTPUTS, DURATION, PICTURE, JSON)),
+    "step": Command(step, (MODEL, INPUTS, OUTPUTS, DURATION, CURVE, JSON)),
     "draw": Command(draw, (MODEL, VIEW, PICTURE, JSON)),
     "animate": Command(animate, (MODEL, MODE, VIEW, file_argument("Where to: .gif, .mp4 or .html."), JSON)),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, flag
+from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, flag, number, option, whole_number
 from mbsvib.cli._lookup import system_of
 
 if TYPE_CHECKING:
@@ -25,33 +25,32 @@ def models(as_json: bool = False) -> None:
     tables.show("Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
 
 
-def modes(model: ModelFile, as_csv: bool = False, as_json: bool = False) -> None:
+def modes(
+    model: ModelFile, count: int | None = None, near: float = 0.0, as_csv: bool = False, as_json: bool = False
+) -> None:
     """Print natural frequencies, damping ratios and the largest motion of each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
+    if near and count is None:
+        raise shell.UsageProblem(f"--near {near:g}: say how many modes are wanted by --count.")
+    if count is not None and count < 1:
+        raise shell.UsageProblem(f"--count {count}: expected how many modes, 1 or more.")
     from mbsvib.common import tables
 
-    result = system_of(model).modes()
+    system = system_of(model)
+    result = system.modes(count, near=near) if system.kind == "sparse system" else system.modes()
+    which = sorted(sorted(range(len(result)), key=lambda k: abs(result.frequencies[k] - near))[:count])
+    columns = {name: [column[k] for k in which] for name, column in _columns(result).items()}
     if as_json:
-        columns = _columns(result)
         rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-        shell.say_json({"name": result.name, "dof": len(result), "modes": rows})
+        shell.say_json({"name": result.name, "dof": len(result.coordinates), "modes": rows})
     elif as_csv:
-        shell.say(csv_text(result).rstrip("\n"))
+        from mbsvib.common.columnar import csv_text
+
+        shell.say(csv_text(columns).rstrip("\n"))
     else:
-        tables.show(**result.table())
-
-
-def csv_text(modes: Modes) -> str:
-    """Return modes as CSV with a header and every digit, lines ended by a line feed."""
-    import csv
-    from io import StringIO
-
-    columns, stream = _columns(modes), StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return stream.getvalue()
+        table = result.table()
+        tables.show(**{**table, "rows": [table["rows"][k] for k in which]})
 
 
 def _columns(modes: Modes) -> dict[str, list[Any]]:
@@ -75,6 +74,9 @@ def _columns(modes: Modes) -> dict[str, list[Any]]:
 def check(model: ModelFile, as_json: bool = False) -> None:
     """Load and linearize a model and explain what was found; exit status 1 if it is faulty."""
     system = system_of(model)
+    if as_json and system.kind == "sparse system":
+        shell.say_json({"name": system.name, "dof": system.dof, "inputs": system.inputs, "outputs": system.outputs})
+        return
     if as_json:
         modes = system.modes()
         shell.say_json({
@@ -84,6 +86,8 @@ def check(model: ModelFile, as_json: bool = False) -> None:
         })  # fmt: skip
         return
     shell.say(system.explain())
+    if system.kind == "sparse system":
+        return
     modes = system.modes()
     shell.say("modes")
     if len(modes):
@@ -105,7 +109,14 @@ def schema(as_json: bool = True) -> None:
 CSV = flag("--csv", "as_csv", "Print comma-separated values with every digit.")
 COMMANDS = {
     "models": Command(models, (JSON,)),
-    "modes": Command(modes, (MODEL, CSV, JSON)),
+    "modes": Command(modes, (
+        MODEL,
+        option("--count", to="count", metavar="N", type=whole_number,
+               words="How many of the lowest modes. Default: all, of models of at most some hundred bodies."),
+        option("--near", to="near", metavar="HZ", type=number, default=0.0,
+               words="Those nearest to this frequency in their place [Hz]."),
+        CSV, JSON,
+    )),
     "check": Command(check, (MODEL, JSON)),
     "schema": Command(schema, (JSON,)),
 }

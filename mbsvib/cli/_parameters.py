@@ -38,10 +38,9 @@ def sweep(
 ) -> None:  # fmt: skip
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
-    from mbsvib.cli._figures import FORMATS, deliver
+    from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
 
-    if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
-        raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
+    check_format(file, table=True)
     if modes < 1:
         raise shell.UsageProblem(f"--modes {modes}: expected how many of the lowest modes, 1 or more.")
     source = model_of(model)
@@ -61,12 +60,10 @@ def sweep(
         from mbsvib.common import tables
 
         tables.show(**result.table())
-    if file is not None and file.suffix.lower() != ".csv":
-        deliver(_over_ranges(result), file, as_json)
+    if file is not None and is_table(file):
+        deliver_table(result.columns(), file, as_json)
     elif file is not None:
-        result.to_csv(file)
-        if not as_json:
-            shell.say(f"Written: {shell.shown(file)}")
+        deliver(_over_ranges(result), file, as_json)
 
 
 def _over_ranges(result: Sweep) -> Figure:

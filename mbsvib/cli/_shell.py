@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import warnings
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from mbsvib.cli._wording import in_commands
 from mbsvib.common import tables
 from mbsvib.errors import (
     AccuracyWarning,
@@ -28,17 +28,6 @@ if TYPE_CHECKING:
 
 DEBUG = "--debug"
 FAILED, MISUSED, INTERRUPTED = 1, 2, 130
-# What messages of the library name, and the command line has in its place.
-COMMANDS = [(re.compile(call), command) for call, command in (
-    (r"(?:model\.)?equilibrium\(preload=(\S*?)\)", r"'mbsvib equilibrium MODEL --preload \1 -o FILE.yaml'"),
-    (r"model\.equilibrium\(\)(?:\.linearize\(\))?", "'mbsvib equilibrium MODEL -o FILE.yaml'"),
-    (r"(?:model\.)?linearize\(align=([^()]*)\)", r"--align \1"),
-    (r"system\.explain\(\)|print\(system\.explain\(\)\)", "'mbsvib check MODEL'"),
-    (r"outputs=\[\.\.\.\]", "--output NAME"),
-    (r"inputs=\[\.\.\.\]", "--input NAME"),
-    (r"add_(input|output|force_output|base_motion)\(\)", r"an entry of \1s in the model file"),
-)]  # fmt: skip
-
 
 class UsageProblem(MbsvibError):
     """A command line with invalid arguments: exit status 2; a faulty model has 1."""
@@ -122,13 +111,6 @@ def _finite(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [_finite(value) for value in content]
     return None if isinstance(content, float) and not isfinite(content) else content
-
-
-def in_commands(words: str) -> str:
-    """Return a message that names calls of Python with the commands and options that do the same."""
-    for call, command in COMMANDS:
-        words = call.sub(command, words)
-    return words
 
 
 def complain(words: str) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, number, option, positional
-from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import as_misuse, model_of, range_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def path(
     model: ModelFile, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False
 ) -> None:
     """Follow the equilibria while a joint coordinate is led along values, with their stability."""
-    check_format(file)
+    check_format(file, table=True)
     coordinate, requested = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")
     source = model_of(model)
     with as_misuse(coordinate):
@@ -57,7 +57,9 @@ def path(
         })  # fmt: skip
     else:
         shell.say(str(result))
-    if file is not None:
+    if file is not None and is_table(file):
+        deliver_table(result.columns(), file, as_json)
+    elif file is not None:
         from mbsvib import plots
 
         deliver(plots.path(result), file, as_json)
@@ -68,7 +70,7 @@ def isolation(
     leak: float = 0.0, legs: list[str] | None = None, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Print how well a body is isolated from the motion of its base, also with feedback in its legs."""
-    check_format(file)
+    check_format(file, table=True)
     if (feedback is None) != (gain is None):
         raise shell.UsageProblem("--feedback and --gain belong together, as in --feedback force --gain 60.")
     if legs and feedback is None:
@@ -97,7 +99,9 @@ def isolation(
         if loop is not None:
             for table in (loop, loop.margins(), results[1]):
                 tables.show(**table.table())
-    if file is not None:
+    if file is not None and is_table(file):
+        deliver_table(results[-1].columns(), file, as_json)
+    elif file is not None:
         from mbsvib import plots
 
         labels = ["open loop", f"{feedback} feedback"] if len(results) == 2 else [results[0].name]
@@ -135,7 +139,7 @@ COMMANDS = {
                    "A joint coordinate, such as elbow.rz, and its displacements [m, rad].", completes="coordinate"),
         option("--switch", to="switch", metavar="WAY", type=int, choices=(-1, 0, 1), default=0,
                words="1 or -1: go on along the path that crosses at the first branch point. Default: 0."),
-        file_argument("Force and frequencies over the coordinate, as .png, .pdf or .svg."),
+        file_argument("Force and frequencies over the coordinate, as .png, .pdf, .svg or .csv."),
         JSON,
     )),
     "isolation": Command(isolation, (
@@ -151,7 +155,7 @@ COMMANDS = {
         option("--legs", to="legs", metavar="NAME", action="append", completes="spring",
                words="Springs, joints or patterns that get actuators, mount1.z of a bushing; may be given several "
                      "times. Default: all line springs, without any all prismatic joints."),
-        file_argument("Transmissibility and compliance, as .png, .pdf or .svg."),
+        file_argument("Transmissibility and compliance, as .png, .pdf, .svg or .csv (with feedback if that is given)."),
         JSON,
     )),
 }  # fmt: skip

@@ -15,7 +15,7 @@ from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
 
@@ -47,12 +47,7 @@ class Columnar:
         ExportError
             If the file cannot be written.
         """
-        columns = self.columns()
-        text = StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*[np.asarray(column).tolist() for column in columns.values()], strict=True))
-        return write_atomic(path, lambda stream: stream.write(text.getvalue().encode()))
+        return write_csv(path, self.columns())
 
     def to_dataframe(self) -> Any:
         """Return the columns as a pandas DataFrame.
@@ -69,6 +64,27 @@ class Columnar:
         """
         frame = pandas_for("to_dataframe").DataFrame(self.columns())
         return frame if self._index is None else frame.set_index(self._index)
+
+
+def csv_text(columns: Mapping[str, Any]) -> str:
+    """Return columns as comma-separated values with a header and every digit, lines ended by a line feed."""
+    text = StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*[np.asarray(column).tolist() for column in columns.values()], strict=True))
+    return text.getvalue()
+
+
+def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Any]) -> Path:
+    """Write columns to a file, completely or not at all."""
+    return write_atomic(path, lambda stream: stream.write(csv_text(columns).encode()))
+
+
+def by_pair(outputs: Sequence[str], inputs: Sequence[str], values: Any) -> dict[str, Any]:
+    """Return the columns of an array (outputs, inputs, n): OUTPUT/INPUT, of complex ones with _re and _im behind it."""
+    parts = {"_re": np.real(values), "_im": np.imag(values)} if np.iscomplexobj(values) else {"": values}
+    return {f"{output}/{name}{end}": part[i, j] for i, output in enumerate(outputs) for j, name in enumerate(inputs)
+            for end, part in parts.items()}  # fmt: skip
 
 
 def numbered(arrays: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mbsvib.common.arguments import shown
-from mbsvib.common.columnar import Columnar
+from mbsvib.common.columnar import Columnar, by_pair
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
@@ -215,13 +215,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             ``frequency_hz``; ``OUTPUT/INPUT_re`` and ``OUTPUT/INPUT_im`` of each pair, and ``OUTPUT/INPUT_variance`` if
             it is known.
         """
-        result = {"frequency_hz": self.frequencies}
-        for i, output in enumerate(self.outputs):
-            for j, name in enumerate(self.inputs):
-                pair = self.responses[i, j]
-                result |= {f"{output}/{name}_re": pair.real, f"{output}/{name}_im": pair.imag}
-                result |= {} if self.variance is None else {f"{output}/{name}_variance": self.variance[i, j]}
-        return result
+        noise = {} if self.variance is None else by_pair(self.outputs, self.inputs, self.variance)
+        return {"frequency_hz": self.frequencies, **by_pair(self.outputs, self.inputs, self.responses),
+                **{f"{pair}_variance": values for pair, values in noise.items()}}  # fmt: skip
 
     @property
     def driving_points(self) -> tuple[tuple[str, str], ...]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import gammaln, xlogy
 
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import linked_items
@@ -68,10 +68,11 @@ class DecayingSum:
             rate, fastest = float((-value.real).min()), float(size[group].max())
             apart = [(abs(r), 0, -v.real, abs(v)) for r, v in zip(residue.tolist(), value.tolist(), strict=True)]
             together = []
-            for p in range(len(group)):
-                product = np.prod(value[p:, None] - value[None, :p], axis=1)
-                together.append((abs(complex(residue[p:] @ product)), p, rate, fastest))
-            smaller = sum(c * (p / (np.e * s)) ** p / factorial(p) for c, p, s, _ in together) < np.abs(residue).sum()
+            with np.errstate(over="ignore", invalid="ignore"):  # of hundreds of modes; these are no smaller bound
+                for p in range(len(group)):
+                    product = np.prod(value[p:, None] - value[None, :p], axis=1)
+                    together.append((abs(complex(residue[p:] @ product)), p, rate, fastest))
+                smaller = sum(c * _term(p, s, p / s) for c, p, s, _ in together) < np.abs(residue).sum()
             terms += together if smaller else apart
         table: Array = np.array(terms, dtype=float).reshape(-1, 4)
         return table[:, 0], table[:, 1], table[:, 2], table[:, 3]
@@ -81,8 +82,7 @@ class DecayingSum:
         _, p, s, _ = self._bounds
         power = np.maximum(p - fall, 0.0)[:, None]
         late = np.maximum(t, power / s[:, None])
-        factorials = np.array([float(factorial(int(k))) for k in power[:, 0]])[:, None]
-        return np.asarray((p >= fall)[:, None] * late**power / factorials * np.exp(-s[:, None] * late))
+        return np.asarray((p >= fall)[:, None] * _term(power, s[:, None], late))
 
     def envelope(self, t: float) -> float:
         """Return what |f| never exceeds after a time [s]."""
@@ -215,3 +215,8 @@ class DecayingSum:
             f"step_info: '{self.name}' vibrates at {abs(worst) / (2.0 * np.pi):.4g} Hz with a damping ratio of "
             f"{-worst.real / abs(worst):.1e}: it takes more than {MOST_SAMPLES:,} samples until it has settled."
         )
+
+
+def _term(p: Any, s: Any, t: Any) -> Any:
+    """t^p / p! exp(-s t), also of large powers."""
+    return np.exp(xlogy(p, t) - gammaln(p + 1.0) - s * t)

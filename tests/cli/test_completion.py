@@ -23,7 +23,7 @@ def test_commands_and_options(run):
     assert candidates(run, "check") == ["check", "check-export"]
     assert candidates(run, "cert") == ["certify"]
     assert "--install-completion" in candidates(run, "--")
-    assert candidates(run, "modes", "stewart", "--") == ["--csv", "--json", "--align", "--help"]
+    assert candidates(run, "modes", "stewart", "--") == ["--count", "--near", "--csv", "--json", "--align", "--help"]
     assert candidates(run, "--debug", "mod") == ["models", "modes"]
     assert candidates(run, "isolation", "stewart", "platform", "--feedback", "") == ["force", "velocity", "skyhook"]
     assert candidates(run, "--show-completion", "") == ["bash", "zsh", "fish"]

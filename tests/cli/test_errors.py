@@ -150,13 +150,3 @@ def test_errors_name_commands_and_not_calls(run, tmp_path):
     assert result.exit_code == 1
     assert "Find the pose with 'mbsvib equilibrium MODEL -o FILE.yaml'" in result.stderr
     assert "()" not in result.stderr
-
-
-@pytest.mark.parametrize(("call", "command"), [
-    ("call linearize(align=1e-3).", "call --align 1e-3."),
-    ("model.equilibrium().linearize()", "'mbsvib equilibrium MODEL -o FILE.yaml'"),
-    ("outputs=[...].", "--output NAME."),
-    ("add some by add_input().", "add some by an entry of inputs in the model file."),
-])  # fmt: skip
-def test_calls_have_their_commands(call, command):
-    assert shell.in_commands(call) == command

@@ -99,3 +99,24 @@ def test_curves_as_json_are_those_of_the_library(run):
     step = json.loads(run("step slider.yaml --duration 10 --json").stdout)
     assert step["responses"]["x"]["F"][-1] == pytest.approx(1.0 / 5000.0, rel=1e-9)
     assert (step["inputs"], step["output_units"]) == (["F"], list(system.output_units))
+
+
+@pytest.mark.parametrize(("line", "columns"), [
+    ("bode slider.yaml --from 1 --to 50", ["frequency_hz", "x/F_re", "x/F_im"]),
+    ("nyquist slider.yaml", ["frequency_hz", "x/F_re", "x/F_im"]),
+    ("sigma slider.yaml", ["frequency_hz", "singular_value_1_m/N"]), ("step slider.yaml", ["time_s", "x/F"]),
+    ("sweep slider.yaml k.stiffness=1e3:1e4:3 --modes 1", ["k.stiffness", "mode 1 [Hz]"]),
+    ("budget slider.yaml --noise F=1", ["frequency_hz"]), ("path slider.yaml rail.z=0:0.1:3", ["rail.z"]),
+    pytest.param("isolation quarter_car body", ["frequency_hz", "index"], marks=pytest.mark.slow),
+])  # fmt: skip
+def test_curves_and_tables_as_files_of_comma_separated_values(run, tmp_path, line, columns):
+    result = run(f"{line} -o t.csv")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.splitlines()[-1] == "Written: t.csv"
+    head, *rows = (tmp_path / "t.csv").read_text().splitlines()
+    assert head.split(",")[: len(columns)] == columns
+    assert len(rows) > 0
+    if line.startswith("bode"):
+        f, real, imaginary = np.array([row.split(",") for row in rows], dtype=float).T
+        s = 2j * np.pi * f
+        np.testing.assert_allclose(real + 1j * imaginary, 1.0 / (2.0 * s**2 + 10.0 * s + 5000.0), rtol=1e-9)

@@ -123,3 +123,23 @@ def test_certify_is_for_ci(run, tmp_path):
     failed = run(f"certify {tmp_path / 'off.yaml'} --json")
     assert failed.exit_code == 1
     assert json.loads(failed.stdout)["failed"] == ["equilibrium.residual"]
+
+
+def test_some_of_the_modes(run):
+    every = json.loads(run("modes stewart --json").stdout)["modes"]
+    assert json.loads(run("modes stewart --count 2 --json").stdout)["modes"] == every[:2]
+    near = every[3]["natural_hz"] * 1.0001
+    assert json.loads(run(f"modes stewart --count 1 --near {near} --json").stdout)["modes"][0]["natural_hz"] == \
+        pytest.approx(every[3]["natural_hz"], rel=1e-3)  # fmt: skip
+    assert "--count" in run("modes stewart --near 3").stderr
+    assert "--count 0" in run("modes stewart --count 0").stderr
+
+
+def test_models_of_many_bodies(run, monkeypatch):
+    """They are held sparse, and all of their modes are not computed unasked."""
+    monkeypatch.setattr("mbsvib.cli._looking.system_of", lambda model: mv.library.chain(40).linearize(method="sparse"))
+    result = run("modes chain")
+    assert result.exit_code == 2
+    assert "--count 10, or --count 10 --near HZ" in result.stderr
+    assert len(json.loads(run("modes chain --count 3 --json").stdout)["modes"]) == 3
+    assert run("check chain").exit_code == run("check chain --json").exit_code == 0

@@ -65,7 +65,8 @@ def test_the_figure_of_a_sweep_has_all_modes(run, monkeypatch, modes, label, lin
 @pytest.mark.parametrize(("line", "words"), [
     ("tyre.stiffness", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=1:2:1", "expected PARAMETER=FROM:TO"),
     ("tyre.stiffness=1:b", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=-1:2 --log", "--log needs positive ends"),
-    ("tyre.stiffness=1:2 -o s.txt", "sweeps end in .png"), ("tyre.stifness=1:2", "Did you mean 'tyre.stiffness'?"),
+    ("tyre.stiffness=1:2 -o s.txt", "figures end in .png, .pdf, .svg, tables in .csv"),
+    ("tyre.stifness=1:2", "Did you mean 'tyre.stiffness'?"),
 ])  # fmt: skip
 def test_faulty_sweeps(run, line, words):
     result = run(f"sweep quarter_car {line}")

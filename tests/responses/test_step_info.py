@@ -244,3 +244,14 @@ def test_outputs_that_feel_nothing():
     for value in (info.final, info.peak, info.settling_time):
         assert (value == 0.0).all()
     assert np.isnan([info.overshoot, info.rise_time]).all()
+
+
+@pytest.mark.parametrize("count", [171, 300])
+def test_hundreds_of_neighbouring_poles(count):
+    """Factorials above 170! are no floating-point numbers."""
+    values = -1.0 - 1e-5 * np.arange(count) + 0j
+    decaying = DecayingSum("many", np.full(count, 1.0 / count) + 0j, values)
+    t = decaying.until(0.01)
+    exact = float(np.exp(values.real * t).mean())
+    assert exact <= decaying.envelope(t) * (1.0 + 1e-12) <= 0.01 * (1.0 + 1e-9)
+    assert exact == pytest.approx(0.01, rel=0.02)
