@@ -17,7 +17,8 @@ from mbsvib.elements.beam_arguments import check_flags, checked_damping, checked
 from mbsvib.elements.beam_element import Element, Prismatic
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, ParameterField, Part, derived, vector_field
+from mbsvib.elements.part import Composed, Part, derived
+from mbsvib.elements.roles import POINT, ParameterField
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.rotations import exponential
@@ -87,7 +88,7 @@ class Beam(Composed):
                     yield ParameterField(item.name, value, UNITS.get(item.name, "m"))
         for field in ("start", "end"):
             if (value := getattr(self, field)) is not None:
-                yield vector_field(field, value)
+                yield POINT.field(field, value)
         if self.length is not None:
             yield ParameterField("length", self.length, "m")
         for field in ("alpha", "beta", "damping_ratio"):

@@ -12,16 +12,15 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements import shapes
-from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
+from mbsvib.elements.part import Part
+from mbsvib.elements.roles import Role, axes, batched, number, point
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.roles import Mask
 
 INERTIA = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -31,6 +30,15 @@ TRIANGLE_SLACK = 1e-6
 CLEARLY_VALID = 1e-6
 # Limits for many variants at once are tightened by this factor, so that rounding lets none pass unchecked.
 SAFETY = 0.9
+
+
+def _is_doubtful(_: Part, field: str, values: Mapping[str, Array]) -> Mask:
+    """Whether no body might have these inertias (6, variants)."""
+    tensor = values[field][[0, 3, 4, 3, 1, 5, 4, 5, 2]].T.reshape(-1, 3, 3)
+    low, middle, high = np.linalg.eigvalsh(tensor).T
+    slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)
+    # diagonal entries must not be negative, even by rounding
+    return np.asarray((low < -slack) | (low + middle < high - slack) | (values[field][:3] < 0.0).any(axis=0))
 
 
 @fast_init
@@ -44,8 +52,12 @@ class Body(Part):
 
     symbol = "body"
     turns_steadily: ClassVar[bool] = False
-    batched_fields = frozenset({"mass", "inertia", "position", "orientation"})
-    signed_fields = frozenset({"mass", "position", "orientation"})
+    roles = batched(
+        mass=number("kg", positive=True),
+        inertia=Role("kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"), placed="inertia", signed=False,
+                     doubtful=_is_doubtful),
+        position=point("name"), orientation=axes("name"),
+    )  # fmt: skip
 
     mass: float
     inertia: tuple[float, float, float, float, float, float]
@@ -55,39 +67,6 @@ class Body(Part):
     @property
     def body_positions(self) -> Mapping[str, Vector]:
         return {self.name: self.position}
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        result: Mask | bool = False
-        if "mass" in values:
-            result = ~(values["mass"] > 0.0)
-        if "inertia" in values:
-            tensor = values["inertia"][[0, 3, 4, 3, 1, 5, 4, 5, 2]].T.reshape(-1, 3, 3)
-            low, middle, high = np.linalg.eigvalsh(tensor).T
-            slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)
-            # diagonal entries must not be negative, even by rounding
-            result |= (low < -slack) | (low + middle < high - slack) | (values["inertia"][:3] < 0.0).any(axis=0)
-        return result
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("mass", self.mass, "kg")
-        yield ParameterField("inertia", self.inertia, "kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"))
-        yield vector_field("position", self.position)
-        yield rotation_field()
-
-    def with_values(self, values: Mapping[str, Any]) -> Body:
-        return make(**self._arguments_with(values))
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.is_unmoved(self.name):
-            return self
-        axes = pose.rotated_axes(self.name, self.orientation)
-        return Body(self.name, self.mass, self.inertia, pose.centre_of(self.name), axes)
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        xx, yy, zz, xy, xz, yz = self.inertia
-        sign = -1.0 if to.mirrored else 1.0
-        return {"inertia": (xx, yy, zz, xy, sign * xz, sign * yz), "position": to.point(self.position),
-                "orientation": to.axes(self.orientation)}  # fmt: skip
 
 
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:

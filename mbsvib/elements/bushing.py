@@ -15,22 +15,23 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.connection import Connection, check_ends
-from mbsvib.elements.deformations import Law, six
-from mbsvib.elements.part import ParameterField, Part, is_unsymmetric, rotation_field, spatial_field, vector_field
+from mbsvib.elements.connection import ENDS, Connection, check_ends
+from mbsvib.elements.deformations import Law
+from mbsvib.elements.deformations import six as deformation
+from mbsvib.elements.part import Part
 from mbsvib.elements.preload_form import PreloadForm
+from mbsvib.elements.roles import DAMPING, STIFFNESS, axes, batched, is_unsymmetric, point, six
 from mbsvib.errors import ModelError
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
     Mask = NDArray[np.bool_]
@@ -56,24 +57,16 @@ class Bushing(Connection):
     these axes; its reaction acts on the first body at the same point.
     """
 
-    law = Law(six, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(3, 6))
+    law = Law(deformation, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(3, 6))
+
+    roles = batched(**ENDS, stiffness=STIFFNESS, damping=DAMPING, position=point("second"), orientation=axes("first"),
+                   preload=six(("N", "N", "N m"), wrench=True))  # fmt: skip
 
     position: Vector
     stiffness: Six | Matrix6 = ZERO
     damping: Six | Matrix6 = ZERO
     orientation: Matrix3 = check.IDENTITY
     preload: Six | None = None
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield spatial_field("stiffness", self.stiffness, ("N/m", "N/rad", "N m/rad"))
-        yield spatial_field("damping", self.damping, ("N s/m", "N s/rad", "N m s/rad"))
-        yield vector_field("position", self.position)
-        yield rotation_field()
-        if self.preload is not None:
-            yield spatial_field("preload", self.preload, ("N", "N", "N m"))
-
-    def with_values(self, values: Mapping[str, Any]) -> Bushing:
-        return make(**self._arguments_with(values))
 
     @property
     def loaded(self) -> bool:
@@ -93,15 +86,6 @@ class Bushing(Connection):
                               map(matrix6, (self.stiffness, self.damping)))  # fmt: skip
         return stiffness, damping
 
-    batched_fields = frozenset({"position", "orientation", "preload", "stiffness", "damping"})
-    signed_fields = batched_fields
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in
-                        ("stiffness", "damping")]  # fmt: skip
-        active = [array.reshape(-1, array.shape[-1]).any(axis=0) for array in coefficients]
-        return np.asarray(~(active[0] | active[1]))
-
     def preload_form(self, size: float) -> PreloadForm | None:
         stiffness = np.array(self.stiffness)
         sizes, axes = np.array([1.0] * 3 + [1.0 / size] * 3), np.kron(np.eye(2), np.array(self.orientation))
@@ -118,13 +102,6 @@ class Bushing(Connection):
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.all_in_pose([self], pose, relaxed)[0]
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to) | {
-            "stiffness": to.matrix(self.stiffness), "damping": to.matrix(self.damping),
-            "orientation": to.axes(self.orientation),
-            "preload": None if self.preload is None else to.local(self.preload),
-        }  # fmt: skip
 
     @staticmethod
     def all_in_pose(parts: Sequence[Any], pose: Pose, relaxed: bool) -> list[Part | dict[str, Any]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
+from mbsvib.elements.roles import BODY, point
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -18,12 +19,13 @@ if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.deformations import Law
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.preload_form import PreloadForm
 
 
 ZERO = (0.0,) * 6
+# Roles of the bodies that a connection is between, and of the two points of one along a line.
+ENDS = {"first": BODY, "second": BODY}
+LINE = {"start": point("first", other="end"), "end": point("second", other="start")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +64,6 @@ class Connection(Part):
     def reversed_axis(self) -> int:
         """Number of its axis that a mirrored copy reverses: not its line, which is z."""
         return 1 if self.acts_along_line else 2
-
-    def _placed_ends(self, to: Placement) -> dict[str, Any]:
-        """Return those arguments of its copy in another place that are its bodies and points."""
-        return {"first": to.body(self.first), "second": to.body(self.second),
-                **{key: to.point(getattr(self, key)) for key in self.point_fields}}  # fmt: skip
 
     @property
     def loaded(self) -> bool:
@@ -163,13 +160,6 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     if not 0.0 < length < inf:
         raise check.refuse(who, "end", end, "a point other than start", hint)
     return a, b, (x / length, y / length, z / length), length
-
-
-def no_line(part: Any, values: Mapping[str, Array], ends: tuple[str, str] = ("start", "end")) -> Mask:
-    """Return which variants (v,) of a part have no line between its points, ``values`` (3, v) of some of them."""
-    start, end = (values.get(field, np.array(getattr(part, field))[:, None]) for field in ends)
-    line = np.abs(end - start)
-    return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
 
 
 def line_force(tension: float, line: Vector) -> tuple[float, ...]:

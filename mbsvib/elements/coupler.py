@@ -32,14 +32,15 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements.part import ParameterField, Part, derived
+from mbsvib.elements.part import Part, derived
+from mbsvib.elements.roles import ParameterField
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.joint import Joint
-    from mbsvib.elements.part import Mask
     from mbsvib.elements.placement import Placement
+    from mbsvib.elements.roles import Mask
 
 Terms = tuple[tuple[str, float], ...]
 ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")

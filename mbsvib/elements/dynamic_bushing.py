@@ -24,16 +24,14 @@ from mbsvib.elements.bushing import ZERO, Bushing, Matrix6, Six, matrix6
 from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell_rows import Node, as_node_joint
-from mbsvib.elements.part import ParameterField, Part, spatial_field
+from mbsvib.elements.part import Part
 from mbsvib.elements.relaxing import Relaxing, factor_of
+from mbsvib.elements.roles import STIFFNESS, stated
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 GROUND = "ground"
@@ -51,6 +49,8 @@ class DynamicBushing(Relaxing):
 
     law = Law(six, "rest_stiffness", "rest_damping", preload="preload", wrench=True, rotations=slice(3, 6),
               relaxations="relaxations")  # fmt: skip
+
+    roles = stated(**Bushing.roles, dynamic_stiffness=STIFFNESS)
 
     position: Vector
     stiffness: Six | Matrix6
@@ -109,18 +109,6 @@ class DynamicBushing(Relaxing):
     def cross_coupling(self) -> tuple[Array, Array] | None:
         return self.at_rest.cross_coupling
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield from Bushing(self.name, self.first, self.second, self.position, self.stiffness, self.damping,
-                           self.orientation, self.preload).parameter_fields()  # fmt: skip
-        if self.dynamic_stiffness is not None:
-            yield spatial_field("dynamic_stiffness", self.dynamic_stiffness, _UNITS)
-        yield from self.term_fields()
-
-    def with_values(self, values: Mapping[str, Any]) -> DynamicBushing:
-        result = make(**self.terms_with(values))
-        assert isinstance(result, DynamicBushing)
-        return result
-
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
             return self
@@ -134,11 +122,6 @@ class DynamicBushing(Relaxing):
         return replace(result, stiffness=_sum(there.stiffness, acting.damping, 1.0 - self.dynamic.static),
                        damping=_sum(there.damping, acting.damping, -self.dynamic.viscous),
                        dynamic_stiffness=acting.damping)  # fmt: skip
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        turned = None if self.dynamic_stiffness is None else to.matrix(self.dynamic_stiffness)
-        return self.at_rest.placed(to) | {"stiffness": to.matrix(self.stiffness), "damping": to.matrix(self.damping),
-                                          "dynamic_stiffness": turned}  # fmt: skip
 
 
 def make(

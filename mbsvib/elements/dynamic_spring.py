@@ -25,10 +25,6 @@ from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from mbsvib.elements.part import ParameterField
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 GROUND = "ground"
@@ -40,6 +36,8 @@ class DynamicSpring(RelaxingAxis):
 
     law = Law(length, "rest_stiffness", "rest_damping", preload="preload", free="free_length",
               relaxations="relaxations")  # fmt: skip
+
+    roles = Spring.roles
 
     start: Vector
     end: Vector
@@ -71,25 +69,11 @@ class DynamicSpring(RelaxingAxis):
         return spring.make(self.name, self.first, self.second, self.start, self.end, self.rest_stiffness,
                            self.rest_damping, self.preload, self.free_length)  # fmt: skip
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield from Spring(self.name, self.first, self.second, self.start, self.end, self.stiffness, self.damping,
-                          self.preload, self.free_length).parameter_fields()  # fmt: skip
-        yield from self.term_fields()
-
-    def with_values(self, values: Mapping[str, Any]) -> DynamicSpring:
-        result = make(**self.terms_with(values))
-        assert isinstance(result, DynamicSpring)
-        return result
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to)
-
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
             return self
         if self.at_rest is None:
-            ends = {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}
-            return self.constructor_kwargs() | ends
+            return super(DynamicSpring, self).in_pose(pose, relaxed)
         there = self.at_rest.in_pose(pose, relaxed)
         assert isinstance(there, dict)
         return there | {"stiffness": self.stiffness, "damping": self.damping, "dynamic": self.dynamic}

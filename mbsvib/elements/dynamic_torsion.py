@@ -19,11 +19,9 @@ from mbsvib.elements.relaxing import RelaxingAxis, check_axis, factor_of
 from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import ParameterField
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
     from mbsvib.elements.shared_rows import ExpandedPart
 
@@ -34,6 +32,8 @@ class DynamicTorsionSpring(RelaxingAxis):
 
     law = Law(twist, "rest_stiffness", "rest_damping", preload="preload", wrench=True, rotations=slice(0, 1),
               relaxations="relaxations")  # fmt: skip
+
+    roles = TorsionSpring.roles
 
     axis: Vector
     stiffness: float
@@ -68,19 +68,6 @@ class DynamicTorsionSpring(RelaxingAxis):
             return None
         return TorsionSpring(self.name, self.first, self.second, self.axis, self.rest_stiffness, self.rest_damping,
                              self.preload)  # fmt: skip
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield from TorsionSpring(self.name, self.first, self.second, self.axis, self.stiffness, self.damping,
-                                 self.preload).parameter_fields()  # fmt: skip
-        yield from self.term_fields()
-
-    def with_values(self, values: Mapping[str, Any]) -> DynamicTorsionSpring:
-        result = make(**self.terms_with(values))
-        assert isinstance(result, DynamicTorsionSpring)
-        return result
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to) | {"axis": to.axial(self.axis)}
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # relaxations are relaxed there, and act in the directions in which a damper about the axis does

@@ -34,7 +34,7 @@ from mbsvib.elements import (
     superelement_expansion,
     torsion_spring,
 )
-from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
+from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import Part, defaults
 
@@ -104,7 +104,8 @@ FAMILIES = (
     Family(ports.ForceOutput, "force_output", "outputs", ports.make_force_output),
     Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, expand=strain_output.expand),
 )  # fmt: skip
-_MAKERS = {family.part: family.make for family in FAMILIES if family.make is not None}
+for _family in FAMILIES:
+    _family.part.made_by = _family.make
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 
 
@@ -155,7 +156,5 @@ def rebuild_with(part: P, kwargs: Mapping[str, Any]) -> P:
     ModelError
         If an argument is refused.
     """
-    if isinstance(part, Coupling):
-        return part
-    result: P = _MAKERS[type(part)](**defaults(type(part)) | dict(kwargs))  # type: ignore[assignment]
-    return result
+    kind = type(part)
+    return part if kind.made_by is None else kind.made_by(**defaults(kind) | dict(kwargs))

@@ -24,7 +24,8 @@ from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.notch_element import NotchElement
-from mbsvib.elements.part import ParameterField, derived, rotation_field, vector_field
+from mbsvib.elements.part import derived
+from mbsvib.elements.roles import POINT, TURN, ParameterField
 from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion
 from mbsvib.errors import AccuracyWarning, nearest
 from mbsvib.linalg.rotations import exponential
@@ -210,8 +211,8 @@ class Flexure(Beam):
         """Yield numbers of material and shape, its place and orientation, and its damping."""
         for item in super(Flexure, self).parameter_fields():
             if item.name == "alpha":
-                yield vector_field("position", self.position)
-                yield rotation_field()
+                yield POINT.field("position", self.position)
+                yield TURN.field("orientation", self.orientation)
             yield item
 
     def with_values(self, values: Mapping[str, Any]) -> Flexure:

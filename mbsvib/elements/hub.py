@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.body import NO_INERTIA, Body
-from mbsvib.elements.part import ParameterField, vector_field
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.elements.part import Part
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+from mbsvib.elements.roles import axis as line
+from mbsvib.elements.roles import batched, number, point
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +20,8 @@ class Hub(Body):
     """
 
     symbol = "body"
-    batched_fields = frozenset({"speed"})
-    signed_fields = batched_fields
     turns_steadily: ClassVar[bool] = True
+    roles = batched(speed=number("rad/s"), position=point(batched=False), axis=line())
 
     mass: float = field(default=0.0, init=False, metadata={"derived": True})
     inertia: tuple[float, float, float, float, float, float] = field(
@@ -36,22 +29,6 @@ class Hub(Body):
     orientation: Matrix3 = field(default=check.IDENTITY, init=False, metadata={"derived": True})
     speed: float = 0.0
     axis: Vector = (0.0, 0.0, 1.0)
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("speed", self.speed, "rad/s")
-        yield vector_field("position", self.position)
-
-    def constructor_kwargs(self) -> dict[str, Any]:
-        return {"name": self.name, "speed": self.speed, "axis": self.axis, "position": self.position}
-
-    def with_values(self, values: Mapping[str, Any]) -> Hub:
-        return make(**self.constructor_kwargs() | dict(values))
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        return self
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return {"axis": to.axial(self.axis), "position": to.point(self.position)}
 
 
 def make(name: str, speed: Any, axis: Any, position: Any = (0.0, 0.0, 0.0)) -> Hub:

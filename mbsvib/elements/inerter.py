@@ -15,19 +15,15 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends, line_between, no_line
+from mbsvib.elements.connection import ENDS, LINE, Connection, check_ends, line_between
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import ParameterField, Part, derived, vector_field
+from mbsvib.elements.part import derived
+from mbsvib.elements.roles import batched, number
 from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from collections.abc import Mapping, Sequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,32 +36,13 @@ class Inerter(Connection):
     law = Law(length, inertance="inertance")
     stiffness = damping = tension = 0.0
     preload = free_length = at_rest = None
+    roles = batched(**ENDS, inertance=number("kg", positive=True), **LINE)
 
     start: Vector
     end: Vector
     inertance: float = field()
     line: Vector = derived((0.0, 0.0, 1.0))
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("inertance", self.inertance, "kg")
-        yield vector_field("start", self.start)
-        yield vector_field("end", self.end)
-
-    def with_values(self, values: Mapping[str, Any]) -> Inerter:
-        return make(**self._arguments_with(values))
-
-    batched_fields = frozenset({"start", "end", "inertance"})
-    signed_fields = frozenset({"inertance"})
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        return np.asarray(no_line(self, values) | (values.get("inertance", np.ones(1)) <= 0.0))
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to)
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        ends = {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}
-        return self.constructor_kwargs() | ends
 
 
 def make(name: str, first: str, second: str, start: Any, end: Any, inertance: Any) -> Inerter:

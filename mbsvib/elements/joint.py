@@ -10,11 +10,12 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.connection import check_ends, no_line
+from mbsvib.elements.connection import check_ends
 from mbsvib.elements.joint_arguments import checked_kind, rod_direction, rotations_of, universal_axes
 from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
 from mbsvib.elements.joint_motion import STRAIGHT, Motion
-from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
+from mbsvib.elements.part import Part, derived
+from mbsvib.elements.roles import axes, batched, number, point
 from mbsvib.errors import ModelError, NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
+    from mbsvib.elements.roles import ParameterField
 
 # Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
 SKEWED = 1e-12
@@ -43,6 +44,9 @@ class Joint(Part):
     """
 
     symbol = "joint"
+
+    roles = batched(position=point("first", other="end"), orientation=axes("first"),
+                   end=point("second", other="position"), pitch=number("m/rad"))  # fmt: skip
 
     kind: str
     first: str
@@ -89,19 +93,6 @@ class Joint(Part):
     def bisects(self) -> bool:
         """Whether its axes bisect the angle of its bodies, as those of a homokinetic joint."""
         return self.turns_by_vector and len(self.rotation_axes) == 2
-
-    @property
-    def batched_fields(self) -> frozenset[str]:
-        """Fields whose values many variants can have at once."""
-        return frozenset({"position", "end"} if self.is_rod else {"position", "orientation", "pitch"})
-
-    @property
-    def signed_fields(self) -> frozenset[str]:
-        """Fields of which all values with the signs of its own are accepted."""
-        return frozenset() if self.is_rod else self.batched_fields
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        return self.is_rod and no_line(self, values, ("position", "end"))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Joint:
         """Return the joint in another pose, with the same free relative motions of its bodies.
@@ -189,11 +180,8 @@ class Joint(Part):
         return float(to.signs(self.reversed_axis)[_INDEX[direction]])
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        if self.position is not None:
-            yield vector_field("position", self.position)
-        yield rotation_field() if self.end is None else vector_field("end", self.end)
-        if self.pitch is not None:
-            yield ParameterField("pitch", self.pitch, "m/rad")
+        return (field for field in super(Joint, self).parameter_fields()
+                if not (self.is_rod and field.name == "orientation"))  # fmt: skip
 
     def with_values(self, values: Mapping[str, Any]) -> Joint:
         arguments = self.arguments() | dict(values)

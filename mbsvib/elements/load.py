@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
-
-import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import ParameterField, Part, vector_field
+from mbsvib.elements.part import Part
+from mbsvib.elements.roles import BODY, batched, point, vector
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.roles import ParameterField
 
 NONE: Vector = (0.0, 0.0, 0.0)
 
@@ -31,40 +28,16 @@ class Load(Part):
     world when the body rotates; a ``follower`` rotates with the body.
     """
 
+    roles = batched(
+        body=BODY, force=vector("N", on="body", follows="follower"),
+        torque=vector("N m", axial=True, on="body", follows="follower"), position=point("body"),
+    )  # fmt: skip
+
     body: str
     force: Vector = NONE
     torque: Vector = NONE
     position: Vector | None = None
     follower: bool = False
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield vector_field("force", self.force, "N")
-        yield vector_field("torque", self.torque, "N m")
-        if self.position is not None:
-            yield vector_field("position", self.position)
-
-    def with_values(self, values: Mapping[str, Any]) -> Load:
-        return make(**self._arguments_with(values))
-
-    batched_fields = frozenset({"force", "torque", "position"})
-    signed_fields = batched_fields
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        idle = [~np.any(values.get(field, np.array(getattr(self, field))[:, None]), axis=0)
-                for field in ("force", "torque")]  # fmt: skip
-        return np.asarray(idle[0] & idle[1])
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return {"body": to.body(self.body), "force": to.vector(self.force), "torque": to.axial(self.torque),
-                "position": to.point(self.position)}  # fmt: skip
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.is_unmoved(self.body):
-            return self
-        changes: dict[str, Any] = {} if self.position is None else {"position": pose.point(self.body, self.position)}
-        if self.follower:
-            changes |= {key: pose.rotated_vector(self.body, getattr(self, key)) for key in ("force", "torque")}
-        return replace(self, **changes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +48,11 @@ class Gravity(Part):
     batched_fields = frozenset({""})
     signed_fields = batched_fields
 
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+    def suspects(self, values: Mapping[str, Array]) -> bool:
         return False
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        yield vector_field("", self.acceleration, "m/s^2")
+        yield vector("m/s^2").field("", self.acceleration)
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         expected = "an acceleration of free fall [m/s^2]"

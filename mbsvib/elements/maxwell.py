@@ -15,18 +15,17 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
-from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
+from mbsvib.elements.connection import ENDS, Connection, check_ends, line_between, line_force
 from mbsvib.elements.deformations import Law, length
-from mbsvib.elements.part import ParameterField, Part, derived, vector_field
+from mbsvib.elements.part import Part, derived
 from mbsvib.elements.preload_form import PreloadForm, along
+from mbsvib.elements.roles import batched, number, point
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Smaller changes of the length, relative to the length, are rounding errors.
@@ -43,6 +42,12 @@ class Maxwell(Connection):
     """
 
     law = Law(length, "static_stiffness", preload="preload", series=("stiffness", "damping"))
+
+    roles = batched(
+        **ENDS, stiffness=number("N/m", positive=True), damping=number("N s/m", positive=True),
+        static_stiffness=number("N/m", signed=False), preload=number("N", signed=False),
+        start=point("first", other="end", batched=False), end=point("second", other="start", batched=False),
+    )  # fmt: skip
 
     start: Vector
     end: Vector
@@ -84,25 +89,6 @@ class Maxwell(Connection):
         """Name of the massless node between spring and damper."""
         return f"{self.name}.node"
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("stiffness", self.stiffness, "N/m")
-        yield ParameterField("damping", self.damping, "N s/m")
-        yield ParameterField("static_stiffness", self.static_stiffness, "N/m")
-        if self.preload is not None:
-            yield ParameterField("preload", self.preload, "N")
-        yield vector_field("start", self.start)
-        yield vector_field("end", self.end)
-
-    def with_values(self, values: Mapping[str, Any]) -> Maxwell:
-        return make(**self._arguments_with(values))
-
-    batched_fields = frozenset({"stiffness", "damping", "static_stiffness", "preload"})
-    signed_fields = frozenset({"stiffness", "damping"})
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        k, c = (values.get(field, np.full(1, getattr(self, field))) for field in ("stiffness", "damping"))
-        return np.asarray((k <= 0.0) | (c < 0.0) | ("preload" in values or "static_stiffness" in values))
-
     def row_values(self, fields: Mapping[str, Array], unit: Array) -> Mapping[str, Array]:
         count = len(next(iter(fields.values())))
         k, c, static = (np.broadcast_to(fields.get(field, getattr(self, field)), (count,))
@@ -113,19 +99,15 @@ class Maxwell(Connection):
         stiffness[1:][~damper[1:]] = static
         return {"stiffness": stiffness, "damping": damping}
 
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to)
-
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # the damper deforms until the spring in series is relaxed; only the static spring changes its force
-        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
-            return self
-        start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
-        kwargs = self.constructor_kwargs() | {"start": start, "end": end}
-        change = dist(start, end) - dist(self.start, self.end)
-        if not relaxed and self.static_stiffness and abs(change) > ROUNDING * dist(start, end):
-            kwargs["preload"] = self.tension + self.static_stiffness * change
-        return kwargs
+        there = super(Maxwell, self).in_pose(pose, relaxed)
+        if isinstance(there, dict) and not relaxed and self.static_stiffness:
+            length = dist(there["start"], there["end"])
+            change = length - dist(self.start, self.end)
+            if abs(change) > ROUNDING * length:
+                there["preload"] = self.tension + self.static_stiffness * change
+        return there
 
 
 def make(

@@ -7,25 +7,19 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from typing import TYPE_CHECKING, Any, Self
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from mbsvib.common.arguments import DIRECTIONS, rotated
+from mbsvib.common.arguments import rotated
 from mbsvib.common.completion import Completed
-from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import NoWordsError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
-
-    Mask = NDArray[np.bool_]
-
-Index = tuple[int, ...]
+    from mbsvib.elements.roles import Mask, ParameterField, Role
 
 
 def derived(default: Any = None) -> Any:
@@ -33,84 +27,21 @@ def derived(default: Any = None) -> Any:
     return field(default=default, repr=False, compare=False, metadata={"derived": True})
 
 
-@fast_init
-@dataclass(frozen=True, slots=True)
-class ParameterField:
-    """A field of a part whose values are parameters: a number, a vector or a 6x6 matrix as tuples.
-
-    ``suffixes`` name the entries of a vector or matrix. ``unit`` is the unit of all entries, or a function of the
-    index.
-    """
-
-    name: str
-    value: Any
-    unit: str | Callable[[Index], str]
-    suffixes: tuple[str, ...] | None = None
-
-    @property
-    def is_symmetric(self) -> bool:
-        """Whether it is a symmetric matrix, whose pairs of entries are one number each."""
-        return self.suffixes is not None and isinstance(self.value[0], tuple) and not is_unsymmetric(self.value)
-
-    def entries(self) -> Iterator[tuple[str, Index, float, str]]:
-        """Yield suffix, index, value and unit of each entry, of a symmetric matrix those of the upper triangle."""
-        unit: Callable[[Index], str] = self.unit if callable(self.unit) else lambda _: str(self.unit)
-        if self.suffixes is None:
-            yield "", (), self.value, unit(())
-        elif isinstance(self.value[0], tuple):
-            symmetric = self.is_symmetric
-            for i in range(6):
-                for j in range(i if symmetric else 0, 6):
-                    suffix = f".{self.suffixes[i]}" + (f".{self.suffixes[j]}" if i != j else "")
-                    yield suffix, (i, j), self.value[i][j], unit((i, j))
-        else:
-            for i, suffix in enumerate(self.suffixes):
-                yield f".{suffix}", (i,), self.value[i], unit((i,))
-
-
-def is_unsymmetric(value: Any) -> bool:
-    """Tell whether a coefficient is a matrix, rows as tuples, that differs from its transpose."""
-    return isinstance(value[0], tuple) and value != tuple(zip(*value, strict=True))
-
-
-def vector_field(name: str, value: Any, unit: str = "m") -> ParameterField:
-    """Return the field of a vector, such as a point [m], in world axes."""
-    return ParameterField(name, value, unit, DIRECTIONS[:3])
-
-
-def rotation_field() -> ParameterField:
-    """Return the field ``orientation``: a rotation vector [rad] from the reference pose, world axes."""
-    return ParameterField("orientation", (0.0, 0.0, 0.0), "rad", DIRECTIONS[3:])
-
-
-def spatial_field(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
-    """Return the field of six values or of a 6x6 matrix on x y z rx ry rz.
-
-    Parameters
-    ----------
-    name : str
-        Name of the field.
-    value : tuple
-        Six values, or six rows of six.
-    units : tuple of str
-        Units of entries between two translations, a translation and a rotation, and two rotations.
-
-    Returns
-    -------
-    ParameterField
-        The field.
-    """
-    return ParameterField(name, value, lambda index: units[sum(i > 2 for i in (*index, index[0])[:2])], DIRECTIONS)
-
-
 @dataclass(frozen=True, slots=True)
 class Part(Completed):
-    """A named, immutable part of a model."""
+    """A named, immutable part of a model.
+
+    ``roles`` of its fields, in the order of its parameters. ``made_by`` checks the arguments of the call that adds such
+    a part and builds it, as the table of families has it; None: all are accepted.
+    """
 
     _engine = (
-        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
-        "point_fields replaced_fields signed_fields suspects symbol with_values"
+        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose made_by parameter_fields "
+        "placed point_fields replaced_fields roles signed_fields suspects symbol with_values"
     )
+
+    roles: ClassVar[Mapping[str, Role]] = {}
+    made_by: ClassVar[Callable[..., Any] | None] = None
 
     name: str
 
@@ -137,12 +68,12 @@ class Part(Completed):
     @property
     def batched_fields(self) -> frozenset[str]:
         """Fields whose values many variants can have at once; with others they are linearized one by one."""
-        return frozenset()
+        return _fields_that(type(self), "batched")  # type: ignore[arg-type]
 
     @property
     def signed_fields(self) -> frozenset[str]:
         """Fields of which the part accepts all values that have the signs of its own; others are checked each time."""
-        return frozenset()
+        return _fields_that(type(self), "signed")  # type: ignore[arg-type]
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         """Return which variants have values that such a part might refuse, so that it is to be built with them.
@@ -157,7 +88,12 @@ class Part(Completed):
         array of bool, shape (variants,), or bool
             Variants to check, or whether all are.
         """
-        return True
+        if not values.keys() <= self.roles.keys():
+            return True
+        result: Mask | bool = False
+        for name in values:
+            result = result | self.roles[name].doubtful(self, name, values)
+        return result
 
     def replaced_fields(self, fields: Mapping[str, Array]) -> Mapping[str, Array]:
         """Return the values of the part of the same name that replaces it in the equations.
@@ -196,7 +132,9 @@ class Part(Completed):
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         """Yield the fields whose values are parameters."""
-        return iter(())
+        for name, role in self.roles.items():
+            if role.unit is not None and (role.turn or getattr(self, name) is not None):
+                yield role.field(name, getattr(self, name))
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         """Return the part with other values of some parameters.
@@ -216,11 +154,12 @@ class Part(Completed):
         ModelError
             If a value is invalid for such a part.
         """
-        assert not values  # a part without parameters
-        return self
+        make: Callable[..., Any] = type(self).made_by or type(self)
+        result: Self = make(**self._arguments_with(values))
+        return result
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        """Return the part in another pose of the bodies; a part that is attached to no body does not change.
+        """Return the part in another pose of the bodies, which carry its fields as their roles say.
 
         Parameters
         ----------
@@ -239,14 +178,23 @@ class Part(Completed):
         NoWordsError
             If no such part can be described in this pose.
         """
-        return self
+        kind: Any = type(self)
+        fields_of, carried, checked = _carried(kind)
+        values, changes = list(fields_of(self)), {}
+        for k, name, on, moved, follows in carried:
+            if values[k] is not None and (follows is None or values[follows]) and not pose.is_unmoved(values[on]):
+                values[k] = changes[name] = getattr(pose, moved)(values[on], values[k])
+        if not changes:
+            return self
+        result: Part | dict[str, Any] = self.constructor_kwargs() | changes if checked else kind(*values)
+        return result
 
     @property
     def reversed_axis(self) -> int | None:
         """Number of its axis that a mirrored copy reverses; None where its directions are those of the world."""
         return None
 
-    def placed(self, to: Placement) -> Part | dict[str, Any]:
+    def placed(self, to: Placement) -> Any:
         """Return its copy in another place, maybe mirrored.
 
         Parameters
@@ -256,7 +204,7 @@ class Part(Completed):
 
         Returns
         -------
-        Part or dict
+        Part or dict of str
             The copy, or those arguments of its call that differ from its own.
 
         Raises
@@ -264,6 +212,9 @@ class Part(Completed):
         NoWordsError
             If no such part can be described there.
         """
+        if self.roles:
+            return {name: getattr(to, role.placed)(value) for name, role in self.roles.items()
+                    if role.placed and (value := getattr(self, name)) is not None}  # fmt: skip
         raise NoWordsError(f"{self.family} '{self.name}': there are no copies of such parts; leave it out of the model "
                            f"that is added, and add it afterwards.", element=self.name)  # fmt: skip
 
@@ -286,6 +237,26 @@ class Part(Completed):
             The result of ``in_pose`` for each part.
         """
         return [part.in_pose(pose, relaxed) for part in parts]
+
+
+@cache
+def _fields_that(kind: Any, word: str) -> frozenset[str]:
+    """Fields that are parameters whose roles are what a word says."""
+    return frozenset(name for name, role in kind.roles.items() if role.unit is not None and getattr(role, word))
+
+
+@cache
+def _carried(kind: Any) -> tuple[Callable[..., tuple[Any, ...]], list[tuple[Any, ...]], bool]:
+    """What returns all fields of a part, which of them bodies carry, and whether any of these is checked.
+
+    The second are the number and name of a field, the number of that of its body, the method of the pose, and the
+    number of its flag or None.
+    """
+    names = [item.name for item in fields(kind)]
+    roles = [(names.index(name), name, role) for name, role in kind.roles.items() if role.on and role.moved]
+    return attrgetter(*names), [
+        (k, name, names.index(role.on), role.moved, names.index(role.follows) if role.follows else None)
+        for k, name, role in roles], any(role.checked for _, _, role in roles)  # fmt: skip
 
 
 @cache

@@ -75,6 +75,12 @@ class Placement:
         x, y, z = (self.turn @ np.array(axes) * self.signs(reverse)[:3]).tolist()
         return (tuple(x), tuple(y), tuple(z))
 
+    def inertia(self, inertia: Sequence[float]) -> tuple[float, ...]:
+        """Return the entries (xx, yy, zz, xy, xz, yz) of a tensor in axes of the copy, whose third one is reversed."""
+        xx, yy, zz, xy, xz, yz = inertia
+        sign = -1.0 if self.mirrored else 1.0
+        return (xx, yy, zz, xy, sign * xz, sign * yz)
+
     def signs(self, reverse: int = 2) -> Array:
         """Return by which signs components x y z rx ry rz in axes of the copy differ from those of the original."""
         if not self.mirrored:

@@ -13,11 +13,11 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import Part, derived
 from mbsvib.elements.placement import GROUND
 from mbsvib.elements.placement import direction as place_direction
+from mbsvib.elements.roles import BODY, point, stated
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -51,6 +51,8 @@ class Port(Signal):
     or relative to which an output is measured.
     """
 
+    roles = stated(body=BODY, position=replace(point("body"), unit=None), relative_to=BODY)
+
     body: str
     direction: str | Six
     position: Vector | None = None
@@ -58,14 +60,8 @@ class Port(Signal):
 
     def placed(self, to: Placement) -> dict[str, Any]:
         six = to.six(with_wrench(self.direction, self.name)[1])
-        return {"body": to.body(self.body), "direction": place_direction(self.direction, six),
-                "position": to.point(self.position), "relative_to": to.body(self.relative_to)}  # fmt: skip
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        # the direction is fixed in the world
-        if self.position is None or pose.is_unmoved(self.body):
-            return self
-        return replace(self, position=pose.point(self.body, self.position))
+        there: dict[str, Any] = super(Port, self).placed(to)
+        return there | {"direction": place_direction(self.direction, six)}
 
 
 @fast_init

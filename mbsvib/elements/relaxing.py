@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.dynamic import Dynamic
-from mbsvib.elements.part import ParameterField
+from mbsvib.elements.roles import ParameterField
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -41,11 +41,10 @@ class Relaxing(Connection):
     def preload_form(self, size: float) -> PreloadForm | None:
         return None if self.at_rest is None else self.at_rest.preload_form(size)
 
-    def terms_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all arguments of the call with other values, those of relaxations as words of ``dynamic``."""
+    def _arguments_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
         own = {f"{label}{k}": (i, k - 1) for k in range(1, len(self.dynamic.terms) + 1)
                for i, label in enumerate(_LABELS)}  # fmt: skip
-        changed = self._arguments_with({field: value for field, value in values.items() if field not in own})
+        changed = super()._arguments_with({field: values[field] for field in values if field not in own})
         if own.keys() & values.keys():
             numbers = [[pair[i] for pair in self.dynamic.terms] for i in (0, 1)]
             for field in own.keys() & values.keys():
@@ -53,6 +52,9 @@ class Relaxing(Connection):
                 numbers[i][k] = values[field]
             changed["dynamic"] = self.dynamic.words() | dict(zip(("weights", "times"), numbers, strict=True))
         return changed
+
+    def suspects(self, values: Mapping[str, Array]) -> bool:
+        return True
 
     @property
     def _term_names(self) -> tuple[str, ...]:
@@ -69,8 +71,8 @@ class Relaxing(Connection):
         return {name: {field: np.broadcast_to(array, (*array.shape[:-1], count)) for field, array in arrays.items()}
                 for name, arrays in result.items()}  # fmt: skip
 
-    def term_fields(self) -> Iterator[ParameterField]:
-        """Yield the parameters of relaxations."""
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield from super().parameter_fields()
         for k, (g, tau) in enumerate(self.dynamic.terms, 1):
             yield ParameterField(f"g{k}", g, "-")
             yield ParameterField(f"tau{k}", tau, "s")

@@ -10,7 +10,9 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import ParameterField, Part, vector_field
+from mbsvib.elements.part import Part
+from mbsvib.elements.roles import BODY, ParameterField, number, stated, vector
+from mbsvib.elements.roles import axis as line
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -27,22 +29,24 @@ class Rolling(Part):
     Its edge is a circle of ``radius`` [m] about the unit vector ``axis`` through the body's centre of mass.
     """
 
+    roles = stated(body=BODY, radius=number("m", signed=False), axis=line(axial=False),
+                   normal=line(axial=False))  # fmt: skip
+
     body: str
     radius: float
     axis: Vector
     normal: Vector
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("radius", self.radius, "m")
-
     def with_values(self, values: Mapping[str, Any]) -> Self:
-        return replace(self, radius=make(**self._arguments_with(values)).radius)
+        part = super(Rolling, self).with_values(values)
+        return replace(part, axis=self.axis, normal=self.normal)
 
     def placed(self, to: Placement) -> dict[str, Any]:
         if to.ground != "ground":
             raise ModelError(f"rolling wheel '{to.name(self.name)}': its plane would be part of body '{to.ground}'; "
                              f"wheels roll on the ground only.", element=self.name, field="body")  # fmt: skip
-        return {"body": to.body(self.body), "axis": to.vector(self.axis), "normal": to.vector(self.normal)}
+        there: dict[str, Any] = super(Rolling, self).placed(to)
+        return there
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class Travel(Part):
     velocity: Vector
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        yield vector_field("", self.velocity, "m/s")
+        yield vector("m/s").field("", self.velocity)
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         return type(self)(self.name, check.vector(values[""], "model", "travel", "a velocity [m/s]"))

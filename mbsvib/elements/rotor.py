@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
-
-import numpy as np
+from typing import Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import ParameterField, Part
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+from mbsvib.elements.part import Part
+from mbsvib.elements.roles import BODY, batched, number
+from mbsvib.elements.roles import axis as line
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,31 +20,16 @@ class Rotor(Part):
     The axis is a unit vector in world axes. Without ``inertia`` the body itself spins, with its own moment of inertia.
     """
 
+    roles = batched(body=BODY, speed=number("rad/s"), inertia=number("kg m^2", positive=True), axis=line("body"))
+
     body: str
     speed: float
     axis: Vector
     inertia: float | None = None
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("speed", self.speed, "rad/s")
-        if self.inertia is not None:
-            yield ParameterField("inertia", self.inertia, "kg m^2")
-
     def with_values(self, values: Mapping[str, Any]) -> Self:
-        part = make(**self._arguments_with(values))
-        return replace(self, speed=part.speed, inertia=part.inertia)
-
-    batched_fields = frozenset({"speed", "inertia"})
-    signed_fields = batched_fields
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        return np.asarray(values.get("inertia", np.ones(1)) <= 0.0)
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return {"body": to.body(self.body), "axis": to.axial(self.axis)}
-
-    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        return self.constructor_kwargs() | {"axis": pose.rotated_vector(self.body, self.axis)}
+        part = super(Rotor, self).with_values(values)
+        return replace(part, axis=self.axis)
 
 
 def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:

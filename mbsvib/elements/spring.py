@@ -6,25 +6,21 @@ from dataclasses import dataclass
 from math import dist
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.connection import Connection, check_ends, line_between, line_force, no_line
+from mbsvib.elements.connection import ENDS, LINE, Connection, check_ends, line_between, line_force
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import ParameterField, Part, derived, vector_field
+from mbsvib.elements.part import Part, derived
 from mbsvib.elements.preload_form import PreloadForm, along
+from mbsvib.elements.roles import batched, number
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
@@ -43,6 +39,9 @@ class Spring(Connection):
 
     law = Law(length, "stiffness", "damping", preload="preload", free="free_length")
 
+    roles = batched(**ENDS, stiffness=number("N/m"), damping=number("N s/m"), **LINE, preload=number("N"),
+                   free_length=number("m", positive=True))  # fmt: skip
+
     start: Vector
     end: Vector
     stiffness: float = 0.0
@@ -53,19 +52,6 @@ class Spring(Connection):
     length: float = derived(1.0)
     tension: float = derived(0.0)
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("stiffness", self.stiffness, "N/m")
-        yield ParameterField("damping", self.damping, "N s/m")
-        yield vector_field("start", self.start)
-        yield vector_field("end", self.end)
-        if self.preload is not None:
-            yield ParameterField("preload", self.preload, "N")
-        if self.free_length is not None:
-            yield ParameterField("free_length", self.free_length, "m")
-
-    def with_values(self, values: Mapping[str, Any]) -> Spring:
-        return make(**self._arguments_with(values))
-
     @property
     def loaded(self) -> bool:
         return self.tension != 0.0
@@ -74,40 +60,26 @@ class Spring(Connection):
     def rest_wrench(self) -> tuple[float, ...]:
         return line_force(self.tension, self.line)
 
-    batched_fields = frozenset({"start", "end", "stiffness", "damping", "preload", "free_length"})
-    signed_fields = frozenset({"stiffness", "damping", "preload", "free_length"})
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        idle = [values.get(field, getattr(self, field)) == 0.0 for field in ("stiffness", "damping")]
-        wrong = values.get("free_length", np.zeros(1)) < 0.0
-        if self.free_length is not None:
-            wrong = wrong | idle[0]
-        return np.asarray(no_line(self, values) | (idle[0] & idle[1]) | wrong)
-
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}
         direction = line_force(1.0, self.line)
         return along(self, self.start, direction, self.stiffness, size, lambda tension: free | {"preload": tension})
 
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to)
-
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
-            return self
-        start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
-        kwargs = self.constructor_kwargs() | {"start": start, "end": end}
+        there = super(Spring, self).in_pose(pose, relaxed)
+        if isinstance(there, Part):
+            return there
         if relaxed:
             if self.free_length is not None:
-                kwargs["preload"] = self.tension
-                del kwargs["free_length"]
+                there["preload"] = self.tension
+                del there["free_length"]
         elif self.free_length is None:
-            tension = self.tension + self.stiffness * (dist(start, end) - self.length)
+            tension = self.tension + self.stiffness * (dist(there["start"], there["end"]) - self.length)
             if abs(tension) < ROUNDING * abs(self.stiffness) * self.length:
                 tension = 0.0
             if tension or self.preload is not None:
-                kwargs["preload"] = tension
-        return kwargs
+                there["preload"] = tension
+        return there
 
 
 def make(

@@ -22,21 +22,21 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
-from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.connection import ENDS, Connection, check_ends
 from mbsvib.elements.deformations import Law, twist
-from mbsvib.elements.part import ParameterField, Part
+from mbsvib.elements.part import Part
 from mbsvib.elements.preload_form import PreloadForm, along
+from mbsvib.elements.roles import axis as line
+from mbsvib.elements.roles import batched, number
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Mask
-    from mbsvib.elements.placement import Placement
     from mbsvib.elements.pose import Pose
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
@@ -53,26 +53,13 @@ class TorsionSpring(Connection):
 
     law = Law(twist, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(0, 1))
 
+    roles = batched(**ENDS, stiffness=number("N m/rad"), damping=number("N m s/rad"), preload=number("N m"),
+                   axis=line("first"))  # fmt: skip
+
     axis: Vector
     stiffness: float = 0.0
     damping: float = 0.0
     preload: float | None = None
-
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("stiffness", self.stiffness, "N m/rad")
-        yield ParameterField("damping", self.damping, "N m s/rad")
-        if self.preload is not None:
-            yield ParameterField("preload", self.preload, "N m")
-
-    def with_values(self, values: Mapping[str, Any]) -> TorsionSpring:
-        return make(**self._arguments_with(values))
-
-    batched_fields = frozenset({"stiffness", "damping", "preload"})
-    signed_fields = batched_fields
-
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        idle = [np.equal(values.get(field, getattr(self, field) or 0.0), 0.0) for field in sorted(self.batched_fields)]
-        return np.asarray(idle[0] & idle[1] & idle[2])
 
     def replaced_fields(self, fields: Mapping[str, Array]) -> dict[str, Array]:
         return {field: np.concatenate((np.zeros((5, len(values))), values[None])) for field, values in fields.items()}
@@ -83,9 +70,6 @@ class TorsionSpring(Connection):
 
     def preload_form(self, size: float) -> PreloadForm | None:
         return along(self, NOWHERE, (*NOWHERE, *self.axis), self.stiffness, size, lambda moment: {"preload": moment})
-
-    def placed(self, to: Placement) -> dict[str, Any]:
-        return self._placed_ends(to) | {"axis": to.axial(self.axis)}
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.all_in_pose([self], pose, relaxed)[0]

@@ -1,14 +1,14 @@
 """A family of elements and a kind of joint that only a test knows work everywhere, from what they state themselves."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
 from mbsvib.elements import joint_kinds, spring
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.part import ParameterField
+from mbsvib.elements.connection import ENDS, Connection
+from mbsvib.elements.roles import number, point, stated
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.plots._scene import of_model
@@ -21,20 +21,12 @@ OMEGA = [5.0, 30.0]
 class Vee(Connection):
     """Two equal line springs from two points of the first body to one of the second."""
 
+    roles = stated(**ENDS, stiffness=number("N/m"), left=point("first"), right=point("first"), tip=point("second"))
+
     left: tuple[float, ...]
     right: tuple[float, ...]
     tip: tuple[float, ...]
     stiffness: float
-
-    def parameter_fields(self):
-        yield ParameterField("stiffness", self.stiffness, "N/m")
-
-    def with_values(self, values):
-        return replace(self, **values)
-
-    def in_pose(self, pose, relaxed):
-        return replace(self, tip=pose.point(self.second, self.tip),
-                       **{side: pose.point(self.first, getattr(self, side)) for side in SIDES})  # fmt: skip
 
 
 def springs(part):

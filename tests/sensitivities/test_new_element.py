@@ -7,9 +7,9 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.elements import families, spring
-from mbsvib.elements.connection import Connection
+from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import ParameterField, vector_field
+from mbsvib.elements.roles import number, stated
 from mbsvib.elements.rows import columns
 from mbsvib.linalg.differences import slope
 from mbsvib.sensitivities.parameter_group import have_rules
@@ -19,21 +19,13 @@ from mbsvib.sensitivities.parameter_group import have_rules
 class Strap(Connection):
     """A strap from ``start`` to ``end`` of stiffness ``modulus`` [N/m^2] times ``width``^2 [m] over its length."""
 
+    roles = stated(**ENDS, modulus=number("N/m^2"), width=number("m"), loss=number("s"), **LINE)
+
     start: tuple[float, ...]
     end: tuple[float, ...]
     modulus: float
     width: float
     loss: float
-
-    def parameter_fields(self):
-        yield ParameterField("modulus", self.modulus, "N/m^2")
-        yield ParameterField("width", self.width, "m")
-        yield ParameterField("loss", self.loss, "s")
-        yield vector_field("start", self.start)
-        yield vector_field("end", self.end)
-
-    def with_values(self, values):
-        return Strap(**self.arguments() | dict(values))
 
 
 def rows(parts, number):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.part import is_unsymmetric
+from mbsvib.elements.roles import is_unsymmetric
 from mbsvib.linalg.rotations import skew
 from mbsvib.sensitivities.displaced_bodies import holds_turns
 from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
