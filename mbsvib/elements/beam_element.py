@@ -11,6 +11,7 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -212,7 +213,8 @@ def rotation(x: float, length: float, phi: float) -> Array:
     return np.array([-slope, y * (1.0 - 3.0 * x + phi), slope, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
 
 
-def gauss(points: int) -> list[tuple[float, float]]:
+@cache
+def gauss(points: int) -> tuple[tuple[float, float], ...]:
     """Return Gauss points and weights on 0..1."""
     x, weight = np.polynomial.legendre.leggauss(points)
-    return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))
+    return tuple(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))

@@ -21,6 +21,8 @@ from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing, Joint
@@ -28,10 +30,10 @@ if TYPE_CHECKING:
 
 def expand(beam: Beam, *_: Any) -> ExpandedPart:
     """Return nodes, joints and bushings of a beam, its mass rows, and rows of mass-proportional and modal damping."""
-    pairs = elements(beam)
+    pairs, mass = elements(beam), masses(beam)
     return ExpandedPart(
         massless_bodies(beam.node_names), {joint.name: joint for joint, _ in pairs},
-        {spring.name: spring for _, spring in pairs}, mass=tuple(masses(beam)), elastic=tuple(dampers(beam)),
+        {spring.name: spring for _, spring in pairs}, mass=tuple(mass), elastic=tuple(dampers(beam, mass)),
     )  # fmt: skip
 
 
@@ -116,18 +118,18 @@ def elastic_part(beam: Beam, gravity: Vector | None = None) -> ElasticPart:
     )  # fmt: skip
 
 
-def dampers(beam: Beam) -> list[SharedRows]:
-    """Return the rows of mass-proportional and of modal damping, if the beam has any."""
+def dampers(beam: Beam, mass: Sequence[SharedRows]) -> list[SharedRows]:
+    """Return the rows of mass-proportional and of modal damping, if the beam has any; ``mass``: its mass rows."""
     result = []
     if beam.alpha:
         result += [SharedRows(beam.name, rows.nodes, rows.matrix, damping=np.full(len(rows.matrix), beam.alpha))
-                   for rows in masses(beam)]  # fmt: skip
+                   for rows in mass]  # fmt: skip
     if beam.damping_ratio:
-        result.append(modal_damper(beam))
+        result.append(modal_damper(beam, mass))
     return result
 
 
-def modal_damper(beam: Beam) -> SharedRows:
+def modal_damper(beam: Beam, mass: Sequence[SharedRows]) -> SharedRows:
     """Return damping rows that give all modes of the free beam the same damping ratio zeta.
 
     C = sum over its elastic modes of 2 zeta omega M phi phi^T M = 2 zeta / omega^3 K phi phi^T K
@@ -138,7 +140,7 @@ def modal_damper(beam: Beam) -> SharedRows:
     """
     frames = beam.frames()
     k = np.array([beam.element(length).stiffness() for length, _ in frames])
-    rows = _free_mass_rows(beam)
+    rows = _free_mass_rows(beam, mass)
     rigid = np.linalg.qr(rows[:, :6])[0]
     elastic = rows[:, 6:] / np.sqrt(k.reshape(-1))
     elastic -= rigid @ (rigid.T @ elastic)
@@ -153,7 +155,7 @@ def modal_damper(beam: Beam) -> SharedRows:
     return SharedRows(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
 
 
-def _free_mass_rows(beam: Beam) -> Array:
+def _free_mass_rows(beam: Beam, mass: Sequence[SharedRows]) -> Array:
     """Mass rows of the free beam, on its rigid-body motion and then on the deformations of its elements."""
     frames, count = beam.frames(), len(beam.points)
     motion = np.zeros((count, 6, 6 * count))
@@ -162,7 +164,7 @@ def _free_mass_rows(beam: Beam) -> Array:
         start, end, midpoint = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
         motion[i + 1] = rigid_transport(end - start) @ motion[i]
         motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = rigid_transport(end - midpoint) @ np.kron(np.eye(2), np.array(axes))
-    return np.concatenate([rows.matrix @ motion[i : i + 2].reshape(12, -1) for i, rows in enumerate(masses(beam))])
+    return np.concatenate([rows.matrix @ motion[i : i + 2].reshape(12, -1) for i, rows in enumerate(mass)])
 
 
 def rotated(rows: Array, axes: Matrix3) -> Array:

@@ -19,17 +19,16 @@ from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.sensitivities.families import (
-    beam,
     body,
     bushing,
     coupler,
+    elastic,
     element,
     joint,
     line,
     load,
     maxwell,
     rotor,
-    superelement,
     torsion_spring,
 )
 from mbsvib.sensitivities.families.rules import PartRules
@@ -41,7 +40,7 @@ _UNKNOWN = PartRules("", is_exception=lambda *_: True)
 _RULES = {
     Body: body.RULES, Joint: joint.RULES, Spring: line.SPRING, Inerter: line.INERTER, Bushing: bushing.RULES,
     Maxwell: maxwell.RULES, TorsionSpring: torsion_spring.RULES, Coupling: coupler.RULES, Rotor: rotor.RULES,
-    Load: load.LOAD, Gravity: load.GRAVITY, Beam: beam.RULES, Superelement: superelement.RULES,
+    Load: load.LOAD, Gravity: load.GRAVITY, Beam: elastic.BEAM, Superelement: elastic.SUPERELEMENT,
     Connection: element.RULES, Hub: _UNKNOWN,
 }  # fmt: skip
 
