@@ -36,7 +36,7 @@ from mbsvib.elements import (
 )
 from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import Part, defaults
+from mbsvib.elements.part import MAKERS, Part, defaults
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -104,8 +104,7 @@ FAMILIES = (
     Family(ports.ForceOutput, "force_output", "outputs", ports.make_force_output),
     Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, expand=strain_output.expand),
 )  # fmt: skip
-for _family in FAMILIES:
-    _family.part.made_by = _family.make
+MAKERS.update({family.part: family.make for family in FAMILIES if family.make is not None})
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 
 
@@ -156,5 +155,7 @@ def rebuild_with(part: P, kwargs: Mapping[str, Any]) -> P:
     ModelError
         If an argument is refused.
     """
-    kind = type(part)
-    return part if kind.made_by is None else kind.made_by(**defaults(kind) | dict(kwargs))
+    if type(part) not in MAKERS:
+        return part
+    result: P = MAKERS[type(part)](**defaults(type(part)) | dict(kwargs))
+    return result

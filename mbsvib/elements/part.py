@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from mbsvib.elements.roles import Mask, ParameterField, Role
 
 
+# What checks the arguments of the call that adds a part and builds it, by class, as the table of families has it.
+MAKERS: dict[type, Callable[..., Any]] = {}
+
+
 def derived(default: Any = None) -> Any:
     """Declare a field that is computed from the others: neither compared, shown nor saved."""
     return field(default=default, repr=False, compare=False, metadata={"derived": True})
@@ -29,19 +33,14 @@ def derived(default: Any = None) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Part(Completed):
-    """A named, immutable part of a model.
-
-    ``roles`` of its fields, in the order of its parameters. ``made_by`` checks the arguments of the call that adds such
-    a part and builds it, as the table of families has it; None: all are accepted.
-    """
+    """A named, immutable part of a model, with the ``roles`` of its fields in the order of its parameters."""
 
     _engine = (
-        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose made_by parameter_fields "
-        "placed point_fields replaced_fields roles signed_fields suspects symbol with_values"
+        "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
+        "point_fields replaced_fields roles signed_fields suspects symbol with_values"
     )
 
     roles: ClassVar[Mapping[str, Role]] = {}
-    made_by: ClassVar[Callable[..., Any] | None] = None
 
     name: str
 
@@ -154,8 +153,7 @@ class Part(Completed):
         ModelError
             If a value is invalid for such a part.
         """
-        make: Callable[..., Any] = type(self).made_by or type(self)
-        result: Self = make(**self._arguments_with(values))
+        result: Self = MAKERS.get(type(self), type(self))(**self._arguments_with(values))
         return result
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
