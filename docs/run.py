@@ -20,7 +20,8 @@ BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```$(?:\n\n?^```text\n(?P<shown>.
 PICTURES = "pictures"
 COLOURS = 48  # of pictures in the checkout
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-ROUNDING = 1e-9  # numbers below are nothing but that, and other machines round otherwise
+ROUNDING = 1e-9  # numbers below are nothing but that, and other machines round otherwise: pages show "…" in their place
+TINY = re.compile(r"[-+]?\d\.\d+e-(?:1\d|[2-9]\d|\d{3})\b")
 
 
 def run(page: Path, folder: Path) -> tuple[dict[str, Any], list[tuple[str, str]]]:
@@ -40,6 +41,7 @@ def run(page: Path, folder: Path) -> tuple[dict[str, Any], list[tuple[str, str]]
 
 def same(printed: str, shown: str) -> bool:
     """Whether two texts say the same: equal words, and numbers that agree within what is shown of them."""
+    printed = TINY.sub("…", printed)
     pairs = zip(NUMBER.findall(printed), NUMBER.findall(shown), strict=False)
     near = all(a == b or abs(float(a) - float(b)) <= max(ROUNDING, 2e-5 * abs(float(b))) for a, b in pairs)
     return near and NUMBER.sub("0", printed) == NUMBER.sub("0", shown)
