@@ -164,4 +164,5 @@ def _masses(draft: Draft) -> Draft:
 
 # Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft,
 # and does not load its module.
-STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _drives, _masses)
+FORCES: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin)
+STEPS = (*FORCES, _drives, _masses)

@@ -13,31 +13,22 @@ from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import joint_axes, moved_bodies
-from mbsvib.equations.batch_loads import (
-    applied_of_variants,
-    forces_along,
-    loaded_in_variants,
-    preloaded,
-    with_loads_of_variants,
-)  # fmt: skip
+from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, preloaded
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
 from mbsvib.equations.batch_one_by_one import one_by_one, stacked
-from mbsvib.equations.batch_spin import spin_of_variants, spins_otherwise
 from mbsvib.equations.batch_tangents import closure_along
 from mbsvib.equations.batch_values import Values, checked
+from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
-from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_masses
-from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.posed_scene import posed_scene
-from mbsvib.equations.reactions import reactions
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.spin_terms import with_antisymmetric_terms
+from mbsvib.equations.spin_terms import spins_otherwise
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import SingularPoseError
@@ -50,12 +41,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.equations.geometry_plan import GeometryPlan
-    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.posed_forces import PosedForces
     from mbsvib.equations.posed_scene import PosedScene
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import SelfStress
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.changes import Slots
@@ -154,29 +142,15 @@ class BatchPlan:
         return self.with_forces or self.nominal.provenance.separation is not None
 
     @cached_property
-    def stress(self) -> tuple[SelfStress, ...]:
-        """States of self-stress of the model, where forces in joints of redundant loops are asked for."""
-        scene, reduction = self.scene, self.nominal.provenance.reduction
-        redundant = any(group.surplus for group in reduction.groups)
-        if not redundant or not any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
-            return ()
-        _, phi = _displacements(scene)
-        paths = force_paths(scene.topology, np.concatenate((scene.position, np.zeros((1, 3)))).T)
-        return reactions(paths, scene.coordinates, scene.cuts, reduction, phi).stress
-
-    @cached_property
     def one_by_one(self) -> bool:
         """Whether elements or fields that vary make it necessary to compute one variant after the other."""
         scene = self.scene
         curved = any(coupler.curvatures for coupler in scene.couplers)
-        # tension of beams follows the loads, and inertia that bodies share acts on sums of forces
-        shared = scene.shared is not None and bool(scene.shared.base) and (
-            self.with_forces or any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs))
-        # states of self-stress change with the geometry, and forces of least norm at the pose with them
-        forces = bool(self.stress) and (self.with_forces or not self.geometry.constant or self.posed is not None)
+        # tension of beams follows the loads
+        shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
-        return bool(shared or forces or curved or varies or self._replacing_alone)
+        return bool(shared or curved or varies or self._replacing_alone)
 
     @property
     def _replacing_alone(self) -> bool:
@@ -306,31 +280,33 @@ def _displacements(scene: Scene) -> tuple[Triplets, Array]:
 class AssembledVariants:
     """Some variants of a ``plan`` with all their motions; ``first`` is the index of the first of them.
 
-    ``terms``: constant arrays have no axis of variants. ``lost`` (variants,): steps without derivative. ``decided``:
-    how many variants got a rank decision of their own.
+    ``lost`` (variants,): steps without derivative. ``decided``: how many variants got a rank decision of their own.
     """
 
     plan: BatchPlan
-    scene: Scene
-    reduction: Reduction
-    terms: Terms
+    draft: Draft
     first: int
     lost: Bools
     decided: int
 
     @property
+    def terms(self) -> Terms:
+        """The terms; constant arrays have no axis of variants."""
+        return self.draft.terms
+
+    @property
     def residual(self) -> Array | None:
         """What is left of the forces along all coordinates, (variants, m), None without any."""
-        return None if self.scene.loads is None else forces_along(self.scene, self.terms.body_motion)[0]
+        return None if self.draft.statics is None else self.draft.statics.residual
 
     @property
     def separating(self) -> Separating:
         """The variants as their motions without mass are separated."""
-        return Separating(self.plan.model, self.scene, self.reduction, self.terms, self.first, self.plan.nominal)
+        return Separating(self.draft, self.first, self.plan.nominal)
 
     def separated(self) -> dict[str, Any]:
         """Return the arrays of all variants, from which motions without mass are separated."""
-        terms, reduction = self.terms, self.reduction
+        terms, reduction = self.terms, self.draft.reduction
         if self.plan.nominal.provenance.separation is not None:
             variants, count = self.separating, len(self.lost)
             if not variants.constant:
@@ -369,8 +345,8 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     Complex values are steps from variants whose decisions are known; ``closure`` (variants, n, m) is B'' of these, None
     if it is the nominal one.
     """
-    model, pivots, nominal = plan.model, plan.pivots, plan.nominal
-    scene, joints, pose = _scene_of_variants(plan, values, first)
+    pivots, nominal = plan.pivots, plan.nominal
+    scene, (axes, lengths), pose = _scene_of_variants(plan, values, first)
     reduction, stepped = pivots.reduction, values.stepped
     lost, decided = np.zeros(values.count, dtype=bool), 0
     constant = plan.constant_rows if plan.posed is None else None
@@ -384,15 +360,9 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     if nominal.provenance.separation is None and not stepped:
         check_masses(terms.M, nominal.coordinates, first)
-    loaded: tuple[LoadedPairs, Array] | None = None
-    if scene.loads is not None:
-        terms, pairs, multipliers = with_loads_of_variants(
-            model, scene, terms, reduction, phi, pivots, None if stepped else first, joints)  # fmt: skip
-        loaded = pairs, multipliers
-    spin = spin_of_variants(model, scene, values) if model.derived(has_antisymmetric_forces) else ([], [])
-    if scene.port.wrench_outputs:
-        loops = relative, phi, reduction, pivots.kept
-        terms = with_forces_in_joints(model, scene, loops, terms, loaded, spin, joints[0], plan.stress)
-    if any(spin):
-        terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
-    return AssembledVariants(plan, scene, reduction, terms, first, lost, decided)
+    draft = Draft(plan.model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
+                  nominal.coordinates, not stepped, pivots.kept,
+                  variants=Variants(first, axes, lengths, values.fields))  # fmt: skip
+    for step in single.FORCES:
+        draft = step(draft)
+    return AssembledVariants(plan, draft, first, lost, decided)

@@ -1,4 +1,4 @@
-"""Loads of a batch: applied wrenches, balance and geometric stiffness of all variants at once."""
+"""Loads of a batch: applied wrenches of all variants at once."""
 
 from __future__ import annotations
 
@@ -7,25 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import scene_of_variant, with_values_at
-from mbsvib.equations.load_stiffness import leading, load_stiffness, loaded_pairs
-from mbsvib.equations.statics import balance, check_balance
+from mbsvib.equations.batch_geometry import with_values_at
 from mbsvib.equations.wrenches import applied_wrenches
-from mbsvib.errors import EquilibriumError
-from mbsvib.linalg.rank import BALANCE
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_loops import LoopPivots
     from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.terms import Terms
     from mbsvib.equations.wrenches import AppliedWrenches
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -100,52 +91,3 @@ def _of_element(part: Any, fields: Mapping[str, Array], count: int) -> dict[str,
     force, torque = ((axes @ vectors[..., None])[..., 0].T for vectors in (wrench[:, :3], wrench[:, 3:]))
     point = np.broadcast_to(value("position"), (3, count))
     return {"start": point, "end": point, "force": force, "torque": torque}
-
-
-def with_loads_of_variants(
-    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, phi: Array, pivots: LoopPivots,
-    first: int | None, joints: tuple[Mapping[str, Array], Mapping[str, Array]],
-) -> tuple[Terms, LoadedPairs, Array]:  # fmt: skip
-    """Return the terms of some variants with the stiffness of their loads, the pairs and the multipliers of the loops.
-
-    ``first`` is the index of the first variant, None where balance is not checked. ``joints``: axes and lengths of
-    joints by name, where variants differ in them.
-    """
-    assert scene.loads is not None
-    applied = scene.loads[0]
-    if first is not None:
-        _check_balance(model, scene, terms, reduction, first)
-    loaded = loaded_pairs(scene, *joints)
-    multipliers = pivots.multipliers(phi, loaded.gradient)
-    part = load_stiffness(scene, reduction, loaded, multipliers, every=True)
-    owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))
-    terms = terms.with_rows(part.rows, part.stiffness, owner, part.matrix)
-    return terms.with_antisymmetric(None, part.circulatory), loaded, multipliers
-
-
-def _check_balance(
-    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, first: int
-) -> None:
-    """Refuse a variant that is not in balance, by index."""
-    residual, size = forces_along(scene, terms.body_motion)
-    for i in np.flatnonzero((np.abs(residual) > BALANCE * size).any(axis=-1)).tolist():
-        at = [array if array.ndim == k else array[i] for array, k in ((residual, 1), (size, 1), (terms.K, 2))]
-        try:
-            check_balance(at[0], at[1], at[2], scene_of_variant(scene, i), reduction, model.name)
-        except EquilibriumError as error:
-            error.args = (f"variant {first + i}: {error}", *error.args[1:])
-            raise
-
-
-def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
-    """Return the forces along minimal coordinates and the size of those that should cancel there, (..., m) each.
-
-    ``motion`` (..., bodies, 6, m): motion of the bodies.
-    """
-    assert scene.loads is not None
-    applied = scene.loads[0]
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
-    points = (applied.pairs.start, scene.position, scene.coordinates.point)
-    reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
-    return balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], motion, reach)

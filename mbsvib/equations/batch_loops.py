@@ -18,8 +18,9 @@ import numpy as np
 
 from mbsvib.equations.batch_geometry import rod_ends, scene_of_variant
 from mbsvib.equations.locked_loops import check_loops
+from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
-from mbsvib.kinematics.loops import Cuts, Reduction, reduce
+from mbsvib.kinematics.loops import Cuts, Reduction, kept_rows, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
@@ -75,23 +76,8 @@ class LoopPivots:
         return [(block.rows[: len(block.dependent)], block.dependent) for block in self.blocks]
 
     def multipliers(self, phi: Array, gradient: Array) -> Array:
-        """Return lambda (..., locked rows) with Phi^T lambda = - dV / dq in the dependent coordinates.
-
-        ``phi`` (..., locked rows, n); ``gradient`` (..., n): dV / dq. Redundant rows have none; the stiffness of loads
-        does not depend on this choice.
-        """
-        lead = np.broadcast_shapes(phi.shape[:-2], gradient.shape[:-1])
-        result = np.zeros((*lead, phi.shape[-2]), np.result_type(phi, gradient))
-        for block in self.blocks:
-            if r := len(block.dependent):
-                rows, right = block.rows[:r], -gradient[..., block.dependent, None]
-                try:
-                    solution = np.linalg.solve(phi[..., rows[:, None], block.dependent].swapaxes(-1, -2), right)
-                except np.linalg.LinAlgError:  # a variant whose rank was decided anew
-                    rows = block.rows
-                    solution = np.linalg.pinv(phi[..., rows[:, None], block.dependent].swapaxes(-1, -2)) @ right
-                result[..., rows] = solution[..., 0]
-        return result
+        """Return the multipliers (..., locked rows) of loops, see ``loop_multipliers``."""
+        return loop_multipliers(self.reduction, self.kept, phi, gradient)
 
 
 def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
@@ -99,13 +85,10 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
     if scene.cuts is None or not nominal.groups:
         return LoopPivots(nominal, ())
     phi = scene.closure(scene.relative())[None]
-    independent = np.zeros(phi.shape[-1], dtype=bool)
-    independent[nominal.independent] = True
     blocks = []
-    for group in nominal.groups:
-        dependent, others = group.columns[~independent[group.columns]], group.columns[independent[group.columns]]
-        redundant = np.array([scene.cuts.names[row] in group.redundant for row in group.rows], dtype=bool)
-        rows = np.concatenate((group.rows[~redundant], group.rows[redundant]))
+    for group, (kept, dependent) in zip(nominal.groups, kept_rows(scene.cuts, nominal), strict=True):
+        others = np.setdiff1d(group.columns, dependent, assume_unique=True)
+        rows = np.concatenate((kept, np.setdiff1d(group.rows, kept, assume_unique=True)))
         block = Block(group, dependent, others, rows, np.zeros((0, 0)), 0.0)
         a = _scaled(scene.coordinates, scene.cuts, phi, block)[:, : len(dependent), : len(dependent)]
         inverse, reciprocal_condition = inverse_of(a)

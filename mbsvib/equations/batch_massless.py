@@ -9,16 +9,13 @@ import numpy as np
 
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.equations.batch_one_by_one import check_massless
-from mbsvib.equations.draft import Draft
 from mbsvib.equations.massless_separation import separated
-from mbsvib.equations.terms import Terms
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.equations import Equations
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.equations.terms import Terms
 
 # Variants whose dampers hold the motions worse than this (inverse condition) are separated by themselves.
 SUSPECT_DAMPING = 1e-6
@@ -26,16 +23,18 @@ SUSPECT_DAMPING = 1e-6
 
 @dataclass(frozen=True)
 class Separating:
-    """The ``terms`` of some variants, with an axis of variants where they vary, before motions without mass are
-    separated; ``first`` is the index of the first variant.
+    """The ``draft`` of some variants before motions without mass are separated; ``first`` is the index of the first
+    variant.
     """
 
-    model: Mechanism
-    scene: Scene
-    reduction: Reduction
-    terms: Terms
+    draft: Draft
     first: int
     nominal: Equations
+
+    @property
+    def terms(self) -> Terms:
+        """The terms before the separation."""
+        return self.draft.terms
 
     @property
     def constant(self) -> bool:
@@ -61,13 +60,11 @@ class Separating:
 
     def separation_of(self, i: int) -> Draft:
         """Return a variant with its own separation; an error names the variant by its index."""
-        reduction = self.reduction
+        reduction = self.draft.reduction
         if reduction.matrix is not None and reduction.matrix.ndim == 3:
             reduction = replace(reduction, matrix=reduction.matrix[i])
-        scene = scene_of_variant(self.scene, i)
-        minimal, terms = tuple(reduction.independent.tolist()), self.terms.of_variants(i)
-        draft = Draft(self.model, scene, scene.relative(), np.zeros((0, 0)), reduction, minimal, terms,
-                      self.nominal.coordinates)  # fmt: skip
+        draft = replace(self.draft, scene=scene_of_variant(self.draft.scene, i), reduction=reduction,
+                        terms=self.terms.of_variants(i))  # fmt: skip
         try:
             return self._as_nominal(draft)
         except MbsvibError as error:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.loops import kept_rows
 from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Separation
     from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.reactions import Reactions
+    from mbsvib.equations.reactions import Kept, Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
@@ -27,6 +28,21 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
+@dataclass(frozen=True, slots=True)
+class Variants:
+    """What differs in variants, of which ``first`` is the number of the first one: ``axes`` (..., 3, 3) and ``lengths``
+    (...) of joints by name, and the ``fields`` that vary, by part and name.
+    """
+
+    first: int = 0
+    axes: Mapping[str, Array] = field(default_factory=dict)
+    lengths: Mapping[str, Array] = field(default_factory=dict)
+    fields: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+
+
+NONE = Variants()
+
+
 @fast_init
 @dataclass(frozen=True, slots=True)
 class Draft:
@@ -34,9 +50,12 @@ class Draft:
 
     ``scene`` has the arrays of the expanded ``model``. ``relative`` are its relative displacements, ``phi`` the rows of
     loop constraints, ``reduction`` the minimal coordinates. ``minimal`` are the numbers of these among the joint
-    coordinates, ``independent`` names that the user requires among them. ``reactions`` is the map from wrenches on
-    bodies to those in joints, None until a step needs it. If ``checked``, a pose that is not in balance
-    is refused.
+    coordinates, ``independent`` names that the user requires among them; ``kept`` are the independent rows and the
+    dependent coordinates of each group of loops. ``loaded`` and ``multipliers`` (..., locked rows) are the forces at
+    the pose, ``reactions`` the map to wrenches in joints, None until a step needs it. If ``checked``, a pose not
+    in balance is refused.
+
+    The arrays of many variants have an axis of these in front; ``variants`` tells what differs in them.
     """
 
     model: Mechanism
@@ -48,11 +67,19 @@ class Draft:
     terms: Terms
     independent: tuple[str, ...] = ()
     checked: bool = True
+    kept: Kept = ()
     statics: Statics | None = None
     undetermined: tuple[Undetermined, ...] = ()
     reactions: Reactions | None = None
     loaded: LoadedPairs | None = None
+    multipliers: Array | None = None
     separation: Separation | None = None
+    variants: Variants | None = None
+
+    @property
+    def varied(self) -> Variants:
+        """What differs in variants: nothing in a single model."""
+        return NONE if self.variants is None else self.variants
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -90,5 +117,6 @@ def first_draft(
     strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
     rows = minimal_rows(scene, displacements, reduction, strained)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
+    needs_pivots = scene.loads is not None or scene.port.wrench_outputs
     return Draft(model, scene, displacements, phi, reduction, tuple(reduction.independent.tolist()), terms,
-                 tuple(asked), checked)  # fmt: skip
+                 tuple(asked), checked, kept_rows(scene.cuts, reduction) if needs_pivots else ())  # fmt: skip

@@ -15,258 +15,157 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import carries_nothing, force_paths
-from mbsvib.equations.load_stiffness import all_pairs, leading
-from mbsvib.equations.reactions import reactions
+from mbsvib.equations.force_paths import carrier_of, carries_nothing
+from mbsvib.equations.load_stiffness import all_pairs
+from mbsvib.equations.reactions import Reactions
 from mbsvib.equations.shared_forces import shared_inertia
-from mbsvib.equations.virtual_motions import VirtualWork, virtual_motions
-from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.equations.spin_terms import spin_of
+from mbsvib.equations.virtual_motions import VirtualWork, joint_points, virtual_motions
+from mbsvib.equations.wrench_pairs import leading
 from mbsvib.linalg.products import concatenated, product_with_zeros
 from mbsvib.linalg.rotations import skew
-from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
-    from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.equations.statics import Statics
+    from mbsvib.equations.spin_terms import Spin
     from mbsvib.equations.terms import Terms
-    from mbsvib.equations.virtual_motions import Kept
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Triplets
-    from mbsvib.mechanism.mechanism import Mechanism
-
-    Spin = tuple[Sequence[tuple[int, Array]], Sequence[CrossCoupling]]
 
 
 def with_joint_forces(draft: Draft) -> Draft:
     """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body."""
-    model, scene, terms = draft.model, draft.scene, draft.terms
-    rows = {key: getattr(terms, key).copy() for key in ("Cq", "Cv", "Ca", "D")}
-    outputs: dict[str, tuple[int, Array]] = {}
-    stress: tuple[SelfStress, ...] = ()
-    if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
-        to_joints = draft.reactions or _reactions(draft)
-        stress = to_joints.stress
-        wrenches = _in_joints(draft, to_joints)
-        for row, kind, number, wrench in scene.port.wrench_outputs:
-            if kind == "joint":
-                joint = scene.topology.joints[number]
-                axes = np.array(joint.axes)
-                direction = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
-                outputs[list(model.outputs)[row]] = (number, direction)
-                zero = carries_nothing(joint, direction, model, loaded=draft.statics is not None)
-                for key, values in wrenches.items():
-                    rows[key][row] = 0.0 if zero else -wrench @ values[number]
-    terms = replace(terms, **rows)
-    if any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs):
-        position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-        inertia, base = shared_inertia(scene, draft.relative, draft.reduction, position)
-        terms = with_sums(scene, terms, _spin(model, scene)[0], (inertia.swapaxes(0, 1), base.swapaxes(0, 1)))
-    names = [joint.name for joint in scene.topology.joints]
-    undetermined = tuple([part.undetermined(names, outputs) for part in stress])
-    return replace(draft, terms=terms, undetermined=undetermined)
-
-
-def with_forces_in_joints(
-    model: Mechanism, scene: Scene, loops: tuple[Triplets, Array, Reduction, Kept], terms: Terms,
-    loaded: tuple[LoadedPairs, Array] | None, spin: Spin, axes: Mapping[str, Array], stress: Sequence[SelfStress] = (),
-) -> Terms:  # fmt: skip
-    """Return the terms of variants with the rows of outputs that are forces in joints.
-
-    ``loops``: relative displacements, Phi, minimal coordinates, kept rows and dependent coordinates. ``loaded``: pairs
-    and multipliers of forces at the pose. ``axes`` (variants, 3, 3): of joints by name, where variants differ in them.
-    ``stress``: states of self-stress of redundant loops, which are the same in all variants.
-    """
-    phi, reduction, kept = loops[1:]
+    model, scene, terms, loaded = draft.model, draft.scene, draft.terms, draft.loaded
     outputs = [item for item in scene.port.wrench_outputs if item[1] == "joint"]
+    spin = spin_of(draft)
     if len(outputs) < len(scene.port.wrench_outputs):
-        terms = with_sums(scene, terms, spin[0])
+        terms = with_sums(scene, terms, spin[0], shared_inertia(scene, draft.relative, draft.reduction))
     if not outputs:
-        return terms
+        return replace(draft, terms=terms)
+    reactions = draft.reactions or Reactions(scene, draft.reduction, draft.phi, draft.kept)
     wanted = {number for _, _, number, _ in outputs}
-    stress = [part for part in stress if wanted & set(part.joints.tolist())]
+    stress = [part for part in reactions.stress if wanted & set(part.joints.tolist())]
     asked = sorted(wanted.union(*(part.joints.tolist() for part in stress)))
-    points = _points(scene, asked)
-    work = VirtualWork(scene, reduction, phi, kept, virtual_motions(scene, asked, axes, points))
-    rows = work.at_rest(*spin)
-    q = rows.q if loaded is None else rows.q + work.of_forces(loaded[0], *all_pairs(scene, *loaded))
-    result: dict[str, Any] = {}
-    place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(asked)}
-    local = [_Local(part, place, {k: np.array(scene.topology.joints[k].axes) for k in part.joints.tolist()})
-             for part in stress]  # fmt: skip
-    for key, values in (("Cq", q), ("Cv", rows.v), ("Ca", rows.a), ("D", rows.u)):
-        for part in local:
-            values = part.minimum_norm(values, 0.0)
+    motions = virtual_motions(scene, asked, draft.varied.axes, joint_points(scene, asked))
+    values = _wrenches(draft, reactions, stress, VirtualWork(scene, draft.reduction, draft.phi, draft.kept, motions),
+                       spin)  # fmt: skip
+    directions: dict[str, tuple[int, Array]] = {}
+    rows: dict[str, Any] = {}
+    for key, wrenches in values.items():
         matrix = getattr(terms, key)
-        lead = np.broadcast_shapes(matrix.shape[:-2], values.shape[:-2])
-        kind = np.result_type(matrix, values)
-        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
+        lead = np.broadcast_shapes(matrix.shape[:-2], wrenches.shape[:-2])
+        kind = np.result_type(matrix, wrenches)
+        rows[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
         for row, _, number, wrench in outputs:
-            joint = scene.topology.joints[number]
-            frame = np.array(joint.axes)
-            direction = np.concatenate((frame @ wrench[:3], frame @ wrench[3:]))
+            joint, at = scene.topology.joints[number], 6 * asked.index(number)
+            axes = np.array(joint.axes)
+            direction = np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
+            directions[list(model.outputs)[row]] = number, direction
             zero = carries_nothing(joint, direction, model, loaded=loaded is not None)
-            result[key][..., row, :] = 0.0 if zero else -(wrench @ values[..., place[number], :])
-    return replace(terms, **result)
+            rows[key][..., row, :] = 0.0 if zero else -(wrench @ wrenches[..., at : at + 6, :])
+    undetermined = draft.undetermined
+    if draft.variants is None:
+        names = [joint.name for joint in scene.topology.joints]
+        undetermined = tuple([part.undetermined(names, directions) for part in reactions.stress])
+    return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
 
 
-def _points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
-    """Points (..., 3) of joints, where they move with the joint or with a body in variants."""
-    result, start = {}, 0
-    twists, topology = leading(scene.coordinates.point), scene.topology
-    number = topology.body_numbers
-    for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
-        count = len(topology.joints[k].freedom)
-        if k in joints and count:
-            result[k] = twists[..., start]
-        start += count
-    for k in joints:
-        joint = topology.joints[k]
-        if k in topology.cut and scene.cuts is not None:
-            rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(k))
-            if len(rows):
-                result[k] = leading(scene.cuts.rows.point)[..., rows[0]]
-        if k not in result or joint.point is None:
-            body = joint.first if joint.second == "ground" else joint.second
-            result[k] = np.array(joint.point) if joint.point is not None else scene.position[..., number[body], :]
-    return result
-
-
-def _reactions(draft: Draft) -> Reactions:
-    scene = draft.scene
-    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    return reactions(force_paths(scene.topology, position), scene.coordinates, scene.cuts, draft.reduction, draft.phi)
-
-
-def _in_joints(draft: Draft, to_joints: Reactions) -> dict[str, dict[int, Array]]:
-    """Wrenches (6, m) and (6, inputs) in joints by number, in their axes; those of least norm in redundant loops."""
-    scene, statics = draft.scene, draft.statics
-    asked = {number for _, kind, number, _ in scene.port.wrench_outputs if kind == "joint"}
-    stress = [part for part in to_joints.stress if asked & set(part.joints.tolist())]
-    joints = sorted(asked.union(*(part.joints.tolist() for part in stress)))
-    motions = virtual_motions(scene, joints, {}, {number: to_joints.paths.point[:, number] for number in joints})
-    work = VirtualWork(scene, draft.reduction, draft.phi, kept_rows(draft), motions)
-    rows = work.at_rest(*_spin(draft.model, scene))
+def _wrenches(
+    draft: Draft, reactions: Reactions, stress: Sequence[SelfStress], work: VirtualWork, spin: Spin
+) -> dict[str, Array]:
+    """Rows (..., v, m) and (..., v, inputs) of wrenches in joints, in their axes; those of least norm in redundant
+    loops.
+    """
+    scene, loaded, multipliers = draft.scene, draft.loaded, draft.multipliers
+    rows = work.at_rest(*spin)
     result = {"Cq": rows.q, "Cv": rows.v, "Ca": rows.a, "D": rows.u}
-    place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(joints)}
-    frames = {number: np.array(scene.topology.joints[number].axes) for number in joints}
-    if statics is not None and draft.loaded is not None:
-        multipliers = -statics.multipliers[:, 0]
+    if loaded is not None:
+        assert multipliers is not None
         for part in stress:
-            multipliers = multipliers + _least(part, to_joints, statics)
-        result["Cq"] = result["Cq"] + work.of_forces(draft.loaded, *all_pairs(scene, draft.loaded, multipliers))
+            assert part.multipliers is not None
+            amount = part.amount(reactions.with_loops(loaded, multipliers))
+            multipliers = multipliers - (part.multipliers @ amount)[..., 0]
+        result["Cq"] = result["Cq"] + work.of_forces(loaded, *all_pairs(scene, loaded, multipliers))
     for part in stress:
-        local = _Local(part, place, frames)
-        changes = np.zeros((part.states.shape[2], draft.terms.M.shape[0]))
-        if statics is not None and draft.loaded is not None:
-            changes = _work_of_states(draft, part, local, work, to_joints)
+        local = _Local(part, work.joints, {
+            k: np.asarray(draft.varied.axes.get(joint.name, joint.axes))
+            for k, joint in enumerate(scene.topology.joints) if k in part.joints})  # fmt: skip
+        changes = 0.0 if loaded is None else _work_of_states(draft, part, local, work, reactions)
         result = {key: local.minimum_norm(values, changes if key == "Cq" else 0.0) for key, values in result.items()}
-    return {key: {number: values[place[number]] for number in joints} for key, values in result.items()}
-
-
-def kept_rows(draft: Draft) -> list[tuple[Index, Index]]:
-    """Return the independent rows and the dependent coordinates of each group of loops."""
-    scene, reduction = draft.scene, draft.reduction
-    if scene.cuts is None:
-        return []
-    names, depends = scene.cuts.names, np.ones(len(scene.coordinates.names), dtype=bool)
-    depends[reduction.independent] = False
-    return [(np.array([row for row in group.rows.tolist() if names[row] not in group.redundant], dtype=np.intp),
-             group.columns[depends[group.columns]]) for group in reduction.groups]  # fmt: skip
-
-
-def _spin(model: Mechanism, scene: Scene) -> Spin:
-    """Angular momenta of rotors and cross-coupled elements."""
-    if not model.derived(has_antisymmetric_forces):
-        return [], []
-    from mbsvib.equations.spin_terms import cross_couplings, momenta
-
-    return momenta(model, scene.bodies), cross_couplings(model, scene.bodies, scene.elements)
-
-
-def _least(stress: SelfStress, to_joints: Reactions, statics: Statics) -> Array:
-    """Change (locked rows,) of multipliers after which the wrenches in joints have least norm."""
-    tree = statics.tree_wrenches + (to_joints.multiplier_wrenches @ statics.multipliers).reshape(
-        statics.tree_wrenches.shape)  # fmt: skip
-    amount = np.einsum("cjr,cj->r", stress.weight[..., None] * stress.states, tree[:, stress.joints, 0])
-    assert stress.multipliers is not None
-    return np.asarray(stress.multipliers @ amount)
+    return result
 
 
 @dataclass(frozen=True, slots=True)
 class _Local:
-    """A group of joints with states of self-stress: their places among virtual motions, and states (6 j, r) in the axes
-    of the joints.
+    """A group of joints with states of self-stress among the ``asked`` joints with virtual motions; ``frames``
+    (..., 3, 3) are the axes of its joints by number.
     """
 
     stress: SelfStress
-    place: Mapping[int, slice]
+    asked: tuple[int, ...]
     frames: Mapping[int, Array]
 
     @property
     def rows(self) -> Index:
         """Numbers (6 j,) of the virtual motions of the joints."""
-        return np.concatenate([np.arange(self.place[k].start, self.place[k].stop) for k in self.stress.joints.tolist()])
-
-    @property
-    def weight(self) -> Array:
-        """Weights (6 j,) of squared forces and moments."""
-        return np.tile(self.stress.weight[:, 0], len(self.stress.joints))
+        first: Any = np.array([6 * self.asked.index(k) for k in self.stress.joints.tolist()])
+        return (first[:, None] + np.arange(6)).reshape(-1)
 
     def in_axes(self, wrenches: Array) -> Array:
-        """Wrenches (6, j, ...) of its joints in world axes as (6 j, ...) in those of the joints."""
-        return np.concatenate([np.concatenate((self.frames[k].T @ wrenches[:3, i], self.frames[k].T @ wrenches[3:, i]))
-                               for i, k in enumerate(self.stress.joints.tolist())])  # fmt: skip
+        """Wrenches (..., 6, j, n) of its joints in world axes as those in the axes of the joints."""
+        halves = np.moveaxis(wrenches, -2, -3)
+        turned = [concatenated([self.frames[k].swapaxes(-1, -2) @ halves[..., i, half, :] for half in (
+            slice(3), slice(3, 6))], -2) for i, k in enumerate(self.stress.joints.tolist())]  # fmt: skip
+        return np.moveaxis(concatenated([array[..., None, :, :] for array in turned], -3), -3, -2)
 
     def minimum_norm(self, values: Array, added: Array | float) -> Array:
         """Wrenches (..., v, k) of all joints without their part along the states."""
-        rows, states = self.rows, self.in_axes(self.stress.states)
-        own = np.moveaxis(values[..., rows, :], -2, 0)
-        before = own.reshape(len(self.stress.joints), 6, -1).transpose(1, 0, 2)
-        whole = replace(self.stress, joints=np.arange(len(self.stress.joints)),
-                        states=states.reshape(len(self.stress.joints), 6, -1).transpose(1, 0, 2))  # fmt: skip
-        after = whole.minimum_norm(before, None if isinstance(added, float) else added)
-        result = values.copy()
-        result[..., rows, :] = np.moveaxis(after.transpose(1, 0, 2).reshape(own.shape), 0, -2)
+        rows, count = self.rows, len(self.stress.joints)
+        whole = replace(self.stress, joints=np.arange(count), states=self.in_axes(self.stress.states))
+        own = values[..., rows, :]
+        after = whole.minimum_norm(own.reshape(*own.shape[:-2], count, 6, -1).swapaxes(-2, -3), added)
+        after = after.swapaxes(-2, -3)
+        result = np.array(np.broadcast_to(values, (*after.shape[:-3], *values.shape[-2:])), after.dtype)
+        result[..., rows, :] = after.reshape(*after.shape[:-3], len(rows), -1)
         return result
 
 
 def _work_of_states(
-    draft: Draft, stress: SelfStress, local: _Local, work: VirtualWork, to_joints: Reactions
+    draft: Draft, stress: SelfStress, local: _Local, work: VirtualWork, reactions: Reactions
 ) -> Array:
-    """w . (D^2 dS + d(D^2) S) (r, m) of the forces w at the pose, by the change of the states with it."""
-    statics, scene, loaded = draft.statics, draft.scene, draft.loaded
-    assert statics is not None
+    """w . (D^2 dS + d(D^2) S) (..., r, m) of the forces w at the pose, by the change of the states with it."""
+    scene, loaded = draft.scene, draft.loaded
     assert loaded is not None
+    assert draft.multipliers is not None
     assert stress.multipliers is not None
-    wrench = local.in_axes(statics.joints[:, stress.joints])
-    weight_change = _moment_weight(draft, stress, to_joints)
-    result = np.empty((stress.states.shape[2], draft.terms.M.shape[0]))
+    wrench = reactions.wrenches(loaded, draft.multipliers)[..., stress.joints]
+    weighted = (stress.weight * local.in_axes(wrench[..., None])[..., 0]).swapaxes(-1, -2)
+    weighted = weighted.reshape(*weighted.shape[:-2], 1, -1)
+    weight_change = _moment_weight(draft, stress, reactions)
     silent = replace(loaded, pairs=replace(loaded.pairs, wrench=0.0 * loaded.pairs.wrench,
                                            hessian=0.0 * loaded.pairs.hessian, torsion=None))  # fmt: skip
-    for k in range(len(result)):
-        changes = work.of_forces(silent, *all_pairs(scene, silent, -stress.multipliers[:, k]))[local.rows]
-        moments = np.sum(statics.joints[3:, stress.joints] * stress.states[3:, :, k])
-        result[k] = (local.weight * wrench) @ changes + moments * weight_change
-    return result
+    result = []
+    for k in range(stress.states.shape[-1]):
+        changes = work.of_forces(silent, *all_pairs(scene, silent, stress.multipliers[..., k]))[..., local.rows, :]
+        moments = (wrench[..., 3:, :] * stress.states[..., 3:, :, k]).sum(axis=(-1, -2))
+        result.append(weighted @ changes + (moments[..., None] * weight_change)[..., None, :])
+    return np.asarray(concatenated(result, -2))
 
 
-def _moment_weight(draft: Draft, stress: SelfStress, to_joints: Reactions) -> Array:
-    """The change (m,) of the weight 1 / L^2 of moments."""
-    body, point = to_joints.paths.carrier[stress.joints], to_joints.paths.point[:, stress.joints]
-    motion = np.concatenate((draft.terms.body_motion, np.zeros((1, *draft.terms.body_motion.shape[1:]))))[body]
-    arm = point - to_joints.paths.position[:, body]
-    displacement = motion[:, :3].transpose(1, 0, 2) + crossed_product(motion[:, 3:].transpose(1, 0, 2), arm[..., None])
-    from_centre = point - point.mean(axis=1, keepdims=True)
-    return np.asarray(-2.0 / (len(body) * stress.length**4) * np.einsum("cj,cjm->m", from_centre, displacement))
+def _moment_weight(draft: Draft, stress: SelfStress, reactions: Reactions) -> Array:
+    """The change (..., m) of the weight 1 / L^2 of moments."""
+    scene, number = draft.scene, draft.scene.topology.body_numbers
+    body = [carrier_of(scene.topology.joints[k], number) for k in stress.joints.tolist()]
+    motion, position = (np.concatenate((array, np.zeros((*array.shape[:-count], 1, *array.shape[1 - count :]))), -count)
+                        for array, count in ((draft.terms.body_motion, 3), (scene.position, 2)))  # fmt: skip
+    point = reactions.motions.point[..., 6 * stress.joints].swapaxes(-1, -2)
+    turned = skew(point - position[..., body, :]) @ motion[..., body, 3:, :]
+    from_centre = point - point.mean(axis=-2, keepdims=True)
+    along = np.einsum("...jc,...jcm->...m", from_centre, motion[..., body, :3, :] - turned)
+    return np.asarray(-2.0 / (len(body) * np.asarray(stress.length)[..., None] ** 4) * along)
 
 
 def with_sums(

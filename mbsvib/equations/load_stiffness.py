@@ -21,6 +21,7 @@ from mbsvib.core.pairs import (
     of_sixes,
     opening_hessians,
 )  # fmt: skip
+from mbsvib.equations.wrench_pairs import leading
 from mbsvib.linalg.products import concatenated, squares_of_products
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
 
@@ -71,11 +72,6 @@ def twists_at(coordinates: Twists) -> TwistsAt:
     """Return the twists of the joint coordinates with axes of variants in front."""
     angular, linear, point = (leading(array) for array in (coordinates.angular, coordinates.linear, coordinates.point))
     return TwistsAt(angular, linear, point, coordinates.path)
-
-
-def leading(vectors: Array) -> Array:
-    """Return vectors (3, variants, n) as (variants, 3, n); (3, n) stay as they are."""
-    return vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1)
 
 
 def loaded_pairs(

@@ -1,97 +1,76 @@
-"""The loaded mechanism: statics, and the geometric stiffness in addition to the elastic one.
-
-Applied forces and the geometry of all wrench pairs depend on parts and tree only, and are cached with them.
+"""The loaded mechanism: statics, and the geometric stiffness in addition to the elastic one; arrays may have an axis of
+variants in front.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.equations.coupler_curvature import curvature_stiffness
-from mbsvib.equations.force_paths import ForcePaths, force_paths
-from mbsvib.equations.load_stiffness import LoadedPairs, load_stiffness, loaded_pairs
-from mbsvib.equations.reactions import reactions
-from mbsvib.equations.statics import Statics, balance, check_balance
-from mbsvib.equations.wrench_pairs import WrenchPairs
+from mbsvib.equations.load_stiffness import load_stiffness, loaded_pairs
+from mbsvib.equations.reactions import Reactions, loop_multipliers
+from mbsvib.equations.statics import Statics, check_balance, forces_along
+from mbsvib.errors import EquilibriumError
+from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.wrenches import AppliedWrenches
-
-
-@dataclass(frozen=True, slots=True)
-class AppliedForces:
-    """Applied forces on the bodies, and the geometry of all wrench pairs, the applied ones and those of joints.
-
-    ``wrench`` (6, bodies + 1) acts on the bodies; ``sizes`` (2, bodies + 1) are the sums of the lengths of its forces
-    and moments; ``pairs`` are all pairs, with the names ``owners``, those in joints without their sizes. ``loaded`` are
-    the applied pairs for their stiffness. ``tree_wrenches`` (6, joints, 1) are the wrenches in joints of the open tree,
-    ``multiplier_wrenches`` (6 joints, locked rows) those in all joints per unit of each multiplier.
-    """
-
-    paths: ForcePaths
-    wrench: Array
-    sizes: Array
-    pairs: WrenchPairs
-    owners: tuple[str, ...]
-    loaded: LoadedPairs
-    tree_wrenches: Array
-    multiplier_wrenches: Array
-
-    @property
-    def reach(self) -> float:
-        """Largest coordinate of a point [m], to which the rounding of points is relative."""
-        points = (self.pairs.start, self.paths.position)
-        return max(float(np.abs(array).max(initial=0.0)) for array in points)
-
-
-def applied_forces(applied: AppliedWrenches, scene: Scene, cache: dict[str, Any]) -> AppliedForces:
-    """Return the applied forces of a mechanism, the cached ones if its tree is the same."""
-    cached: AppliedForces | None = cache.get("applied_forces")
-    if cached is not None and cached.paths.topology is scene.topology:
-        return cached
-    topology = scene.topology
-    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    paths = force_paths(topology, position)
-    wrench, sizes = applied.on_bodies(position)
-    none = np.zeros((3, len(paths.first)))
-    of_joints = WrenchPairs(paths.first, paths.second, paths.start, paths.point, none, none)
-    cache["applied_forces"] = result = AppliedForces(
-        paths, wrench, sizes, WrenchPairs.join(applied.pairs, of_joints),
-        (*applied.names, *(joint.name for joint in topology.joints)),
-        loaded_pairs(scene), paths.of_tree(wrench[:, :, None]), paths.of_locked(scene.cuts),
-    )  # fmt: skip
-    return result
+    from mbsvib.equations.load_stiffness import LoadedPairs
 
 
 def with_loads(draft: Draft) -> Draft:
     """Return equations of motion with the stiffness of loads, and the forces at the pose."""
     scene, reduction, terms = draft.scene, draft.reduction, draft.terms
     assert scene.loads is not None
-    applied, cache = scene.loads
-    forces = applied_forces(applied, scene, cache)
-    motion = terms.body_motion
-    residual, size = balance(forces.wrench[:, :-1], forces.sizes[:, :-1], motion, forces.reach)
+    applied = scene.loads[0]
+    residual, size = forces_along(scene, terms.body_motion)
     driven = draft.model.derived(driven_coordinates)
     if driven:  # the drives hold what acts along their coordinates
-        residual[np.isin(draft.names, driven)] = 0.0
+        residual[..., np.isin(draft.names, driven)] = 0.0
     if draft.checked:
-        check_balance(residual, size, terms.K, scene, reduction, draft.model.name)
-    to_joints = reactions(forces.paths, scene.coordinates, scene.cuts, reduction, draft.phi, forces.multiplier_wrenches)
-    multipliers = np.zeros((0, 1)) if scene.cuts is None else to_joints.multipliers(forces.tree_wrenches)
-    statics = Statics(applied, to_joints, forces.pairs, forces.tree_wrenches, multipliers, forces.paths.position,
-                      residual, size, forces.owners)  # fmt: skip
-    of_loads = load_stiffness(scene, reduction, forces.loaded, -multipliers[:, 0])
-    everything = np.full(len(of_loads.stiffness), len(scene.owners) + len(forces.owners))
+        _check_balance(draft, residual, size)
+    loaded = _pairs(draft)
+    multipliers = loop_multipliers(reduction, draft.kept, draft.phi, loaded.gradient)
+    reactions = Reactions(scene, reduction, draft.phi, draft.kept)
+    of_loads = load_stiffness(scene, reduction, loaded, multipliers, every=draft.variants is not None)
+    joints = len(scene.owners) + len(applied.names)
+    everything = np.full(of_loads.stiffness.shape[-1], joints + len(scene.topology.joints))
     terms = terms.with_rows(of_loads.rows, of_loads.stiffness, everything, of_loads.matrix)
     terms = terms.with_antisymmetric(None, of_loads.circulatory)
     if any(coupler.curvatures for coupler in scene.couplers):
-        rows, stiffness, owner = curvature_stiffness(scene, draft.reduction, multipliers[:, 0])
-        terms = terms.with_rows(rows, stiffness, len(scene.owners) + len(applied.names) + owner)
-    return replace(draft, terms=terms, statics=statics, reactions=to_joints, loaded=forces.loaded)
+        rows, stiffness, owner = curvature_stiffness(scene, reduction, -multipliers)
+        terms = terms.with_rows(rows, stiffness, joints + owner)
+    statics = Statics(applied, reactions, loaded, multipliers, residual, size)
+    return replace(draft, terms=terms, statics=statics, reactions=reactions, loaded=loaded, multipliers=multipliers)
+
+
+def _pairs(draft: Draft) -> LoadedPairs:
+    """The pairs of the scene; those of a single model are kept with its loads as long as its tree is the same."""
+    scene = draft.scene
+    assert scene.loads is not None
+    topology, pairs = scene.loads[1].get("pairs", (None, None))
+    if topology is not scene.topology:
+        pairs = loaded_pairs(scene, draft.varied.axes, draft.varied.lengths)
+        scene.loads[1]["pairs"] = scene.topology, pairs
+    return pairs
+
+
+def _check_balance(draft: Draft, residual: Array, size: Array) -> None:
+    """Refuse a pose, or a variant by its index, that is not in balance."""
+    scene, reduction, name, stiffness = draft.scene, draft.reduction, draft.model.name, draft.terms.K
+    if draft.variants is None:
+        return check_balance(residual, size, stiffness, scene, reduction, name)
+    for i in np.flatnonzero((np.abs(residual) > BALANCE * size).any(axis=-1)).tolist():
+        at = [array if array.ndim == k else array[i] for array, k in ((residual, 1), (size, 1), (stiffness, 2))]
+        try:
+            check_balance(at[0], at[1], at[2], scene_of_variant(scene, i), reduction, name)
+        except EquilibriumError as error:
+            error.args = (f"variant {draft.variants.first + i}: {error}", *error.args[1:])
+            raise
+    return None

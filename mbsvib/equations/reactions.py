@@ -1,12 +1,12 @@
-"""Reactions: from wrenches on the bodies to the wrench in every joint.
+"""Reactions: the wrenches in all joints, by their work along virtual motions that release them.
 
-A joint of the tree transmits the sum of all forces on the bodies behind it, including forces of cut joints. With Phi
-the locked rows of the cut joints and B' the motion of the bodies, both per joint coordinate,
+With the potentials V of all applied forces and Phi the locked rows of the cut joints, over the joint coordinates and
+over virtual motions v of the joints, balance and the wrenches w on the second bodies are
 
-    Phi^T lambda = -B'^T W
+    Phi^T lambda = -dV/dq  in the dependent coordinates,    w . v = (dV/dv + Phi_v^T lambda) . v
 
-in the dependent coordinates. With redundant constraints lambda is not unique; the wrenches of least norm that balance
-the bodies are taken (``self_stress``). The second-order terms do not depend on this choice.
+With redundant constraints lambda is not unique; the wrenches of least norm that balance the bodies are taken
+(``self_stress``). The second-order terms do not depend on this choice.
 
 Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 6.6.
 """
@@ -18,95 +18,91 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
 
-from mbsvib.equations.force_paths import ForcePaths
+from mbsvib.core.geometric_stiffness import TwistsAt
 from mbsvib.equations.self_stress import SelfStress, of_loops
+from mbsvib.equations.virtual_motions import VirtualMotions, joint_points, opened, virtual_motions
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.kinematics.loops import Cuts, Reduction
-    from mbsvib.kinematics.relative_motion import Twists
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.load_stiffness import LoadedPairs
+    from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
+
+    Kept = Sequence[tuple[Index, Index]]
 
 
 @dataclass(frozen=True)
 class Reactions:
-    """The map from body wrenches to joint wrenches: by the ``paths`` of the tree, and in loops by locked rows ``phi``.
-
-    ``multiplier_wrenches`` (6 joints, locked rows) are the wrenches in all joints per unit of each multiplier.
+    """The wrenches in all joints of a ``scene``, with the locked rows ``phi`` (..., locked rows, n) and the ``kept``
+    rows and dependent coordinates of its loops. Forces are at the joints' points and moments about them, in world axes,
+    as they act on the second bodies; first bodies take the opposite.
     """
 
-    paths: ForcePaths
-    coordinates: Twists
-    cuts: Cuts | None
+    scene: Scene
     reduction: Reduction
     phi: Array
-    multiplier_wrenches: Array
+    kept: Kept
+
+    @cached_property
+    def motions(self) -> VirtualMotions:
+        """Six virtual motions of each joint, in world axes."""
+        joints = self.scene.topology.joints
+        world = {joint.name: np.eye(3) for joint in joints}
+        every = range(len(joints))
+        return virtual_motions(self.scene, every, world, joint_points(self.scene, every))
+
+    @cached_property
+    def of_rows(self) -> Array:
+        """The wrenches (..., 6, joints, locked rows) in all joints per unit of each multiplier."""
+        phi_v = opened(self.scene, self.motions)
+        *lead, rows, _ = phi_v.shape
+        return np.moveaxis(phi_v.reshape(*lead, rows, len(self.scene.topology.joints), 6), (-3, -1), (-1, -3))
 
     @cached_property
     def stress(self) -> tuple[SelfStress, ...]:
         """States of self-stress of redundant constraints."""
-        return tuple(of_loops(self.paths, self.cuts, self.reduction, self.phi, self.multiplier_wrenches))
+        if not any(group.surplus for group in self.reduction.groups):
+            return ()
+        point = self.motions.point[..., ::6].swapaxes(-1, -2)
+        return tuple(of_loops(self.scene, self.reduction, self.phi, self.kept, self.of_rows, point))
 
-    def with_loops(self, tree: Array, multipliers: Array | None = None) -> Array:
-        """Return the wrenches in all joints for those of the open tree, both (6, joints, columns).
-
-        Forces at the joints' points and moments about them, as they act on the joints' second bodies; first bodies take
-        the opposite. ``multipliers``: those of ``tree``, if they are known.
+    def wrenches(self, loaded: LoadedPairs, multipliers: Array) -> Array:
+        """Return the wrenches (..., 6, joints) of applied pairs and ``multipliers`` (..., locked rows): those of least
+        norm.
         """
-        if not self.multiplier_wrenches.shape[1]:
-            return tree
-        of_rows = self.multipliers(tree) if multipliers is None else multipliers
-        return self.minimum_norm(tree + (self.multiplier_wrenches @ of_rows).reshape(tree.shape))
-
-    def minimum_norm(self, wrench: Array) -> Array:
-        """Return the wrenches of least norm with the same effect on the bodies, both (6, joints, columns)."""
+        result = self.with_loops(loaded, multipliers)
         for stress in self.stress:
-            wrench = stress.minimum_norm(wrench)
-        return wrench
+            result = stress.minimum_norm(result)
+        return result[..., 0]
 
-    def multipliers(self, tree: Array) -> Array:
-        """Return lambda (locked rows, columns) for wrenches in the joints of the open tree (6, joints, columns); not
-        unique where constraints are redundant.
-        """
-        assert self.cuts is not None
-        twists, joint_of = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.paths.joint_of
-        # unbalanced forces along the free directions of joints of the open tree; the last ones, of floating bodies, are
-        # never dependent
-        unbalanced = np.add.reduce(twists[:, :, None] * tree.take(joint_of, axis=1))
-        return loop_multipliers(self.cuts, self.reduction, self.phi, unbalanced)
+    def with_loops(self, loaded: LoadedPairs, multipliers: Array) -> Array:
+        """Return the wrenches (..., 6, joints, 1) of applied pairs and of these ``multipliers`` (..., locked rows)."""
+        pairs, motions = loaded.pairs, self.motions
+        virtual = TwistsAt(motions.six[..., :3, :], motions.six[..., 3:, :], motions.point, motions.twists.path)
+        along = virtual.motion(pairs.first, pairs.second, pairs.point)
+        gradient = np.einsum("...ip,...ipk->...k", pairs.wrench, along)
+        wrench = gradient.reshape(*gradient.shape[:-1], -1, 6).swapaxes(-1, -2)[..., None]
+        return np.asarray(wrench + self.of_rows @ multipliers[..., None, :, None])
 
 
-def loop_multipliers(cuts: Cuts, reduction: Reduction, phi: Array, forces: Array) -> Array:
-    """Return lambda (locked rows, columns) with Phi^T lambda = forces (n, columns) in the dependent coordinates; not
-    unique where constraints are redundant.
+def loop_multipliers(reduction: Reduction, kept: Kept, phi: Array, gradient: Array) -> Array:
+    """Return lambda (..., locked rows) with Phi^T lambda = -dV/dq in the dependent coordinates.
+
+    ``phi`` (..., locked rows, n); ``gradient`` (..., n): dV/dq. Redundant rows have none; the stiffness of loads does
+    not depend on this choice.
     """
-    result = np.zeros((len(cuts.names), forces.shape[1]))
-    dependent = np.ones(len(forces), dtype=bool)
-    dependent[reduction.independent] = False
-    for group in reduction.groups:
-        columns = group.columns[dependent[group.columns]]
-        if not len(columns):
-            continue
-        matrix = phi.take(group.rows, axis=0).take(columns, axis=1).T
-        if matrix.shape[0] == matrix.shape[1]:
-            result[group.rows] = lapack.dgesv(matrix, forces.take(columns, axis=0))[2]
-            continue
-        scale = group.length * cuts.row_scale(group.length)[group.rows]
-        result[group.rows] = np.linalg.lstsq(matrix * scale, forces[columns], rcond=None)[0] * scale[:, None]
+    lead = np.broadcast_shapes(phi.shape[:-2], gradient.shape[:-1])
+    result = np.zeros((*lead, phi.shape[-2]), np.result_type(phi, gradient))
+    for group, (rows, dependent) in zip(reduction.groups, kept, strict=True):
+        if len(dependent):
+            right = -gradient[..., dependent, None]
+            try:
+                solution = np.linalg.solve(phi[..., rows[:, None], dependent].swapaxes(-1, -2), right)
+            except np.linalg.LinAlgError:  # a variant whose rank was decided anew
+                rows = group.rows
+                solution = np.linalg.pinv(phi[..., rows[:, None], dependent].swapaxes(-1, -2)) @ right
+            result[..., rows] = solution[..., 0]
     return result
-
-
-def reactions(
-    paths: ForcePaths, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array,
-    multiplier_wrenches: Array | None = None,
-) -> Reactions:  # fmt: skip
-    """Return the map from body wrenches to joint wrenches.
-
-    ``phi`` (locked rows, n): locked rows per unit joint coordinate. ``multiplier_wrenches`` (6 joints, locked rows):
-    ``paths.of_locked(cuts)``, if available.
-    """
-    multiplier_wrenches = paths.of_locked(cuts) if multiplier_wrenches is None else multiplier_wrenches
-    return Reactions(paths, coordinates, cuts, reduction, phi, multiplier_wrenches)
-
-

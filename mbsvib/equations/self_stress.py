@@ -21,9 +21,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.core.motion_order import motion_order
+from mbsvib.equations.virtual_motions import beyond
 from mbsvib.errors import UndeterminedForceWarning
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.linalg.groups import connected_parts
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.force_paths import ForcePaths
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Cuts, Reduction
 
     JointOutputs = Mapping[str, tuple[int, Array]]
@@ -69,38 +72,46 @@ class Undetermined:
 
 @dataclass(frozen=True, slots=True)
 class SelfStress:
-    """States of self-stress in the ``joints`` (j,) of loops that have joints in common, with their ``length`` L [m].
+    """States of self-stress in the ``joints`` (j,) of loops that have joints in common, with their ``length`` L (...)
+    [m].
 
-    ``states`` (6, j, r) [N, N m] are orthonormal with moments over L; ``multipliers`` (locked rows, r) are those of the
-    constraints in each, None if they are not known.
+    ``states`` (..., 6, j, r) [N, N m] are orthonormal with moments over L; ``multipliers`` (..., locked rows, r) are
+    those of the constraints in each, None if they are not known.
     """
 
     joints: Index
-    length: float
+    length: float | Array
     states: Array
     multipliers: Array | None = None
 
     @property
     def weight(self) -> Array:
-        """D^2 (6, 1): the weights of squared forces and moments."""
-        return np.repeat((1.0, self.length**-2), 3)[:, None]
+        """D^2 (..., 6, 1): the weights of squared forces and moments."""
+        return weight_of(self.length)
 
-    def minimum_norm(self, wrench: Array, added_amount: Array | None = None) -> Array:
-        """Return wrenches in all joints without their part along the states, both (6, joints, columns).
-
-        ``wrench`` (6, joints, columns): wrenches that balance the bodies, at the joints' points. ``added_amount`` (r,
-        columns): amount of each state to remove in addition, for forces that change with the pose. Returns (6, joints,
-        columns): wrenches with the same effect on the bodies.
+    def amount(self, wrench: Array, added: Array | float = 0.0) -> Array:
+        """Return the amount (..., r, columns) of each state in wrenches (..., 6, joints, columns) that do this work in
+        addition.
         """
-        before, unit = wrench[:, self.joints], np.sqrt(self.weight)[..., None]
-        amount = np.einsum("cjr,cjn->rn", self.weight[..., None] * self.states, before)
-        if added_amount is not None:
-            amount += added_amount
-        after = before - np.einsum("cjr,rn->cjn", self.states, amount)
-        size = np.sqrt(np.square(np.abs(unit * before)).sum(axis=(0, 1)) + np.square(np.abs(amount)).sum(axis=0))
-        after.real[np.abs(unit * after) <= ZERO_FORM * size] = 0.0
-        result = wrench.copy()
-        result[:, self.joints] = after
+        weighted = self.weight[..., None] * self.states
+        part = np.einsum("...cjr,...cjn->...rn", weighted, wrench[..., self.joints, :]) + added
+        gram = np.einsum("...cjr,...cjs->...rs", weighted, self.states)  # one, but for imaginary parts
+        return np.asarray(part - (gram - gram.real) @ part)
+
+    def minimum_norm(self, wrench: Array, added: Array | float = 0.0) -> Array:
+        """Return wrenches in all joints without their part along the states, both (..., 6, joints, columns).
+
+        ``wrench`` (..., 6, joints, columns): wrenches that balance the bodies, at the joints' points. ``added`` (..., r,
+        columns): amount of each state to remove in addition, for forces that change with the pose. Returns (..., 6,
+        joints, columns): wrenches with the same effect on the bodies.
+        """
+        before, unit = wrench[..., self.joints, :], np.sqrt(self.weight)[..., None]
+        amount = self.amount(wrench, added)
+        after = before - np.einsum("...cjr,...rn->...cjn", self.states, amount)
+        size = np.sqrt(np.square(np.abs(unit * before)).sum(axis=(-3, -2)) + np.square(np.abs(amount)).sum(axis=-2))
+        after.real[np.abs(unit * after) <= ZERO_FORM * size[..., None, None, :]] = 0.0
+        result = np.array(np.broadcast_to(wrench, (*after.shape[:-2], *wrench.shape[-2:])), after.dtype)
+        result[..., self.joints, :] = after
         return result
 
     def undetermined(self, names: Sequence[str], requested: JointOutputs) -> Undetermined:
@@ -117,7 +128,14 @@ class SelfStress:
                 if np.linalg.norm(along @ unit[:, index_of[joint]]) > DETERMINED * np.linalg.norm(along):
                     outputs.append(name)
         stressed = np.sqrt(np.square(unit).sum(axis=(0, 2))) > DETERMINED
-        return Undetermined(tuple([names[k] for k in self.joints[stressed].tolist()]), self.length, tuple(outputs))
+        return Undetermined(tuple([names[k] for k in self.joints[stressed].tolist()]), float(self.length),
+                            tuple(outputs))  # fmt: skip
+
+
+def weight_of(length: float | Array) -> Array:
+    """Return the weights (..., 6, 1) of squared forces and moments, 1 and 1 / L^2 of a ``length`` L (...) [m]."""
+    moments = np.asarray(length)[..., None, None] ** -2.0
+    return np.repeat(np.concatenate((np.ones_like(moments), moments), axis=-2), 3, axis=-2)
 
 
 def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
@@ -136,75 +154,92 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
 
 
 def self_stress(
-    joints: Index, length: float, wrenches: Array, multipliers: Array | None = None
+    joints: Index, length: float | Array, wrenches: Array, multipliers: Array | None = None
 ) -> SelfStress | None:
     """Return orthonormal states of self-stress with the span of given ones.
 
-    ``joints`` (j,): numbers of the joints. ``length``: their length L [m]. ``wrenches`` (6, j, r): wrenches in them
-    without resultant on any body, of size one with moments over the length. ``multipliers`` (locked rows, r): those of
-    the constraints in them. None if all are zero.
+    ``joints`` (j,): numbers of the joints. ``length`` (...): their length L [m]. ``wrenches`` (..., 6, j, r): wrenches
+    in them without resultant on any body, of size one with moments over the length. ``multipliers`` (..., locked rows,
+    r): those of the constraints in them. None if all are zero. A state that is zero in some variants is zero there.
     """
-    scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
-    flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
-    left, sizes, right = np.linalg.svd(flat, full_matrices=False)
+    scale = np.sqrt(weight_of(length))[..., None]
+    flat = (wrenches * scale).reshape(*wrenches.shape[:-3], 6 * len(joints), wrenches.shape[-1])
+    left, sizes, right = np.linalg.svd(flat.real, full_matrices=False)
     nonzero = sizes > STRESS_IN_COUPLERS
-    states = left[:, nonzero]
-    if not states.size:
+    used = np.asarray(nonzero.reshape(-1, nonzero.shape[-1]).any(axis=0))
+    if not used.any():
         return None
-    states[np.abs(states) <= ZERO_FORM] = 0.0
-    of_rows = None if multipliers is None else multipliers @ (right[nonzero].T / sizes[nonzero])
-    return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale, of_rows)
+    turn = np.where(nonzero, 1.0 / np.where(nonzero, sizes, 1.0), 0.0)[..., None, :] * right.swapaxes(-1, -2)
+    states = np.where(nonzero[..., None, :], left, 0.0)[..., used] + (flat - flat.real) @ turn[..., used]
+    states.real[np.abs(states) <= ZERO_FORM] = 0.0
+    of_rows = None if multipliers is None else multipliers @ turn[..., used]
+    return SelfStress(joints, length, states.reshape(*flat.shape[:-2], 6, len(joints), -1) / scale, of_rows)
 
 
 def of_loops(
-    paths: ForcePaths, cuts: Cuts | None, reduction: Reduction, phi: Array, multiplier_wrenches: Array
+    scene: Scene, reduction: Reduction, phi: Array, kept: Sequence[tuple[Index, Index]], wrenches: Array, point: Array
 ) -> list[SelfStress]:
     """Return the states of self-stress of a mechanism, by loops that have joints or couplers in common.
 
-    ``phi`` (locked rows, n): locked rows per unit joint coordinate. ``multiplier_wrenches`` (6 joints, locked rows):
-    wrenches in all joints per unit of each multiplier.
+    ``phi`` (..., locked rows, n): locked rows per unit joint coordinate; ``kept``: independent rows and dependent
+    coordinates of each group of loops. ``wrenches`` (..., 6, joints, locked rows): those in all joints per unit of each
+    multiplier; ``point`` (..., joints, 3): points of the joints [m].
     """
-    if cuts is None or not any(group.surplus for group in reduction.groups):
-        return []
-    wrenches = multiplier_wrenches.reshape(6, -1, multiplier_wrenches.shape[1])
-    in_loop, transmits = _joints_of_loops(paths, cuts, wrenches)
-    dependent = np.ones(phi.shape[1], dtype=bool)
-    dependent[reduction.independent] = False
-    result = []
+    cuts, joints, count = scene.cuts, scene.topology.joints, phi.shape[-2]
+    assert cuts is not None
+    in_loop, transmits = _joints_of_loops(scene, cuts, wrenches)
     loop, joint = np.nonzero(in_loop)
     loop_part, joint_part = connected_parts(loop, joint, (len(in_loop), in_loop.shape[1]))
-    for part in np.unique(loop_part[: len(phi)]):
-        rows = np.flatnonzero(loop_part[: len(phi)] == part)
-        joints = np.flatnonzero((joint_part == part) & transmits)
-        columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
-        ends = (paths.first[joints], paths.second[joints])
-        length = length_of(paths.point[:, joints].T, *(paths.position[:, bodies].T for bodies in ends))
-        scale = length * cuts.row_scale(length)[rows, None]
-        # combinations of the rows without work on any coordinate
-        combinations = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
-        multipliers = np.zeros((len(phi), combinations.shape[1]))
-        multipliers[rows] = scale * combinations
-        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ multipliers[rows], multipliers)
-        if stress is not None:
-            result.append(stress)
+    number = scene.topology.body_numbers
+    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+    result = []
+    for part in np.unique(loop_part[:count]):
+        members = np.flatnonzero((joint_part == part) & transmits)
+        ends = ([number[getattr(joints[k], end)] for k in members.tolist()] for end in ("first", "second"))
+        length = length_of(point[..., members, :], *(position[..., bodies, :] for bodies in ends))
+        each = np.asarray(length)[..., None]
+        combinations = [_combinations(phi, each * cuts.row_scale(each), group.rows, *own)
+                        for group, own in zip(reduction.groups, kept, strict=True)
+                        if group.surplus and loop_part[group.rows[0]] == part]  # fmt: skip
+        if combinations:
+            multipliers = concatenated(combinations, -1)
+            stress = self_stress(members, length, wrenches[..., members, :] @ multipliers[..., None, :, :], multipliers)
+            if stress is not None:
+                result.append(stress)
     return result
 
 
-def _joints_of_loops(paths: ForcePaths, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _combinations(phi: Array, scale: Array, rows: Index, kept: Index, dependent: Index) -> Array:
+    """Combinations (..., locked rows, surplus) of the rows of a group of loops without work on any coordinate: one of
+    size one for each redundant row, which the ``kept`` rows balance. ``scale`` (..., locked rows): units of the rows.
+    """
+    redundant = np.setdiff1d(rows, kept)
+    scaled = scale[..., None] * phi[..., dependent]
+    balancing = -np.linalg.solve(scaled[..., kept, :].swapaxes(-1, -2), scaled[..., redundant, :].swapaxes(-1, -2))
+    result = np.zeros((*balancing.shape[:-2], phi.shape[-2], len(redundant)), balancing.dtype)
+    result[..., kept, :] = balancing
+    result[..., redundant, np.arange(len(redundant))] = 1.0
+    result *= scale[..., None]
+    return np.asarray(result / np.sqrt(np.square(result.real / scale.real[..., None]).sum(axis=-2, keepdims=True)))
+
+
+def _joints_of_loops(scene: Scene, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return a mask (rows, joints) of the joints in each loop, loops of cut joints without locked directions last, and
     a mask of the joints that can transmit a force: those with locked directions, or that a coupler measures.
     """
-    joints = paths.topology.joints
-    in_loop: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
+    joints, number = scene.topology.joints, scene.topology.body_numbers
+    in_loop: NDArray[np.bool_] = np.array(wrenches.any(axis=(*range(wrenches.ndim - 3), -3)).T)
     transmits = np.array([bool(joint.locked) for joint in joints])
     if cuts.couplings is not None:
         first, touched, column = len(cuts.rows.first), cuts.couplings.touched, cuts.couplings.column
-        coupler, coordinate = np.nonzero(touched & (paths.joint_of >= 0))
-        in_loop[first + coupler, paths.joint_of[coordinate]] = True
-        transmits[paths.joint_of[column[column >= 0]]] = True
-        transmits[paths.measured(cuts.couplings.measured)] = True
-    cut = np.array(paths.topology.cut, dtype=np.intp)
-    unlocked = cut[[not joints[k].locked for k in cut.tolist()]]
-    in_unlocked = paths.path_sign[paths.first[unlocked]] != paths.path_sign[paths.second[unlocked]]
+        joint_of = motion_order(scene.topology).joint
+        coupler, coordinate = np.nonzero(touched & (joint_of >= 0))
+        in_loop[first + coupler, joint_of[coordinate]] = True
+        transmits[joint_of[column[column >= 0]]] = True
+        transmits[[joints.index(joint) for joint, _ in scene.measured]] = True
+    unlocked = [k for k in scene.topology.cut if not joints[k].locked]
+    path_sign = beyond(scene)
+    in_unlocked = np.array([path_sign[number[joints[k].first]] != path_sign[number[joints[k].second]]
+                            for k in unlocked]).reshape(-1, len(joints))  # fmt: skip
     in_unlocked[np.arange(len(unlocked)), unlocked] = True
     return np.concatenate((in_loop, in_unlocked)), transmits

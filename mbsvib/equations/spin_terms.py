@@ -11,14 +11,22 @@ Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices, rot
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
+from mbsvib.equations.steady_spin import (
+    NONE,
+    check_steady,
+    point_of,
+    rows_at_point,
+    spin_together,
+    spin_velocities,
+)
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.kinematics.shared_rows import stack
@@ -32,20 +40,54 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body
     from mbsvib.elements.connection import Connection
     from mbsvib.elements.shared_rows import Expansion
+    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.steady_spin import Fields
     from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
+    Spin = tuple[Sequence[tuple[int, Array]], Sequence["CrossCoupling"]]
+
 
 def with_spin(draft: Draft) -> Draft:
     """Return equations of motion with the antisymmetric terms of rotors and elements."""
-    model, scene = draft.model, draft.scene
-    check_spin(model, scene.bodies, scene.elements)
-    parts = momenta(model, scene.bodies), cross_couplings(model, scene.bodies, scene.elements)
-    return replace(draft, terms=with_antisymmetric_terms(scene, draft.reduction, draft.terms, *parts,
+    model, scene, fields = draft.model, draft.scene, draft.varied.fields
+    rotors = {name: replace(part, speed=_largest(fields.get(name, NONE).get("speed", part.speed)))
+              for name, part in model.rotors.items()}  # fmt: skip
+    check_spin(model.with_parts(rotors=rotors) if fields else model, scene.bodies, scene.elements)
+    return replace(draft, terms=with_antisymmetric_terms(scene, draft.reduction, draft.terms, *spin_of(draft),
                                                          model.expansion))  # fmt: skip
+
+
+def _largest(speed: Any) -> float:
+    return float(np.ravel(speed)[np.abs(np.ravel(speed)).argmax()])
+
+
+def spin_of(draft: Draft) -> Spin:
+    """Return the angular momenta of rotors, and the cross-coupled elements."""
+    if not draft.model.derived(has_antisymmetric_forces):
+        return [], []
+    bodies, fields = draft.scene.bodies, draft.varied.fields
+    return momenta(draft.model, bodies, fields), cross_couplings(draft.model, bodies, draft.scene.elements, fields)
+
+
+def spins_otherwise(model: Mechanism, values: Values) -> bool:
+    """Return whether variants differ in more than speeds and momenta, so that each is to be checked by itself.
+
+    Bodies that themselves spin must stay symmetric about their axis, and so must all that acts on them; they spin at
+    one speed. Elements with cross-coupling stay as they are.
+    """
+    spinning = {rotor.body for rotor in model.rotors.values() if rotor.inertia is None}
+    touched = spinning | {part.name for parts in (model.joints, model.springs) for part in parts.values()
+                          if spinning & {part.first, part.second}}  # fmt: skip
+    touched |= {part.name for part in model.springs.values() if part.cross_coupling is not None}
+    if touched & values.index.keys():
+        return True
+    speeds = list(spin_velocities(model, values.fields).values())
+    sizes = [np.linalg.norm(speed, axis=-1) for speed in speeds]
+    return any(rotor in values.index for rotor in model.rotors) and any((size != sizes[0]).any() for size in sizes)
 
 
 def check_spin(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:
@@ -148,25 +190,30 @@ class CrossCoupling:
         return -np.stack((self.stiffness, self.damping)) @ self.relative(coordinates, reduction)
 
 
-def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]:
-    """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes."""
+def momenta(model: Mechanism, bodies: Sequence[Body], fields: Fields = NONE) -> list[tuple[int, Array]]:
+    """Return the number of each body with a rotor, and the rotor's angular momentum (..., 3) [kg m^2/s], world axes.
+
+    ``fields`` has the values of variants by part and name, where they differ from those of the model.
+    """
     number, result = {body.name: i for i, body in enumerate(bodies)}, []
     for rotor in model.rotors.values():
-        i, axis = number[rotor.body], np.array(rotor.axis)
-        moment = float(axis @ inertia_tensor(bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
-        result.append((i, moment * rotor.speed * axis))
+        i, axis, own = number[rotor.body], np.array(rotor.axis), fields.get(rotor.name, NONE)
+        moment = own.get("inertia", rotor.inertia)
+        if moment is None:
+            moment = float(axis @ inertia_tensor(bodies[i]) @ axis)
+        result.append((i, np.multiply.outer(moment * own.get("speed", rotor.speed), axis)))
     return result
 
 
 def cross_couplings(
-    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
+    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection], fields: Fields = NONE
 ) -> list[CrossCoupling]:
     """Return the elements with antisymmetric matrices: those with cross-coupling, and dampers between bodies that spin
     together. Dampers along lines are on the axis and do not rotate.
 
-    ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
+    ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers; ``fields`` as of ``momenta``.
     """
-    number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model), []
+    number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model, fields), []
     ground = len(bodies)
     for part in elements:
         stiffness, damping = part.cross_coupling or (np.zeros((6, 6)), np.zeros((6, 6)))

@@ -5,13 +5,15 @@ Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.equations.force_paths import joint_ends
+from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
@@ -22,10 +24,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
+    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.wrench_pairs import WrenchPairs
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.topology import Topology
@@ -36,35 +38,46 @@ LEAST_LEVER = POSITION_ROUNDING / BALANCE
 
 @dataclass(frozen=True)
 class Statics:
-    """The forces at the pose: the ``applied`` wrenches, and those in joints by ``reactions``, both computed when asked.
+    """The forces at the pose: the ``applied`` wrenches, and those in joints by ``reactions`` of the ``loaded`` pairs
+    and the ``multipliers`` (locked rows,) of the loops, computed when asked.
 
-    ``geometry`` are all pairs of wrenches, the applied ones, then those in joints, whose sizes are not there yet;
-    ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree, ``multipliers`` (locked rows, 1) those of the
-    loops. ``position`` (3, bodies + 1) are the centres of mass. ``residual`` (m,) is the unbalanced force along each
-    coordinate, ``size`` (m,) that of the forces that should cancel. ``owners`` are the names of all pairs.
+    ``residual`` (m,) is the unbalanced force along each coordinate, ``size`` (m,) that of the forces that should
+    cancel.
     """
 
     applied: AppliedWrenches
     reactions: Reactions
-    geometry: WrenchPairs
-    tree_wrenches: Array
+    loaded: LoadedPairs
     multipliers: Array
-    position: Array
     residual: Array
     size: Array
-    owners: tuple[str, ...]
+
+    @property
+    def topology(self) -> Topology:
+        """The tree of the mechanism."""
+        return self.reactions.scene.topology
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Names of all pairs, the applied ones, then the joints."""
+        return (*self.applied.names, *[joint.name for joint in self.topology.joints])
+
+    @cached_property
+    def position(self) -> Array:
+        """Centres of mass (3, bodies + 1) [m], the origin for ground."""
+        return np.concatenate((self.reactions.scene.position, np.zeros((1, 3)))).T
 
     @cached_property
     def joints(self) -> Array:
         """Wrenches (6, joints) in the joints on their second bodies."""
-        return self.reactions.with_loops(self.tree_wrenches, self.multipliers)[:, :, 0]
+        return self.reactions.wrenches(self.loaded, self.multipliers)
 
     @cached_property
     def pairs(self) -> WrenchPairs:
         """The applied wrenches, then those in joints."""
-        pairs, joints = self.applied.pairs, self.joints
-        return replace(self.geometry, force=np.concatenate((pairs.force, joints[:3]), axis=1),
-                       torque=np.concatenate((pairs.torque, joints[3:]), axis=1))  # fmt: skip
+        first, second, start, end, _ = joint_ends(self.topology, self.position)
+        joints = WrenchPairs(first, second, start, end, self.joints[:3], self.joints[3:])
+        return WrenchPairs.join(self.applied.pairs, joints)
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:
@@ -76,6 +89,20 @@ class Statics:
     def imbalance(self) -> float:
         """The largest unbalanced share of the forces along a coordinate."""
         return float(shares(self.residual, self.size).max(initial=0.0))
+
+
+def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
+    """Return the forces along minimal coordinates and the size of those that should cancel there, (..., m) each.
+
+    ``motion`` (..., bodies, 6, m): motion of the bodies.
+    """
+    assert scene.loads is not None
+    applied = scene.loads[0]
+    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
+    points = (applied.pairs.start, scene.position, scene.coordinates.point)
+    reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
+    return balance(wrench[..., :-1], sizes[..., :-1], motion, reach)
 
 
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,11 +22,14 @@ if TYPE_CHECKING:
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.mechanism.mechanism import Mechanism
 
+    Fields = Mapping[str, Mapping[str, Array]]
 
 # Inertia tensors and axes are printed with six or seven digits.
 SLACK = 1e-6
 # Angle [rad] of the test for symmetry: it is no fraction of a full turn, so that no discrete symmetry passes.
 TURN = 1.0
+# Without fields that vary.
+NONE: Any = MappingProxyType({})
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -42,8 +46,11 @@ def point_of(spring: Connection) -> Vector:
     return (ORIGIN, *spring.points)[-1]
 
 
-def spin_velocities(model: Mechanism) -> dict[str, Array]:
-    """Return the angular velocities of the bodies that themselves spin, by name."""
+def spin_velocities(model: Mechanism, fields: Fields = NONE) -> dict[str, Array]:
+    """Return the angular velocities (..., 3) of the bodies that themselves spin, by name.
+
+    ``fields`` has the values of variants by part and name, where they differ from those of the model.
+    """
     result: dict[str, Array] = {}
     for rotor in model.rotors.values():
         if rotor.inertia is None:
@@ -51,19 +58,19 @@ def spin_velocities(model: Mechanism) -> dict[str, Array]:
                 raise ModelError(f"rotor '{rotor.name}': body '{rotor.body}' spins already; add the speeds up, or give "
                                  f"the inertia of the part that spins on it.",
                                  element=rotor.name, field="body")  # fmt: skip
-            result[rotor.body] = rotor.speed * np.array(rotor.axis)
+            result[rotor.body] = np.multiply.outer(fields.get(rotor.name, NONE).get("speed", rotor.speed), rotor.axis)
     return result
 
 
 def spin_together(model: Mechanism, spins: Mapping[str, Array], first: str, second: str) -> bool:
-    """Return whether two bodies spin at the same speed about the same line."""
+    """Return whether two bodies spin at the same speed about the same line, in all variants."""
     if first not in spins or second not in spins:
         return False
     a, b = spins[first], spins[second]
     distance = np.array(model.bodies[second].position) - np.array(model.bodies[first].position)
-    size = np.linalg.norm(a)
-    return bool(np.linalg.norm(a - b) <= SLACK * size
-                and np.linalg.norm(np.cross(a, distance)) <= SLACK * size * np.linalg.norm(distance))  # fmt: skip
+    size = SLACK * np.linalg.norm(a, axis=-1)
+    return bool((np.linalg.norm(a - b, axis=-1) <= size).all()
+                and (np.linalg.norm(np.cross(a, distance), axis=-1) <= size * np.linalg.norm(distance)).all())
 
 
 def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:

@@ -22,8 +22,9 @@ import numpy as np
 from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, bracket_form, geometric_stiffness
 from mbsvib.core.motion_order import MotionOrder
 from mbsvib.equations.force_paths import carrier_of
-from mbsvib.equations.load_stiffness import leading, rounding
+from mbsvib.equations.load_stiffness import rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.equations.wrench_pairs import leading
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros
@@ -67,7 +68,7 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
     ``axes`` (..., 3, 3) by name and ``points`` (..., 3) by number: where variants differ in them.
     """
     topology, number = scene.topology, scene.topology.body_numbers
-    beyond = _beyond(scene)
+    on_path = beyond(scene)
     path = np.zeros((len(scene.coordinates.path), 6 * len(joints)), dtype=np.int8)
     six, at = [], []
     opening = np.zeros((scene.locked + len(scene.couplers), 6 * len(joints)))
@@ -80,7 +81,7 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
         body = number[part.second] if part.second != "ground" else number[part.first]
         centre = scene.position[..., body, :] if part.point is None else np.array(part.point)
         at.append(np.repeat(points.get(joint, centre)[..., None], 6, axis=-1))
-        path[:, mine] = beyond[:, [joint]]
+        path[:, mine] = on_path[:, [joint]]
         if joint in topology.cut:
             assert scene.cuts is not None
             rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(joint))
@@ -136,7 +137,7 @@ def trailing(vectors: Array) -> Array:
     return np.ascontiguousarray(vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1))
 
 
-def _beyond(scene: Scene) -> NDArray[np.int8]:
+def beyond(scene: Scene) -> NDArray[np.int8]:
     """Signs (bodies + 1, joints) of the joints of the tree on the way from ground to each body."""
     result = np.zeros((len(scene.coordinates.path), len(scene.topology.joints)), dtype=np.int8)
     for branch in scene.topology.branches:
@@ -144,6 +145,36 @@ def _beyond(scene: Scene) -> NDArray[np.int8]:
         if branch.joint != FLOATS:
             result[branch.body, branch.joint] = branch.sign
     return result
+
+
+def joint_points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
+    """Return the points (..., 3) of joints, where they move with the joint or with a body in variants."""
+    result, start = {}, 0
+    twists, topology = leading(scene.coordinates.point), scene.topology
+    number = topology.body_numbers
+    for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
+        count = len(topology.joints[k].freedom)
+        if k in joints and count:
+            result[k] = twists[..., start]
+        start += count
+    for k in joints:
+        joint = topology.joints[k]
+        if k in topology.cut and scene.cuts is not None:
+            rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(k))
+            if len(rows):
+                result[k] = leading(scene.cuts.rows.point)[..., rows[0]]
+        if k not in result or joint.point is None:
+            body = joint.first if joint.second == "ground" else joint.second
+            result[k] = np.array(joint.point) if joint.point is not None else scene.position[..., number[body], :]
+    return result
+
+
+def opened(scene: Scene, motions: VirtualMotions) -> Array:
+    """Return the change (..., locked rows, v) of the locked rows by virtual motions."""
+    if scene.cuts is None:
+        return motions.opening
+    extended = _with_motions(scene, motions.twists)
+    return np.asarray(motions.opening + extended.closure(extended.relative_of())[..., len(scene.coordinates.names) :])
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +221,11 @@ class VirtualWork:
             if len(dependent):
                 matrix = phi[..., rows[:, None], dependent]
                 self.following[..., dependent, :] = -np.linalg.solve(matrix, opening[..., rows, :])
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Numbers of the joints with virtual motions."""
+        return self._motions.joints
 
     def _minimal(self) -> Reduction:
         """The minimal coordinates, and the virtual motions behind them."""
@@ -292,13 +328,13 @@ class VirtualWork:
                 continue
             mine, branch = np.arange(n + 6 * k, n + 6 * k + 6), branch_of[joint]
             before[:n, mine] = path[branch.parent, :, None]
-            beyond = motions.twists.path[:, 6 * k]
+            on_path = motions.twists.path[:, 6 * k]
             for column, other in enumerate(order.joint.tolist()):
                 if other == joint:
                     if not topology.joints[joint].is_rod:
                         at = (mine, column) if branch.sign > 0 else (column, mine)
                         before[at] = branch.sign
                 elif other != FLOATS:
-                    before[mine, column] = beyond[branch_of[other].parent]
+                    before[mine, column] = on_path[branch_of[other].parent]
         sign = np.concatenate((order.sign, np.ones(v)))
         return MotionOrder(before, np.concatenate((order.joint, np.repeat(motions.joints, 6))), sign, order.rods)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.wrench_pairs import WrenchPairs
+from mbsvib.equations.wrench_pairs import WrenchPairs, leading
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -41,11 +41,9 @@ class AppliedWrenches:
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
         """Return the sums of weights and pairs on each body and their sizes, as ``WrenchPairs.on_bodies``."""
         wrench, sizes = self.pairs.on_bodies(position)
-        weight = self.weight
-        if max(wrench.ndim, weight.ndim) == 3:
-            wrench, sizes, weight = (array if array.ndim == 3 else array[:, None] for array in (wrench, sizes, weight))
-        length, zero = np.sqrt(np.square(weight).sum(axis=0, keepdims=True)), np.zeros_like(weight)
-        return wrench + np.concatenate((weight, zero)), sizes + np.concatenate((length, zero[:1]))
+        weight = leading(self.weight)
+        length, zero = np.sqrt(np.square(weight).sum(axis=-2, keepdims=True)), np.zeros_like(weight)
+        return wrench + np.concatenate((weight, zero), axis=-2), sizes + np.concatenate((length, zero[..., :1, :]), -2)
 
     @property
     def tension(self) -> Index:

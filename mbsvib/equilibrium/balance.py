@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_loads import forces_along
 from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
@@ -16,12 +15,12 @@ from mbsvib.equations.posed_scene import follows_poses, of_parts
 from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.equations.scene import scene
 from mbsvib.equations.spin_terms import cross_couplings
-from mbsvib.equations.statics import shares, unbalanced_in_words
+from mbsvib.equations.statics import forces_along, shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.kinematics.body_motion import body_motion
-from mbsvib.kinematics.loops import reduce
+from mbsvib.kinematics.loops import kept_rows, reduce
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.kinematics.loops import Cuts, Reduction
+    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -109,7 +108,7 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
         stiffness = stiffness + motion.T @ part.stiffness @ motion
     residual = balanced_forces = np.zeros(len(stiffness))
     if numbers.loads is not None:
-        solve = partial(_multipliers, numbers.cuts, reduction, phi)
+        solve = partial(loop_multipliers, reduction, kept_rows(numbers.cuts, reduction), phi)
         residual, balanced_forces, loaded = of_loads(numbers, axes, reduction, solve)
         stiffness = stiffness + loaded
     names = tuple([numbers.coordinates.names[i] for i in reduction.independent.tolist()])
@@ -165,11 +164,6 @@ def of_loads(
         rows, values, _ = curvature_stiffness(numbers, reduction, -forces)
         stiffness = stiffness + weighted_gram(rows, values)
     return residual, size, stiffness
-
-
-def _multipliers(cuts: Cuts | None, reduction: Reduction, phi: Array, gradient: Array) -> Array:
-    assert cuts is not None
-    return loop_multipliers(cuts, reduction, phi, -gradient[:, None])[:, 0]
 
 
 def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:

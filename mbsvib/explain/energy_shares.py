@@ -152,7 +152,7 @@ def _of_forces(statics: Statics, motion: Any) -> Array:
     if count:
         applied = replace(statics.applied, weight=np.zeros_like(statics.applied.weight))
         result[:count] += _form(shift_hessian(applied_pairs(applied, statics.position[:, :-1].T)), xi[:count])
-    joints = statics.reactions.paths.topology.joints
+    joints = statics.topology.joints
     for alike, numbers, curvature in own_curvatures(joints):
         q = duals(twists_of(alike)).swapaxes(1, 2)[:, : curvature.shape[-1]] @ xi[count + numbers]
         wrench = np.concatenate((pairs.torque, pairs.force))[:, count + numbers]

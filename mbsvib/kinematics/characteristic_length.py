@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,20 +14,20 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def length_of(points: Array, *centres: Array) -> float:
-    """Return the root mean square distance of points (n, 3) [m] from their mean [m].
+def length_of(points: Array, *centres: Array) -> Any:
+    """Return the root mean square distance (...) of points (..., n, 3) [m] from their mean [m].
 
     L^2 = 1/n sum of |p_i - 1/n sum of p_j|^2
 
     It is the same in all frames and for all orders of the points; 1 where there is no point, or all coincide within
-    rounding. ``centres`` (n, 3): centres of mass of the bodies that have these points [m].
+    rounding. ``centres`` (..., n, 3): centres of mass of the bodies that have these points [m].
     """
-    if not len(points):
+    if not points.shape[-2]:
         return 1.0
-    offsets = points - points.mean(axis=0)
-    length = float(np.sqrt((offsets * offsets).sum() / len(points)))
-    far = max([float(np.abs(points - centre).max()) for centre in (np.zeros(3), *centres)])
-    return length if length > SAME_POINT * far else 1.0
+    offsets = points - points.mean(axis=-2, keepdims=True)
+    length = np.sqrt((offsets * offsets).sum(axis=(-2, -1)) / points.shape[-2])
+    far = reduce(np.maximum, [np.abs(points - centre).max(axis=(-2, -1)) for centre in (np.zeros(3), *centres)])
+    return np.where(np.abs(length) > SAME_POINT * far, length, 1.0)[()]
 
 
 def size_of(model: Mechanism) -> float:

@@ -91,16 +91,16 @@ class Cuts:
 
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
         """Return factors (..., rows) that make some rows dimensionless, with ``length`` [m] as the unit of length: one
-        for all, or one for each of them (members,).
+        for all, or one for each of them (..., members), or (..., 1).
         """
         scale = np.where(self.translates[members], 1.0 / length, 1.0)
         if self.couplings is None:
             return scale
         number = np.arange(len(self.translates))[members]
         at = np.flatnonzero(number >= len(self.rows.first))
-        lengths = np.broadcast_to(length, len(scale))[at]
+        lengths = np.broadcast_to(length, scale.shape)[..., at]
         coupled = self.couplings.row_scale(lengths, number[at] - len(self.rows.first))
-        result = np.broadcast_to(scale, (*coupled.shape[:-1], len(scale))).copy()
+        result = np.broadcast_to(scale, (*coupled.shape[:-1], scale.shape[-1])).copy()
         result[..., at] = coupled
         return result
 
@@ -143,6 +143,20 @@ def reduce(
         matrix[dependent[:, None], position.take(others)] = block
     matrix *= np.divide.outer(scaled.columns, scaled.columns.take(free))
     return Reduction(free, matrix, tuple(groups))
+
+
+def kept_rows(cuts: Cuts | None, reduction: Reduction) -> list[tuple[Index, Index]]:
+    """Return the independent rows and the dependent coordinates of each group of loops."""
+    if cuts is None or reduction.matrix is None:
+        return []
+    depends = np.ones(reduction.matrix.shape[-2], dtype=bool)
+    depends[reduction.independent] = False
+    result = []
+    for group in reduction.groups:
+        redundant = group.redundant
+        rows = [row for row in group.rows.tolist() if cuts.names[row] not in redundant] if redundant else group.rows
+        result.append((np.asarray(rows, dtype=np.intp), group.columns[depends[group.columns]]))
+    return result
 
 
 def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equations import batch_assembly, batch_loads, loaded
+from mbsvib.equations import batch_assembly, loaded
 from tests.golden.store import scenes
 from tests.support.loaded_models import loaded as loaded_model
 
@@ -34,7 +34,6 @@ def other_values(model, rng, share):
 def unbalanced(monkeypatch):
     """Let poses off balance pass: what is compared is the statement of their forces."""
     monkeypatch.setattr(loaded, "check_balance", lambda *_: None)
-    monkeypatch.setattr(batch_loads, "check_balance", lambda *_: None)
 
 
 def cases():
@@ -153,6 +152,45 @@ def test_forces_of_least_norm_all_at_once(monkeypatch):
     monkeypatch.setattr(batch_assembly, "one_by_one", refuse)
     batch = model.linearize(values=values)
     for system, single in zip(batch, singles, strict=True):
+        assert_same(system, single)
+
+
+@pytest.mark.filterwarnings("ignore:.*does not determine the outputs")
+@pytest.mark.usefixtures("unbalanced")
+def test_forces_of_least_norm_follow_places_and_loads(monkeypatch):
+    """Across the plane of a loaded linkage only least norm says which pin carries what; also its derivative."""
+    model = mv.library.four_bar()
+    for joint in "ABC":
+        for direction in ("y", "z", "rx", "rz"):
+            model.add_force_output(f"{joint}.F{direction}", joint, direction)
+    names = ["crank.position.y", "A.position.y", "crank.mass"]
+    plant = model.compile(names)
+    values = plant.nominal + np.array([[0.0, 0.0, 0.0], [0.02, -0.03, 0.1], [-0.01, 0.04, 0.3]])
+    singles = [model.with_values(dict(zip(names, row.tolist(), strict=True))).linearize(independent=plant.coordinates)
+               for row in values]  # fmt: skip
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    for system, single in zip(plant(values), singles, strict=True):
+        assert_same(system, single)
+    direction, step = np.array([0.3, -0.2, 0.1]), 1e-5
+    tangent = plant.tangent(values[1], direction)
+    ends = [plant(values[1] + sign * step * direction) for sign in (1.0, -1.0)]
+    for key in ("Cq", "Ca", "D"):
+        difference = (getattr(ends[0], key) - getattr(ends[1], key)) / (2.0 * step)
+        np.testing.assert_allclose(getattr(tangent, key), difference, rtol=0, atol=1e-7 * np.abs(difference).max())
+
+
+def test_sums_of_forces_on_bodies_beside_beams_all_at_once(monkeypatch):
+    """The mass of beams acts on the bodies at their ends, also where the ground moves."""
+    model = mv.library.cantilever()
+    model.add_base_motion("quake", "z")
+    for body in ("tip", "ground"):
+        model.add_force_output(f"{body}.Fz", body, "z")
+        model.add_force_output(f"{body}.Mx", body, "rx")
+    values = {"tip.mass": [900.0, 800.0, 1200.0], "tip.position.y": np.array([0.0, 0.1, 0.3])}
+    values["tip.position.y"] = values["tip.position.y"] + model.bodies["tip"].position[1]
+    singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize() for i in range(3)]
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    for system, single in zip(model.linearize(values=values), singles, strict=True):
         assert_same(system, single)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equations import batch_assembly, batch_loads, loaded
+from mbsvib.equations import batch_assembly, loaded
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.plan_tangents import along_parameters
@@ -25,7 +25,6 @@ STEP, POINTS, WEIGHTS = 2.0**-13, np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.
 def unbalanced(monkeypatch):
     """Let poses off balance pass: what is compared is the statement of their forces."""
     monkeypatch.setattr(loaded, "check_balance", lambda *_: None)
-    monkeypatch.setattr(batch_loads, "check_balance", lambda *_: None)
 
 
 def prepared(name, wanted=COUNT):
