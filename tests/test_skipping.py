@@ -97,8 +97,10 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
 
 
 def test_redundant_rows_get_names_when_these_are_asked_for(monkeypatch):
+    """Without loads and outputs of forces in joints, for which they are."""
+    model = mv.library.four_bar()
     named = counting(monkeypatch, loops, "redundant_rows")
-    system = mv.library.four_bar().linearize()
+    system = model.with_parts(springs={}, outputs={}, gravity=None).linearize()
     system.modes()
     assert not named
     assert len(system.redundant) == 3

@@ -163,6 +163,5 @@ def _masses(draft: Draft) -> Draft:
 
 
 # Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft,
-# and does not load its module.
-FORCES: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin)
-STEPS = (*FORCES, _drives, _masses)
+# and does not load its module. All but the last take many variants at once.
+STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _drives, _masses)

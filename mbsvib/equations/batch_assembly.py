@@ -100,8 +100,11 @@ class BatchPlan:
 
     @cached_property
     def pivots(self) -> LoopPivots:
-        """The pivots of the nominal pose."""
-        return loop_pivots(self.scene, self.nominal.provenance.reduction)
+        """The pivots of the nominal pose, in all its coordinates, also those that inputs drive."""
+        reduction, driven = self.nominal.provenance.reduction, self.model.derived(driven_coordinates)
+        if driven:
+            reduction = self.scene.reduced(_displacements(self.scene)[1], [*driven, *self.names])
+        return loop_pivots(self.scene, reduction)
 
     @cached_property
     def posed_scene(self) -> PosedScene | None:
@@ -145,12 +148,14 @@ class BatchPlan:
     def one_by_one(self) -> bool:
         """Whether elements or fields that vary make it necessary to compute one variant after the other."""
         scene = self.scene
-        curved = any(coupler.curvatures for coupler in scene.couplers)
+        # coordinates that inputs drive, and relations that are curved, do not follow other places
+        fixed = any(coupler.curvatures for coupler in scene.couplers) or bool(self.model.derived(driven_coordinates))
+        fixed = fixed and (self.posed is not None or not self.geometry.constant)
         # tension of beams follows the loads
         shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
-        return bool(shared or curved or varies or self._replacing_alone)
+        return bool(shared or fixed or varies or self._replacing_alone)
 
     @property
     def _replacing_alone(self) -> bool:
@@ -178,8 +183,7 @@ class BatchPlan:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
         posed = self.posed is not None and (self.poses is None or self.posed_scene is None)
-        driven = self.model.derived(driven_coordinates)
-        return not (posed or self.one_by_one or spins or self.model.hubs or driven)
+        return not (posed or self.one_by_one or spins or self.model.hubs)
 
     def single(self, variant: Values) -> Matrices:
         """Return the matrices of a single variant, without an axis of variants."""
@@ -358,11 +362,11 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     if rows is None:
         rows = minimal_rows(scene, relative, reduction)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
-    if nominal.provenance.separation is None and not stepped:
-        check_masses(terms.M, nominal.coordinates, first)
     draft = Draft(plan.model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
                   nominal.coordinates, not stepped, pivots.kept,
                   variants=Variants(first, axes, lengths, values.fields))  # fmt: skip
-    for step in single.FORCES:
+    for step in single.STEPS[:-1]:
         draft = step(draft)
+    if nominal.provenance.separation is None and not stepped:
+        check_masses(draft.terms.M, nominal.coordinates, first)
     return AssembledVariants(plan, draft, first, lost, decided)

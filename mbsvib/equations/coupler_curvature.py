@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 
 def curvature_stiffness(scene: Scene, reduction: Reduction, multipliers: Array) -> tuple[Array, Array, Index]:
-    """Return rows (k, m) in minimal coordinates, their stiffness (k,) and the joint (k,) that each belongs to.
+    """Return rows (..., k, m) in minimal coordinates, their stiffness (..., k) and the joint (k,) that each belongs to.
 
-    ``multipliers`` (locked rows,): forces at rest in the locked rows, those of couplers last.
+    ``multipliers`` (..., locked rows): forces at rest in the locked rows, those of couplers last.
     """
     from mbsvib.kinematics.couplers import couplings
 
     joints = {joint.name: k for k, joint in enumerate(scene.topology.joints)}
     parts, stiffness, owner = [], [], []
-    first = len(multipliers) - len(scene.couplers)
+    first = multipliers.shape[-1] - len(scene.couplers)
     for i, coupler in enumerate(scene.couplers):
         for name, second_derivative in coupler.curvatures or ():
             if any(group.surplus and first + i in group.rows for group in reduction.groups):
@@ -43,7 +43,8 @@ def curvature_stiffness(scene: Scene, reduction: Reduction, multipliers: Array) 
                                  f"the stiffness of its curvature is not determined. Leave one of them out.",
                                  element=coupler.name, field="curvature")  # fmt: skip
             parts.append(Coupling(coupler.name, ((name, 1.0),)))
-            stiffness.append(-multipliers[first + i] * second_derivative)
+            stiffness.append(-multipliers[..., first + i] * second_derivative)
             owner.append(joints[name.rpartition(".")[0]])
     rows = couplings(parts, scene.topology, scene.bodies, scene.topology.body_numbers, scene.coordinates)
-    return reduction.apply(rows.dense(scene.coordinates)), np.array(stiffness), np.array(owner, dtype=np.intp)
+    values = np.stack(stiffness, axis=-1)
+    return reduction.apply(rows.dense(scene.coordinates)), values, np.array(owner, dtype=np.intp)

@@ -33,35 +33,38 @@ def with_driven_coordinates(draft: Draft) -> Draft:
     number = {name: k for k, name in enumerate(draft.model.derived(driven_coordinates))}
     d = np.array([names.index(name) for name in number])
     f = np.setdiff1d(np.arange(len(names)), d)
-    b, through = terms.B[f], terms.D.copy()
+    forces, outputs = (terms.K, terms.C, terms.M), (terms.Cq, terms.Cv, terms.Ca)
+    lead = np.broadcast_shapes(*[matrix.shape[:-2] for matrix in (*forces, *outputs, terms.B, terms.D)])
+    kind = np.result_type(terms.B, terms.D, *forces, *outputs)
+    b, through, *measured = (np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind) for matrix in (
+        terms.B[..., f, :], terms.D, *[matrix[..., f] for matrix in outputs]))  # fmt: skip
     sources: list[Any] = list(draft.model.inputs.values())
     columns = [(i, part.order, d[number[part.element]]) for i, part in enumerate(sources)
                if isinstance(part, DrivenCoordinate)]  # fmt: skip
-    forces, outputs = (terms.K, terms.C, terms.M), (terms.Cq, terms.Cv, terms.Ca)
     for i, order, k in columns:
-        b[:, i], through[:, i] = -forces[order][f, k], outputs[order][:, k]
-    measured = [matrix[:, f] for matrix in outputs]
+        b[..., i], through[..., i] = -forces[order][..., f, k], outputs[order][..., k]
     for row, weights in _of_drives(draft, tuple(number)):
         for matrix, whole in zip(measured, forces, strict=True):
-            matrix[row] += weights @ whole[np.ix_(d, f)]
-        through[row] -= weights @ terms.B[d]
+            matrix[..., row, :] += weights @ whole[..., d[:, None], f]
+        through[..., row, :] -= weights @ terms.B[..., d, :]
         for i, order, k in columns:
-            through[row, i] += weights @ forces[order][d, k]
+            through[..., row, i] += forces[order][..., d, k] @ weights
     reduction = draft.reduction
     matrix = np.eye(len(names)) if reduction.matrix is None else reduction.matrix
     statics = draft.statics
     if statics is not None:
-        statics = replace(statics, residual=statics.residual[f], size=statics.size[f])
+        statics = replace(statics, residual=statics.residual[..., f], size=statics.size[..., f])
     kept = _restricted(terms, f) | dict(zip(("Cq", "Cv", "Ca"), measured, strict=True))
     return replace(draft, minimal=tuple([draft.minimal[k] for k in f]), statics=statics,
                    terms=replace(terms, **kept, B=b, D=through),
-                   reduction=Reduction(reduction.independent[f], matrix[:, f], reduction.groups))  # fmt: skip
+                   reduction=Reduction(reduction.independent[f], matrix[..., f], reduction.groups))  # fmt: skip
 
 
 def _restricted(terms: Terms, f: Array) -> dict[str, Any]:
     """Square matrices and factors in some of the coordinates."""
     square = {key: getattr(terms, key) for key in ("M", "C", "K", "gyroscopic", "circulatory")}
-    result: dict[str, Any] = {key: None if value is None else value[np.ix_(f, f)] for key, value in square.items()}
+    result: dict[str, Any] = {key: None if value is None else value[..., f[:, None], f]
+                              for key, value in square.items()}  # fmt: skip
     return result | {key: getattr(terms, key)[..., f] for key in ("inertia_factor", "elastic_rows", "body_motion")}
 
 

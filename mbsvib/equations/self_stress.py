@@ -101,9 +101,9 @@ class SelfStress:
     def minimum_norm(self, wrench: Array, added: Array | float = 0.0) -> Array:
         """Return wrenches in all joints without their part along the states, both (..., 6, joints, columns).
 
-        ``wrench`` (..., 6, joints, columns): wrenches that balance the bodies, at the joints' points. ``added`` (..., r,
-        columns): amount of each state to remove in addition, for forces that change with the pose. Returns (..., 6,
-        joints, columns): wrenches with the same effect on the bodies.
+        ``wrench`` (..., 6, joints, columns): wrenches that balance the bodies, at the joints' points. ``added``
+        (..., r, columns): amount of each state to remove in addition, for forces that change with the pose. Returns
+        (..., 6, joints, columns): wrenches with the same effect on the bodies.
         """
         before, unit = wrench[..., self.joints, :], np.sqrt(self.weight)[..., None]
         amount = self.amount(wrench, added)

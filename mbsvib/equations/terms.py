@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.products import concatenated, weighted_gram
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -110,7 +110,7 @@ class Terms(Matrices):
         ``rows`` (..., rows, m): rows in minimal coordinates. ``stiffness`` (..., rows): signed values. ``owner``
         (rows,): numbers of their owners. ``matrix`` (..., m, m): their product, if known with fewer rounding errors.
         """
-        added = rows.T.dot(stiffness[:, None] * rows) if matrix is None else matrix
+        added = weighted_gram(rows, stiffness) if matrix is None else matrix
         return replace(
             self, K=self.K + 0.5 * (added + added.swapaxes(-1, -2)),
             elastic_rows=concatenated((self.elastic_rows, rows), -2),

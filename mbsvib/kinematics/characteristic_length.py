@@ -40,4 +40,4 @@ def size_of(model: Mechanism) -> float:
     points += [joint.point for joint in model.joints.values() if joint.point is not None]
     for spring in model.springs.values():
         points += spring.points
-    return length_of(np.array(points).reshape(-1, 3))
+    return float(length_of(np.array(points).reshape(-1, 3)))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equations import batch_assembly
 
 SLOPE, CURVATURE = 1.75, 4.0
 
@@ -48,6 +49,17 @@ def test_forces_at_rest_make_stiffness_of_the_curvature(model):
     system = model.linearize(independent=["b.slide.z", "c.slide.z"])
     np.testing.assert_allclose(system.K, np.diag((K, 7.0)), rtol=1e-12)
     assert abs(CURVATURE * along[0]) > 1.0
+
+
+def test_variants_have_the_stiffness_of_their_own_forces_all_at_once(model, monkeypatch):
+    model = loaded(model, (4.0, -3.0, 0.0))
+    # the preload that the weight of the heavier slide needs
+    values = {"b.mass": [3.0, 3.5], "b.k.preload.y": model.springs["b.k"].preload[1] + np.array([0.0, 1.5])}
+    values["a.k.stiffness.x"] = [30.0, 33.0]
+    singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize() for i in range(2)]
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    for K, single in zip(model.linearize(values=values).K, singles, strict=True):
+        np.testing.assert_allclose(K, single.K, rtol=1e-13)
 
 
 def test_other_poses_are_refused(model):

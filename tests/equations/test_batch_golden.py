@@ -8,6 +8,7 @@ import pytest
 import mbsvib as mv
 from mbsvib.equations import batch_assembly, loaded
 from tests.golden.store import scenes
+from tests.responses.test_driven_joints import QUANTITIES, arm
 from tests.support.loaded_models import loaded as loaded_model
 
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D", "gyroscopic", "circulatory", "null_inertia")
@@ -192,6 +193,22 @@ def test_sums_of_forces_on_bodies_beside_beams_all_at_once(monkeypatch):
     monkeypatch.setattr(batch_assembly, "one_by_one", None)
     for system, single in zip(model.linearize(values=values), singles, strict=True):
         assert_same(system, single)
+
+
+@pytest.mark.parametrize("gravity", [None, (0.0, 0.0, -9.81)])
+@pytest.mark.parametrize("order", range(3))
+@pytest.mark.usefixtures("unbalanced")
+def test_driven_coordinates_all_at_once(order, gravity, monkeypatch):
+    model = arm(quantity=QUANTITIES[order], gravity=gravity)
+    values = {name: model.parameters[name] * np.array([1.0, 1.1]) for name in (
+        "upper.mass", "fore.mass", "flex.stiffness.ry", "tip.damping", "wheel.speed")}  # fmt: skip
+    singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize() for i in range(2)]
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    batch = model.linearize(values=values)
+    for system, single in zip(batch.ends, singles, strict=True):
+        assert_same(system, single.ends)
+        for each in (system, single.ends):
+            assert each.provenance.reduction.matrix.shape == (2, 1)
 
 
 def test_no_kind_of_element_is_linearized_one_variant_after_the_other(monkeypatch):
