@@ -112,7 +112,7 @@ class _Local:
     def rows(self) -> Index:
         """Numbers (6 j,) of the virtual motions of the joints."""
         first: Any = np.array([6 * self.asked.index(k) for k in self.stress.joints.tolist()])
-        return (first[:, None] + np.arange(6)).reshape(-1)
+        return np.asarray((first[:, None] + np.arange(6)).reshape(-1))
 
     def in_axes(self, wrenches: Array) -> Array:
         """Wrenches (..., 6, j, n) of its joints in world axes as those in the axes of the joints."""

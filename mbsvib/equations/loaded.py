@@ -54,10 +54,12 @@ def _pairs(draft: Draft) -> LoadedPairs:
     """The pairs of the scene; those of a single model are kept with its loads as long as its tree is the same."""
     scene = draft.scene
     assert scene.loads is not None
-    topology, pairs = scene.loads[1].get("pairs", (None, None))
-    if topology is not scene.topology:
-        pairs = loaded_pairs(scene, draft.varied.axes, draft.varied.lengths)
-        scene.loads[1]["pairs"] = scene.topology, pairs
+    known: LoadedPairs | None
+    topology, known = scene.loads[1].get("pairs", (None, None))
+    if topology is scene.topology and known is not None:
+        return known
+    pairs = loaded_pairs(scene, draft.varied.axes, draft.varied.lengths)
+    scene.loads[1]["pairs"] = scene.topology, pairs
     return pairs
 
 

@@ -24,14 +24,11 @@ from mbsvib.equations.self_stress import SelfStress, of_loops
 from mbsvib.equations.virtual_motions import VirtualMotions, joint_points, opened, virtual_motions
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.virtual_motions import Kept
     from mbsvib.kinematics.loops import Reduction
-
-    Kept = Sequence[tuple[Index, Index]]
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,8 @@ def with_spin(draft: Draft) -> Draft:
 
 
 def _largest(speed: Any) -> float:
-    return float(np.ravel(speed)[np.abs(np.ravel(speed)).argmax()])
+    values = np.ravel(np.real(speed))
+    return float(values[np.abs(values).argmax()])
 
 
 def spin_of(draft: Draft) -> Spin:

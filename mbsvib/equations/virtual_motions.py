@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.mechanism.topology import Branch
 
-Kept = list[tuple["Index", "Index"]]
+    Kept = Sequence[tuple[Index, Index]]
 
 
 @dataclass(frozen=True, slots=True)
