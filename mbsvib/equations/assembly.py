@@ -140,7 +140,7 @@ def _joint_forces(draft: Draft) -> Draft:
 def _spin(draft: Draft) -> Draft:
     if not draft.model.derived(has_antisymmetric_forces):
         return draft
-    from mbsvib.equations.spin_terms import with_spin
+    from mbsvib.equations.spin import with_spin
 
     return with_spin(draft)
 

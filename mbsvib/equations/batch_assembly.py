@@ -28,7 +28,7 @@ from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.spin_terms import spins_otherwise
+from mbsvib.equations.spin import spins_otherwise
 from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import SingularPoseError

@@ -19,7 +19,7 @@ from mbsvib.equations.force_paths import carrier_of, carries_nothing
 from mbsvib.equations.load_stiffness import all_pairs
 from mbsvib.equations.reactions import Reactions
 from mbsvib.equations.shared_forces import shared_inertia
-from mbsvib.equations.spin_terms import spin_of
+from mbsvib.equations.spin import spin_of
 from mbsvib.equations.virtual_motions import VirtualWork, joint_points, virtual_motions
 from mbsvib.equations.wrench_pairs import leading
 from mbsvib.linalg.products import concatenated, product_with_zeros
