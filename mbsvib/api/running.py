@@ -37,7 +37,8 @@ class Cycle(Columnar, CycleData):
     @property
     def reactions(self) -> Mapping[str, Array]:
         """What each joint's first body does to its second by constraint: force [N] and moment about the joint's point
-        [N m], arrays (n, 6) in world axes by joint, without the torques of drives.
+        [N m], arrays (n, 6) in world axes by joint, without the torques of drives. Of a joint without a point it is
+        about the centre of mass of its second body, or of the first where that is the ground.
 
         Where redundant constraints leave forces open, the smallest ones that balance are taken; ``undetermined`` names
         them.

@@ -1,7 +1,8 @@
-"""Reactions in joints over a cycle: Newton's and Euler's equations of every body, solved for what joints carry.
+"""Reactions in joints over a cycle: what joints carry by constraint, along virtual displacements.
 
-What bodies on their own lack, joints, couplers and drives must supply. Where constraints are redundant, the wrenches
-are the smallest in the sense of the sum of |force|^2 + |moment / L|^2, L the size of the mechanism.
+Forces along the free directions of a joint are those of drives and couplers, and are taken out. Where constraints are
+redundant, the wrenches are the smallest in the sense of the sum of |force|^2 + |moment / L|^2, L the size of the
+mechanism.
 """
 
 from __future__ import annotations
@@ -13,18 +14,24 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.cycles.free_bodies import FreeBodies, free_bodies
 from mbsvib.errors import MbsvibError
 from mbsvib.finite_motion.evaluation import matrices
+from mbsvib.finite_motion.joints import place_of
+from mbsvib.finite_motion.reactions import multipliers, opened
+from mbsvib.finite_motion.rotations import axial
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.result import CycleData
+    from mbsvib.elements import Joint
+    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.mechanism.mechanism import Mechanism
 
-# What the equations of the bodies leave over, as a share of the forces in them: rounding, and how far loops are open.
+# What the equations leave over, as a share of the forces in them: rounding, and how far loops are open.
 BALANCED = 1e-7
 
 
@@ -41,55 +48,83 @@ def reactions(cycle: CycleData) -> Reactions:
 
     Returns what the first body does to the second, at the joint's point, world axes.
     """
-    model, size = cycle.machine.model, cycle.machine.size
-    bodies, (unbalanced, rows, unit_wrenches, drive_wrenches) = _evaluated(cycle)
-    units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], rows.shape[2] // 6)
-    effects, frames = [], []
-    for which in bodies.slices:  # wrenches that joints can carry, orthonormal with moments over the size
-        orthonormal, by_multipliers = np.linalg.qr(unit_wrenches[:, :, which] / _units(size))
-        frames.append(orthonormal * _units(size))
-        effects.append(rows[:, which].transpose(0, 2, 1) @ np.linalg.inv(by_multipliers))
-    drives = len(cycle.drives)
-    effects.append(drive_wrenches[:, :, drives:])
-    torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
-    unbalanced = unbalanced - (drive_wrenches[:, :, :drives] @ torques[:, :, None])[:, :, 0]
-    matrix = np.concatenate(effects, axis=2) * units[:, None]
-    right = unbalanced * units
-    inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
-    shares = (inverse @ right[:, :, None])[:, :, 0]
-    residual = np.abs((matrix @ shares[:, :, None])[:, :, 0] - right).max()
-    scale = max(float(np.abs(matrix * shares[:, None, :]).max(initial=0.0)), float(np.abs(right).max(initial=0.0)))
-    if residual > BALANCED * scale:
-        raise MbsvibError(f"cycle: the reactions balance the bodies of model '{model.name}' only to "
-                          f"{residual / scale:.1e} of the forces in them; the cycle is too near a singular "
-                          f"pose.")  # fmt: skip
-    free = np.eye(matrix.shape[2]) - inverse @ matrix
-    wrenches, undetermined, start = {}, {}, 0
-    for joint, basis in zip(model.joints.values(), frames, strict=True):
-        end = start + basis.shape[2]
-        wrench = (basis @ shares[:, start:end, None])[:, :, 0]
-        wrench.flags.writeable = False
-        wrenches[joint.name] = wrench
-        indeterminacy = np.linalg.norm(basis / _units(size) @ free[:, start:end], axis=2).max(axis=0, initial=0.0)
-        if (indeterminacy > DETERMINED).any():
-            undetermined[joint.name] = tuple([d for d, size_of in zip(DIRECTIONS, indeterminacy, strict=True)
-                                              if size_of > DETERMINED])  # fmt: skip
-        start = end
-    return Reactions(wrenches, undetermined)
-
-
-def _units(size: float) -> Array:
-    return np.array([1.0, 1.0, 1.0, size, size, size])[:, None]
-
-
-def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
-    """The equations of bodies on their own, and at all samples what these lack (n, 6 N), rows of the joints
-    (n, L, 6 N), wrenches by their multipliers (n, 6, L), and what drives and couplers do (n, 6 N, d).
-    """
     plant, motion = cycle.machine, cycle.machine.solved
-    expressions = plant.statement
-    bodies = free_bodies(plant.model, expressions, cycle.drives)
-    outputs = (bodies.required, bodies.rows, bodies.unit_wrenches, bodies.drive_wrenches)
-    function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
-    required, *others = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
-    return bodies, [required[:, :, 0], *others]
+    model, expressions = plant.model, plant.statement
+    function = expressions.compiled("reactions", lambda: list(map(ca.densify, carried(model, expressions))))
+    required, jacobian, wrenches, effects = matrices(
+        function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
+    scale, row_units = expressions.motion.motion.scales(plant.size)
+    # wrenches, and multipliers of couplers, with moments over the size
+    couplers = np.eye(len(row_units))[len(row_units) - len(model.couplers) :]
+    units = np.append(np.tile([1.0, 1.0, 1.0, plant.size, plant.size, plant.size], len(model.joints)), couplers.any(1))
+    fixed = np.pad(wrenches[:, :, 0], ((0, 0), (0, len(couplers)))) / units
+    loads = np.concatenate((-effects, np.broadcast_to(couplers, (len(effects), *couplers.shape))), axis=1)
+    loads = loads / row_units / units[:, None]
+    torques = np.zeros(required.shape[:2])
+    torques[:, motion.driven] = np.column_stack([cycle.torques[name] for name in cycle.drives])
+    matrix, right = jacobian / row_units[:, None] * scale, (required[:, :, 0] - torques) * scale
+    acting, idle = multipliers(matrix, right)
+    residual = float(np.abs((matrix.transpose(0, 2, 1) @ acting[:, :, None])[:, :, 0] - right).max(initial=0.0))
+    largest = max(float(np.abs(part).max(initial=0.0))
+                  for part in (matrix * acting[:, :, None], torques * scale, plant.size * fixed))  # fmt: skip
+    if residual > BALANCED * largest:
+        raise MbsvibError(f"cycle: the reactions balance the bodies of model '{model.name}' only to "
+                          f"{residual / largest:.1e} of the forces in them; the cycle is too near a singular "
+                          f"pose.")  # fmt: skip
+    total = fixed + (loads @ acting[:, :, None])[:, :, 0]
+    idle_loads = loads @ idle
+    open_shares = idle_loads @ np.linalg.pinv(idle_loads, rcond=REDUNDANT_LOOPS)
+    total = (total - (open_shares @ total[:, :, None])[:, :, 0]) * units
+    indeterminacy = np.sqrt(np.abs(np.diagonal(open_shares, axis1=1, axis2=2))).max(axis=0)
+    found: dict[str, Array] = {}
+    undetermined: dict[str, tuple[str, ...]] = {}
+    for k, name in enumerate(model.joints):
+        own = slice(6 * k, 6 * k + 6)
+        found[name] = total[:, own].copy()
+        found[name].flags.writeable = False
+        loose = tuple([d for d, size in zip(DIRECTIONS, indeterminacy[own], strict=True) if size > DETERMINED])
+        undetermined |= {name: loose} if loose else {}
+    return Reactions(found, undetermined)
+
+
+def carried(model: Mechanism, expressions: Statement) -> tuple[Expression, Expression, Expression, Expression]:
+    """Return what the equations lack without closures (n,), the closures' derivative (rows, n), and the wrenches
+    w (6 joints,) of all joints in world axes and E (6 joints, rows): w - E lambda with multipliers lambda.
+    """
+    motion, n = expressions.motion.motion, len(expressions.motion.motion.names)
+    unbalanced, jacobian = opened(model, expressions.motion, tuple(model.joints), expressions.qdd,
+                                  ca.SX.zeros(0))  # fmt: skip
+    driven = {name.rpartition(".")[0] for name in motion.names}
+    turned = ca.diagcat(*(_constraints(joint, expressions, joint.name in driven) for joint in model.joints.values()))
+    return unbalanced[:n], jacobian[:, :n], turned @ unbalanced[n:], turned @ jacobian[:, n:].T
+
+
+def _constraints(joint: Joint, expressions: Statement, has_coordinates: bool) -> Expression:
+    """The matrix (6, 6) that makes the wrench of a joint by constraint, world axes, of what it carries in its axes.
+
+    With the twists T (6, f) of its coordinates, which forces W (6, f) drive one by one, it is what 1 - W T^T leaves.
+    Such a force is along or about directions in which coordinates of the same kind move, and does no work on these.
+    """
+    motion = expressions.motion.motion
+    first, relative = motion.frames[joint.first], motion.relative(joint.first, joint.second)
+    place = place_of(joint, motion.numbers, expressions.model.bodies, relative)
+    if joint.is_rod:
+        rod = first.vector(place - ca.SX(np.array(joint.position)))
+        along = ca.horzcat(ca.SX.zeros(3, 2), rod / ca.norm_2(rod))
+        return ca.diagcat(along, ca.SX.zeros(3, 3))
+    axes = first.rotation @ ca.SX(np.array(joint.axes))
+    to_world = ca.diagcat(axes, axes)
+    if not has_coordinates or not joint.freedom:
+        return to_world
+    spin = ca.reshape(motion.rate(ca.vec(relative.rotation)), 3, 3) @ relative.rotation.T
+    speed = spin @ (place - relative.shift) + motion.rate(relative.shift)
+    rates = ca.vertcat(first.vector(speed), first.vector(axial(spin)))
+    names = [direction for direction, _ in joint.freedom]
+    columns = [motion.names.index(f"{joint.name}.{direction}") for direction in names]
+    twists, forces = ca.densify(ca.jacobian(rates, expressions.qd)[:, columns]), ca.SX.zeros(6, len(names))
+    for rows, turns in ((slice(0, 3), False), (slice(3, 6), True)):
+        some = [k for k, direction in enumerate(names) if (direction[0] == "r") is turns]
+        if some:
+            own = twists[rows, some]
+            forces[rows, some] = own @ ca.inv(own.T @ own)
+    return (ca.SX.eye(6) - forces @ twists.T) @ to_world

@@ -57,13 +57,16 @@ def virtual_displacement(
     if joint.is_rod:
         rod = relative.point(point_of(joint, numbers)) - ca.SX(np.array(joint.position))
         return Frame(ca.SX.eye(3), q[2] * rod / ca.norm_2(rod))
+    return small_displacement(ca.SX(np.array(joint.axes)), place_of(joint, numbers, bodies, relative), q)
+
+
+def place_of(joint: Joint, numbers: Numbers, bodies: Mapping[str, Body], relative: Frame) -> Expression:
+    """Return where the wrench of a joint is taken, (3,) in the axes of the first body as described [m]."""
     if joint.position is not None:
-        point = relative.point(point_of(joint, numbers))
-    elif joint.second in bodies:
-        point = relative.point(numbers.vector(bodies[joint.second], "position"))
-    else:
-        point = numbers.vector(bodies[joint.first], "position")
-    return small_displacement(ca.SX(np.array(joint.axes)), point, q)
+        return relative.point(point_of(joint, numbers))
+    if joint.second in bodies:
+        return relative.point(numbers.vector(bodies[joint.second], "position"))
+    return numbers.vector(bodies[joint.first], "position")
 
 
 def small_displacement(axes: Expression, point: Expression, q: Expression) -> Frame:

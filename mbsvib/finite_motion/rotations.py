@@ -11,11 +11,6 @@ from mbsvib.linalg import components as c
 Expression = Any
 
 
-def skew(w: Expression) -> Expression:
-    """Return [w]x (3, 3), the matrix with [w]x v = w x v."""
-    return ca.skew(w)
-
-
 def matrix(rows: c.Rotation) -> Expression:
     """Return a rotation of components as a matrix (3, 3)."""
     return ca.vertcat(*(ca.horzcat(*row) for row in rows))

@@ -86,7 +86,8 @@ def with_virtual_displacements(
     cut = [topology.joints[k].name for k in topology.cut]
     inactive = [name for block in statement.blocks for name in block.mode_names if name not in names]
     plain = with_interfaces(model, statement.blocks) if statement.blocks else model
-    return _stated(plain, statement.blocks, inactive, (), cut, bool(statement.motion.based), without, joints)
+    parameters = statement.motion.numbers.names
+    return _stated(plain, statement.blocks, inactive, parameters, cut, bool(statement.motion.based), without, joints)
 
 
 def _stated(

@@ -1,12 +1,6 @@
-"""Forces in joints, and on the ground, in a run, by Lagrange's equations along virtual displacements.
+"""Outputs of a run that are forces in joints or on the ground (see ``finite_motion.reactions``).
 
-Let s be virtual displacements that a joint does not allow. With s = s' = s'' = 0 the joint carries R along them,
-
-    R = M_s q'' - f_s - J_s^T lambda,   J^T lambda = M q'' - f - B u
-
-with the closures' J and J_s = dphi/ds. Joints of the tree and joints that are cut are alike; couplers are closures, so
-that what they transmit in a joint is part of R. Redundant closures do not determine lambda; outputs that depend on
-what is undetermined are refused.
+Those that depend on what redundant closures do not determine are refused.
 """
 
 from __future__ import annotations
@@ -19,15 +13,13 @@ import numpy as np
 
 from mbsvib.elements.ports import ForceOutput
 from mbsvib.finite_motion.evaluation import matrices
-from mbsvib.finite_motion.statement import with_virtual_displacements
+from mbsvib.finite_motion.reactions import multipliers, opened
 from mbsvib.kinematics.characteristic_length import size_of
-from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
+from mbsvib.linalg.rank import DETERMINED
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
@@ -60,10 +52,8 @@ class ReactionOutputs:
         """R (samples, 6 joints)."""
         n = len(self.scale)
         along, virtual = self._scaled(jacobian)
-        left, sizes, right = np.linalg.svd(along, full_matrices=False)
-        inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=_retained(sizes))
-        multipliers = left @ (inverse[:, :, None] * (right @ (unbalanced[:, :n] * self.scale)[:, :, None]))
-        return np.asarray(unbalanced[:, n:] - (virtual.transpose(0, 2, 1) @ multipliers)[:, :, 0])
+        acting, _ = multipliers(along, unbalanced[:, :n] * self.scale)
+        return np.asarray(unbalanced[:, n:] - (virtual.transpose(0, 2, 1) @ acting[:, :, None])[:, :, 0])
 
     def _scaled(self, jacobian: Array) -> tuple[Array, Array]:
         """J (samples, rows, n) and J_s (samples, rows, 6 joints) with rows and coordinates of like size."""
@@ -75,14 +65,8 @@ class ReactionOutputs:
         """Return the part (outputs,) of each output that redundant closures do not determine, against a unit force."""
         _, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
         along, virtual = self._scaled(jacobian)
-        left, sizes, _ = np.linalg.svd(along[0])
-        stresses = left[:, int(_retained(sizes).sum()) :]
-        return np.asarray(np.linalg.norm(self.directions @ virtual[0].T @ stresses, axis=1))
-
-
-def _retained(sizes: Array) -> NDArray[np.bool_]:
-    """Which singular values (..., k) of closures are not those of redundant ones."""
-    return np.asarray(sizes > REDUNDANT_LOOPS * np.maximum(1.0, sizes.max(axis=-1, initial=0.0, keepdims=True)))
+        _, idle = multipliers(along[:1], np.zeros((1, len(self.scale))))
+        return np.asarray(np.linalg.norm(self.directions @ virtual[0].T @ idle[0], axis=1))
 
 
 def reaction_outputs(
@@ -118,16 +102,10 @@ def reaction_outputs(
 
 def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], without: Sequence[str]) -> Any:
     """What the equations lack and the derivative of the closures, with the released displacements at rest."""
-    extended = with_virtual_displacements(model, statement, joints, without)
-    motion, n, added = extended.motion, len(statement.motion.names), 6 * len(joints)
-    q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(added)
-    unbalanced = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
-    if extended.inputs:
-        unbalanced -= extended.input_forces @ u
-    outputs = ca.substitute([ca.densify(unbalanced), ca.densify(extended.jacobian)], [motion.q, motion.qd],
-                            [ca.vertcat(q, none), ca.vertcat(qd, none)])  # fmt: skip
-    return ca.Function("reactions", [q, qd, qdd, extended.yields, motion.bases, u], outputs, {"cse": True})
+    motion = statement.motion
+    qdd, u = ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs))
+    return ca.Function("reactions", [motion.q, motion.qd, qdd, statement.yields, motion.bases, u],
+                       opened(model, statement, joints, qdd, u, without), {"cse": True})  # fmt: skip
 
 
 def is_reaction(model: Mechanism, part: Any) -> bool:

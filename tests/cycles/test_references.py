@@ -329,3 +329,14 @@ def test_a_cycle_as_a_file(tmp_path):
         assert_array_equal(columns[name], values)
     with pytest.raises(mv.errors.ExportError, match=r"cannot be written: .*Give the path of a file"):
         cycle.to_csv(tmp_path / "no folder" / "cycle.csv")
+
+
+def test_a_joint_without_a_point_has_its_moment_at_the_centre_of_mass():
+    """A slide that carries the weight beside it: its moment does not depend on where the origin is."""
+    for offset in ((0.0, 0.0, 0.0), (3.0, -2.0, 1.0)):
+        model = mv.Model("slide", gravity=(0.0, 0.0, -9.81))
+        model.add_body("body", 2.0, (0.1, 0.1, 0.1), np.add(offset, (0.3, 0.0, 0.0)))
+        model.add_joint("slide", "prismatic", "ground", "body", axis=(1, 0, 0))
+        cycle = model.cycle(motion={"slide.z": ([0.0, 0.1], 0.0, 5.0)})
+        assert_allclose(cycle.reactions["slide"], [[0.0, 0.0, 2.0 * 9.81, 0.0, 0.0, 0.0]] * 2, atol=1e-12)
+        assert_allclose(cycle.torque, 10.0, rtol=1e-13)
