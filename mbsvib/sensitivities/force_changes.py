@@ -43,6 +43,7 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     ``motion`` (bodies, 6, c): motions at the centres of mass.
     """
     rates = PoseRates(network, forces, changes, motion)
+    rates.carry([part for part, _ in network.carriers_of_force])
     for part, k in network.carriers_of_force:
         rules_of(part).follow(rates, part, k)
     return rates.table

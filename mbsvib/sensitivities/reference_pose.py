@@ -46,7 +46,8 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
     """Return what parameters as described do in the pose there."""
     terms = ReferenceTerms(network, forces, changes, origin)
     for part, k in network.carriers_of_force:
+        terms.carry(part)
         rules_of(part).add_reference_terms(terms, part, k)
-    terms.retain_others()
+    terms.close()
     return ReferencePose(terms.parameters.matrix(changes.count), terms.forces.matrix(changes.at.size),
                          terms.openings.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip

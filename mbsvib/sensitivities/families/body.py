@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
@@ -66,22 +65,11 @@ def _add_force_terms(terms: RowTerms, _: Network, forces: Forces, body: Body, k:
         terms.put(("gravity", "", (i,)), terms.at.wrench_of(k) + i, (body.mass,))
 
 
-def _follow(rates: PoseRates, body: Body, k: int) -> None:
-    rates.put(body.name, "position", rates.second[k, :3])
-    rates.put(body.name, "orientation", rates.second[k, 3:])
-
-
-def _add_reference_terms(terms: ReferenceTerms, body: Body, _: int) -> None:
-    for field in ("position", "orientation"):
-        terms.turns(body.name, field, terms.pose.turn(body.name))
-
-
 _OF_FIELDS: dict[str, Rule] = {
     "mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body,
 }  # fmt: skip
 RULES = PartRules(
     "body", _rule, _constants, floats=True,
     alters_spin=lambda spin, body, field: body.name in spin.bodies and field != "mass",
-    add_force_terms=_add_force_terms, follow=_follow,
-    add_reference_terms=_add_reference_terms,
+    add_force_terms=_add_force_terms,
 )  # fmt: skip

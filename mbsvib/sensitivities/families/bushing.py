@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import ReferenceTerms
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
@@ -86,11 +86,6 @@ def _add_force_terms(terms: RowTerms, _: Network, __: Forces, bushing: Bushing, 
         terms.put((bushing.name, "orientation", (i,)), column, turned.reshape(6))
 
 
-def _follow(rates: PoseRates, bushing: Bushing, k: int) -> None:
-    rates.put(bushing.name, "position", rates.second[k, :3])
-    rates.put(bushing.name, "orientation", rates.axes[k])
-
-
 def _force_rates(_: Bushing, stiffness: Array, displacement: Array, wrench: Array) -> Array:
     """Its wrench changes with its strain, its moment with half of the turn between its bodies."""
     result = -stiffness @ displacement
@@ -104,8 +99,6 @@ def _add_reference_terms(terms: ReferenceTerms, bushing: Bushing, k: int) -> Non
     if type(described) is not type(bushing):  # another part is made of it, which has rules of its own
         return
     first, second = (terms.pose.turn(body) for body in (bushing.first, bushing.second))
-    terms.turns(bushing.name, "position", second)
-    terms.turns(bushing.name, "orientation", first)
     at = described.position
     gap = terms.pose.point(bushing.second, at) - terms.pose.point(bushing.first, at)
     column, axes = terms.at.wrench_of(k), np.array(bushing.orientation)
@@ -132,5 +125,5 @@ _OF_FIELDS: dict[str, Rule] = {
 RULES = PartRules(
     "spring", _rule, _constants, alters_spin=joins_spinning_body,
     is_exception=_is_exception, at_rest=_at_rest, add_force_terms=_add_force_terms,
-    follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+    force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -74,12 +74,10 @@ def _add_force_terms(terms: RowTerms, _: Network, forces: Forces, joint: Joint, 
 
 
 def _follow(rates: PoseRates, joint: Joint, k: int) -> None:
-    if joint.end is not None:
-        rates.put(joint.name, "position", rates.start[k])
-        rates.put(joint.name, "end", rates.second[k, :3])
-        return
-    rates.put(joint.name, "position", rates.second[k, :3])
-    rates.put(joint.name, "orientation", rates.axes[k])
+    """Its point goes with the second body, its axes may turn against the first."""
+    if joint.end is None:
+        rates.put(joint.name, "position", rates.second[k, :3])
+        rates.put(joint.name, "orientation", rates.axes[k])
 
 
 def _add_reference_terms(terms: ReferenceTerms, joint: Joint, k: int) -> None:
@@ -110,7 +108,6 @@ def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) ->
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
     for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
         turn = terms.pose.turn(body)
-        terms.turns(joint.name, field, turn)
         for i in range(3):
             change = sign * (before[i] - after @ turn[:, i]) * after
             terms.openings.put((joint.name, field, (i,)), 6 * k, change)

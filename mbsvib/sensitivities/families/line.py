@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import ReferenceTerms
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
@@ -69,11 +69,6 @@ def _add_force_terms(terms: RowTerms, _: Network, __: Forces, part: Any, k: int)
             terms.put((part.name, field, (i,)), column, sign * part.stiffness * line[i] * line)
 
 
-def _follow(rates: PoseRates, part: Any, k: int) -> None:
-    rates.put(part.name, "start", rates.start[k])
-    rates.put(part.name, "end", rates.second[k, :3])
-
-
 def _force_rates(part: Any, _: Array, displacement: Array, __: Array) -> Array | None:
     """Its tension changes with its length; a free length says so by the parameters."""
     if part.free_length is not None:
@@ -83,15 +78,8 @@ def _force_rates(part: Any, _: Array, displacement: Array, __: Array) -> Array |
     return np.asarray(np.multiply.outer(np.concatenate((line, np.zeros(3))), tension))
 
 
-def _turn_ends(terms: ReferenceTerms, part: Any, _: int) -> None:
-    """Both bodies carry their ends."""
-    terms.turns(part.name, "start", terms.pose.turn(part.first))
-    terms.turns(part.name, "end", terms.pose.turn(part.second))
-
-
 def _add_reference_terms(terms: ReferenceTerms, part: Any, k: int) -> None:
     """Its tension there is T + k (L there - L as described)."""
-    _turn_ends(terms, part, k)
     if part.free_length is not None:
         return
     described: Any = terms.origin.springs[part.name]
@@ -110,6 +98,6 @@ _OF_FIELDS: dict[str, Rule] = {
 SPRING = PartRules(
     "spring", lambda _, __, field: _OF_FIELDS[field], _constants, alters_spin=joins_spinning_body,
     at_rest=_at_rest, add_force_terms=_add_force_terms,
-    follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+    force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip
-INERTER = replace(SPRING, add_reference_terms=_turn_ends)
+INERTER = replace(SPRING, add_reference_terms=lambda *_: None)

@@ -8,7 +8,6 @@ from mbsvib.sensitivities.families.rules import PartRules
 
 if TYPE_CHECKING:
     from mbsvib.elements.load import Load
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
@@ -21,14 +20,5 @@ def _add_force_terms(terms: RowTerms, _: Network, __: Forces, load: Load, k: int
     terms.along(*owner, terms.at.point_of(k))
 
 
-def _follow(rates: PoseRates, load: Load, k: int) -> None:
-    rates.put(load.name, "position", rates.second[k, :3])
-
-
-def _add_reference_terms(terms: ReferenceTerms, load: Load, _: int) -> None:
-    for field in ("force", "torque", "position") if load.follower else ("position",):
-        terms.turns(load.name, field, terms.pose.turn(load.body))
-
-
-LOAD = PartRules("load", add_force_terms=_add_force_terms, follow=_follow, add_reference_terms=_add_reference_terms)
+LOAD = PartRules("load", add_force_terms=_add_force_terms)
 GRAVITY = PartRules("gravity")

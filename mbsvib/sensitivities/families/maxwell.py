@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Maxwell
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates
     from mbsvib.sensitivities.families.rules import RuleAndData
     from mbsvib.sensitivities.families.terms import Terms
     from mbsvib.sensitivities.force_layout import RowTerms
@@ -43,24 +42,13 @@ def _single(network: Network, part: Maxwell, field: str, index: tuple[int, ...])
     return point, ()
 
 
-def _static_line(network: Network, part: Maxwell) -> int:
-    """Number of the force of the line between the two bodies."""
-    return len(network.joints) + network.maxwell_lines[part.name]["static_stiffness"]
-
-
 def _add_force_terms(terms: RowTerms, network: Network, _: Forces, part: Maxwell, __: int) -> None:
-    k = _static_line(network, part)
+    k = len(network.joints) + network.maxwell_lines[part.name]["static_stiffness"]  # between the two bodies
     terms.along(part.name, "start", terms.at.start_of(k))
     terms.along(part.name, "end", terms.at.point_of(k))
 
 
-def _follow(rates: PoseRates, part: Maxwell, _: int) -> None:
-    k = _static_line(rates.network, part)
-    rates.put(part.name, "start", rates.start[k])
-    rates.put(part.name, "end", rates.second[k, :3])
-
-
 RULES = PartRules(
     "maxwell", single=_single, is_exception=lambda part, moved, _: moved or part.loaded,
-    add_force_terms=_add_force_terms, follow=_follow,
+    add_force_terms=_add_force_terms,
 )  # fmt: skip

@@ -69,12 +69,12 @@ class PartRules:
 
     Under loads: ``is_exception`` tells of which parts derivatives through the equilibrium are not known, ``at_rest``
     gives the force of a connection. ``add_force_terms`` says what parameters change of the forces, ``follow`` how they
-    go with the bodies, ``force_rates`` how forces do, and ``add_reference_terms`` what parameters as described do
-    where the equilibrium was found in another pose. ``internal`` is the field of numbers that change with the pose and
-    are no parameters, and their count; ``internal_rules`` are their rules, ``gravity_rule`` what gravity does beside
-    forces. ``reactions`` names the elements whose forces statics gives, with the bodies of internal coordinates.
-    ``twist_axis`` is the axis of a moment about which an angle is measured, ``bent_lines`` the names, frames and
-    forms of elements whose bending tension changes.
+    go with the bodies beside what roles say, ``force_rates`` how forces do, and ``add_reference_terms`` what parameters
+    as described do where the equilibrium was found in another pose. ``internal`` is the field of numbers that change
+    with the pose and are no parameters, and their count; ``internal_rules`` are their rules, ``gravity_rule`` what
+    gravity does beside forces. ``reactions`` names the elements whose forces statics gives, with the bodies of internal
+    coordinates. ``twist_axis`` is the axis of a moment about which an angle is measured, ``bent_lines`` the names,
+    frames and forms of elements whose bending tension changes.
     """
 
     kind: str
