@@ -2,49 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.elements import Bushing
+from mbsvib.kinematics.pose import IDENTITY, start
 from mbsvib.linalg.rank import ZERO_TURN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
-    from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
+    from mbsvib.kinematics.pose import Pose
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-
-class Displaced:
-    """Where bodies went from where they are described."""
-
-    def __init__(self, origin: Mechanism, displaced: Mapping[str, Any]) -> None:
-        self._origin, self._displaced = origin.bodies, displaced
-
-    def turn(self, body: str) -> Array:
-        """Return the rotation matrix (3, 3) of a body since it was described."""
-        if body == "ground":
-            return np.eye(3)
-        return np.asarray(np.array(self._displaced[body].orientation) @ np.array(self._origin[body].orientation).T)
-
-    def point(self, body: str, at: Any) -> Array:
-        """Return where a point (3,) [m] of a body has gone."""
-        if body == "ground":
-            return np.array(at)
-        arm = np.subtract(at, self._origin[body].position)
-        return np.asarray(self._displaced[body].position + self.turn(body) @ arm)
+def displaced(origin: Mechanism, parts: Iterable[Part]) -> Pose:
+    """Return the pose in which bodies among some parts are, against where a mechanism describes them."""
+    known: dict[str, Any] = {part.name: part for part in parts if part.name in origin.bodies}
+    bodies = [known.get(name, body) for name, body in origin.bodies.items()]
+    described, there = (np.array([body.orientation for body in group] + [IDENTITY])
+                        for group in (origin.bodies.values(), bodies))  # fmt: skip
+    return replace(start(origin), centre=np.array([*(body.position for body in bodies), (0.0, 0.0, 0.0)]),
+                   rotations=there @ described.swapaxes(1, 2))  # fmt: skip
 
 
 def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
     """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
     """
     known = {part.name: part for part in parts}
-    pose = Displaced(origin, known)
+    pose = displaced(origin, known.values())
     return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
-                     and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > ZERO_TURN)  # fmt: skip
+                     and np.abs(pose.rotations[pose.number[part.first]] - pose.rotations[pose.number[part.second]]
+                                ).max() > ZERO_TURN)  # fmt: skip
 
 
 def holds_turns(bushing: Bushing) -> bool:

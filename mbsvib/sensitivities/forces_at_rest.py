@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rotations import logarithm
-from mbsvib.sensitivities.displaced_bodies import Displaced
+from mbsvib.sensitivities.displaced_bodies import displaced
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.forces import Forces
 
@@ -65,7 +65,8 @@ def _angles(system: Equations, bodies: Sequence[Body], joints: Sequence[Joint]) 
     """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
     provenance, angle = system.provenance, np.zeros((len(joints), 3))
     if provenance.moved_to_equilibrium and provenance.origin is not None:
-        pose = Displaced(provenance.origin, {body.name: body for body in bodies})
+        pose = displaced(provenance.origin, bodies)
         for k, joint in enumerate(joints):
-            angle[k] = logarithm(pose.turn(joint.second) @ pose.turn(joint.first).T)
+            first, second = (pose.rotations[pose.number[body]] for body in (joint.first, joint.second))
+            angle[k] = logarithm(second @ first.T)
     return angle

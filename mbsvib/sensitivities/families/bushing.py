@@ -98,9 +98,9 @@ def _add_reference_terms(terms: ReferenceTerms, bushing: Bushing, k: int) -> Non
     described: Any = terms.origin.springs[bushing.name]
     if type(described) is not type(bushing):  # another part is made of it, which has rules of its own
         return
-    first, second = (terms.pose.turn(body) for body in (bushing.first, bushing.second))
+    first, second = (terms.turn(body) for body in (bushing.first, bushing.second))
     at = described.position
-    gap = terms.pose.point(bushing.second, at) - terms.pose.point(bushing.first, at)
+    gap = np.subtract(terms.pose.point(bushing.second, at), terms.pose.point(bushing.first, at))
     column, axes = terms.at.wrench_of(k), np.array(bushing.orientation)
     stiffness = terms.network.stiffness[terms.network.spring_number[bushing.name]][:, :3]
     for i in range(3):

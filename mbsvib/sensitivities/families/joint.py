@@ -86,9 +86,9 @@ def _add_reference_terms(terms: ReferenceTerms, joint: Joint, k: int) -> None:
     if described.end is not None:
         _add_rod_terms(terms, described, joint, k)
         return
-    first, second = pose.turn(joint.first), pose.turn(joint.second)
+    first, second = terms.turn(joint.first), terms.turn(joint.second)
     at = described.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
-    gap = pose.point(joint.second, at) - pose.point(joint.first, at)
+    gap = np.subtract(pose.point(joint.second, at), pose.point(joint.first, at))
     terms.turns(joint.name, "orientation", first + terms.turned_axes[k])
     if described.position is not None:
         terms.turns(joint.name, "position", second)
@@ -107,7 +107,7 @@ def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) ->
     before, after = (np.subtract(rod.end, rod.position) for rod in (described, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
     for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
-        turn = terms.pose.turn(body)
+        turn = terms.turn(body)
         for i in range(3):
             change = sign * (before[i] - after @ turn[:, i]) * after
             terms.openings.put((joint.name, field, (i,)), 6 * k, change)

@@ -86,7 +86,7 @@ def _add_reference_terms(terms: ReferenceTerms, part: Any, k: int) -> None:
     before, after, column = np.array(described.line), np.array(part.line), terms.at.wrench_of(k)
     terms.forces.put((part.name, "stiffness", ()), column, -(part.length - described.length) * after)
     for field, body, sign in (("start", part.first, -1.0), ("end", part.second, 1.0)):
-        for i, way in enumerate(terms.pose.turn(body).T):
+        for i, way in enumerate(terms.turn(body).T):
             change = sign * part.stiffness * (after @ way - before[i])
             terms.forces.put((part.name, field, (i,)), column, -change * after)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.displaced_bodies import Displaced
+from mbsvib.sensitivities.displaced_bodies import displaced
 from mbsvib.sensitivities.force_layout import RowTerms
 
 if TYPE_CHECKING:
@@ -67,19 +67,23 @@ class ReferenceTerms:
 
     def __init__(self, network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> None:
         self.network, self.origin, self.at, self._row = network, origin, changes.at, changes.row
-        self.pose = Displaced(origin, {body.name: body for body in network.bodies})
+        self.pose = displaced(origin, network.bodies)
         self.parameters, self.forces, self.openings = (RowTerms(changes.row, changes.at) for _ in range(3))
         self._turns: dict[tuple[str, str], Array] = {}
         away = np.zeros((len(forces.first), 6, 3))
         for k, joint in enumerate(network.joints):
-            away[k, 3:] = self.pose.turn(joint.second) - self.pose.turn(joint.first)
+            away[k, 3:] = self.turn(joint.second) - self.turn(joint.first)
         self.turned_axes = forces.turned_axes(away)
+
+    def turn(self, body: str) -> Array:
+        """Return the rotation matrix (3, 3) of a body since it was described."""
+        return np.asarray(self.pose.rotations[self.pose.number[body]])
 
     def carry(self, part: Part) -> None:
         """Let the fields of a part go with the turns of the bodies on which they are, as their roles say."""
         for field, role in part.roles.items():
             if role.on and role.moved and (not role.follows or getattr(part, role.follows)):
-                self.turns(part.name, field, self.pose.turn(getattr(part, role.on)))
+                self.turns(part.name, field, self.turn(getattr(part, role.on)))
 
     def turns(self, part: str, field: str, turn: Array) -> None:
         """Let the three entries of a field go with a turn (3, 3) of what carries them."""

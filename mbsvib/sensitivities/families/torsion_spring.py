@@ -38,7 +38,7 @@ def _add_force_terms(terms: RowTerms, network: Network, _: Forces, part: Torsion
 def _add_reference_terms(terms: ReferenceTerms, part: TorsionSpring, _: int) -> None:
     """Its moment there is its preload less stiffness times its angle, about the axis that its first body carries."""
     described, network = terms.origin.springs[part.name], terms.network
-    first, second = (terms.pose.turn(body) for body in (part.first, part.second))
+    first, second = (terms.turn(body) for body in (part.first, part.second))
     w, vector = quaternion(first.T @ second)
     axis = np.array(described.axis)
     column = terms.at.wrench_of(len(network.joints) + network.spring_number[part.name])
