@@ -128,7 +128,7 @@ def _along(rows: Rows, six: Array, point: Array) -> Array:
     force, moment, at = leading(rows.force), leading(rows.moment), leading(rows.point)
     arm = at[..., :, :, None] - point[..., :, None, :]
     turn = six[..., :3, None, :]
-    moved = six[..., 3:, None, :] + np.cross(np.broadcast_to(turn, arm.shape), arm, axis=-3)
+    moved = six[..., 3:, None, :] + np.cross(turn, arm, axis=-3)
     return np.asarray((force[..., None] * moved).sum(axis=-3) + (moment[..., None] * turn).sum(axis=-3))
 
 
