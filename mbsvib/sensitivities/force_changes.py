@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rotations import skew
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.pose_changes import PoseRates
 from mbsvib.sensitivities.families.rules import crossed
@@ -57,10 +58,14 @@ def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion:
     """
     relative, at = forces.relative_motions(motion)[1], changes.at
     result = np.zeros((at.size, motion.shape[2]))
-    for k, (spring, stiffness) in enumerate(zip(network.springs, network.stiffness, strict=True), forces.counts[0]):
-        change = rules_of(spring).force_rates(spring, stiffness, relative[k], forces.wrench[k])
-        if change is not None:
-            result[at.wrench_of(k) : at.wrench_of(k) + 6] = change
+    joints, springs = forces.counts[:2]
+    strained = relative[joints : joints + springs]
+    change = -network.stiffness @ strained
+    # a moment turns with half of the turn between the bodies
+    change[:, 3:] += 0.5 * skew(forces.wrench[joints : joints + springs, 3:]).swapaxes(1, 2) @ strained[:, 3:]
+    # what a free length does is said by the parameters
+    change[[getattr(spring, "free_length", None) is not None for spring in network.springs]] = 0.0
+    result[at.wrench.start : at.wrench.start + 6 * springs] = change.reshape(6 * springs, motion.shape[2])
     result[at.twist] = relative[forces.bushings, 3:].reshape(3 * len(forces.bushings), relative.shape[2])
     for k in forces.follower.tolist():
         result[at.wrench_of(k) : at.wrench_of(k) + 6] = crossed(relative[k, 3:], forces.wrench[k])

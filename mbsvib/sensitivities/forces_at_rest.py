@@ -8,7 +8,6 @@ import numpy as np
 
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.sensitivities.displaced_bodies import displaced
-from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.forces import Forces
 
 if TYPE_CHECKING:
@@ -44,10 +43,11 @@ def forces_at_rest(system: Equations, network: Network) -> Forces:
         if joint.successive:
             axes[k] = [six[3:] for _, six in joint.freedom[-2:]]
     for k, spring in enumerate(springs, j):
-        at_rest = rules_of(spring).at_rest
-        assert at_rest is not None
-        rest = at_rest(spring)
-        points[k], wrench[k], span[k] = rest.point, rest.wrench, rest.span
+        wrench[k] = spring.rest_wrench
+        if spring.points:
+            points[k] = spring.points[-1]
+        if spring.acts_along_line:
+            span[k] = np.subtract(spring.points[-1], spring.points[0])
     for k, body in enumerate(bodies, len(connections)):
         points[k], wrench[k, :3] = body.position, body.mass * gravity
     for k, load in enumerate(loads, len(connections) + len(bodies)):

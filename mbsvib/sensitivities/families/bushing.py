@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.elements.roles import is_unsymmetric
 from mbsvib.linalg.rotations import skew
 from mbsvib.sensitivities.displaced_bodies import holds_turns
-from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
+from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import among_springs, in_axes, moved_point, square_terms, turned_axes
 
 if TYPE_CHECKING:
@@ -64,33 +64,16 @@ def _is_exception(bushing: Bushing, _: bool, turned: frozenset[str]) -> bool:
     return bushing.cross_coupling is not None or (bushing.name in turned and holds_turns(bushing))
 
 
-def _at_rest(bushing: Bushing) -> AtRest:
-    return AtRest(bushing.position, _wrench(bushing))
-
-
-def _wrench(bushing: Bushing) -> Array:
-    """Its preload in world axes."""
-    preload = np.array(bushing.preload or np.zeros(6)).reshape(2, 3)
-    return np.asarray((preload @ np.array(bushing.orientation).T).reshape(6))
-
-
 def _add_force_terms(terms: RowTerms, _: Network, __: Forces, bushing: Bushing, k: int) -> None:
     """Its wrench is its preload, in axes that turn with its orientation."""
     terms.along(bushing.name, "position", terms.at.point_of(k))
     if bushing.preload is None:
         return
-    axes, column, wrench = np.array(bushing.orientation), terms.at.wrench_of(k), _wrench(bushing).reshape(2, 3)
+    axes, column, wrench = np.array(bushing.orientation), terms.at.wrench_of(k), np.reshape(bushing.rest_wrench, (2, 3))
     for i in range(6):
         terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
     for i, turned in enumerate(skew(wrench).transpose(1, 0, 2)):
         terms.put((bushing.name, "orientation", (i,)), column, turned.reshape(6))
-
-
-def _force_rates(_: Bushing, stiffness: Array, displacement: Array, wrench: Array) -> Array:
-    """Its wrench changes with its strain, its moment with half of the turn between its bodies."""
-    result = -stiffness @ displacement
-    result[3:] += 0.5 * skew(wrench[3:]).T @ displacement[3:]
-    return np.asarray(result)
 
 
 def _add_reference_terms(terms: ReferenceTerms, bushing: Bushing, k: int) -> None:
@@ -124,6 +107,6 @@ _OF_FIELDS: dict[str, Rule] = {
 }  # fmt: skip
 RULES = PartRules(
     "spring", _rule, _constants, alters_spin=joins_spinning_body,
-    is_exception=_is_exception, at_rest=_at_rest, add_force_terms=_add_force_terms,
-    force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+    is_exception=_is_exception, add_force_terms=_add_force_terms,
+    add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
+from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import along, among_springs, line_end_rates
 
 if TYPE_CHECKING:
@@ -47,12 +47,6 @@ def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...
     return line, line_end_rates(line, span, field == "end")
 
 
-def _at_rest(part: Any) -> AtRest:
-    """The force of a line acts at its end, -T e on the second body."""
-    wrench = np.concatenate((-part.tension * np.array(part.line), np.zeros(3)))
-    return AtRest(part.end, wrench, np.subtract(part.end, part.start))
-
-
 def _add_force_terms(terms: RowTerms, _: Network, __: Forces, part: Any, k: int) -> None:
     """Its force is -T e on the second body, with T as given, or k (L - L0)."""
     terms.along(part.name, "start", terms.at.start_of(k))
@@ -67,15 +61,6 @@ def _add_force_terms(terms: RowTerms, _: Network, __: Forces, part: Any, k: int)
     for i in range(3):
         for field, sign in (("start", 1.0), ("end", -1.0)):
             terms.put((part.name, field, (i,)), column, sign * part.stiffness * line[i] * line)
-
-
-def _force_rates(part: Any, _: Array, displacement: Array, __: Array) -> Array | None:
-    """Its tension changes with its length; a free length says so by the parameters."""
-    if part.free_length is not None:
-        return None
-    line = np.array(part.line)
-    tension = -part.stiffness * (line @ displacement[:3])
-    return np.asarray(np.multiply.outer(np.concatenate((line, np.zeros(3))), tension))
 
 
 def _add_reference_terms(terms: ReferenceTerms, part: Any, k: int) -> None:
@@ -97,7 +82,7 @@ _OF_FIELDS: dict[str, Rule] = {
 }  # fmt: skip
 SPRING = PartRules(
     "spring", lambda _, __, field: _OF_FIELDS[field], _constants, alters_spin=joins_spinning_body,
-    at_rest=_at_rest, add_force_terms=_add_force_terms,
-    force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+    add_force_terms=_add_force_terms,
+    add_reference_terms=_add_reference_terms,
 )  # fmt: skip
 INERTER = replace(SPRING, add_reference_terms=lambda *_: None)

@@ -38,17 +38,6 @@ def any_field(*_: Any) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class AtRest:
-    """The force of a part at the pose: a ``wrench`` (6,) at a ``point`` (3,) on its second body, world axes; ``span``
-    (3,) leads from the start to the end of a line.
-    """
-
-    point: Any
-    wrench: Any = (0.0,) * 6
-    span: Any = (0.0,) * 3
-
-
-@dataclass(frozen=True, slots=True)
 class InternalRule:
     """The rule of ``count`` numbers that are no parameters, of connections or bodies ``number`` (1,)."""
 
@@ -67,14 +56,14 @@ class PartRules:
     tells whether a field has one at all. Where bodies spin, parameters that may take one off its axis, or change how
     dampers turn along, ``alters_spin``, are differenced: variants say whether the spin is steady still.
 
-    Under loads: ``is_exception`` tells of which parts derivatives through the equilibrium are not known, ``at_rest``
-    gives the force of a connection. ``add_force_terms`` says what parameters change of the forces, ``follow`` how they
-    go with the bodies beside what roles say, ``force_rates`` how forces do, and ``add_reference_terms`` what parameters
-    as described do where the equilibrium was found in another pose. ``internal`` is the field of numbers that change
-    with the pose and are no parameters, and their count; ``internal_rules`` are their rules, ``gravity_rule`` what
-    gravity does beside forces. ``reactions`` names the elements whose forces statics gives, with the bodies of internal
-    coordinates. ``twist_axis`` is the axis of a moment about which an angle is measured, ``bent_lines`` the names,
-    frames and forms of elements whose bending tension changes.
+    Under loads: ``is_exception`` tells of which parts derivatives through the equilibrium are not known.
+    ``add_force_terms`` says what parameters change of the forces, ``follow`` how they go with the bodies beside what
+    roles say, and ``add_reference_terms`` what parameters as described do where the equilibrium was found in another
+    pose. ``internal`` is the field of numbers that change with the pose and are no parameters, and their count;
+    ``internal_rules`` are their rules, ``gravity_rule`` what gravity does beside forces. ``reactions`` names the
+    elements whose forces statics gives, with the bodies of internal coordinates. ``twist_axis`` is the axis of a moment
+    about which an angle is measured, ``bent_lines`` the names, frames and forms of elements whose bending tension
+    changes.
     """
 
     kind: str
@@ -85,10 +74,8 @@ class PartRules:
     has_rule: Callable[[Any, str], bool] = any_field
     alters_spin: Callable[[Spin, Any, str], bool] = lambda *_: False
     is_exception: Callable[[Any, bool, frozenset[str]], bool] = lambda *_: False
-    at_rest: Callable[[Any], AtRest] | None = None
     add_force_terms: Callable[[RowTerms, Network, Forces, Any, int], None] = lambda *_: None
     follow: Callable[[PoseRates, Any, int], None] = lambda *_: None
-    force_rates: Callable[[Any, Array, Array, Array], Array | None] = lambda *_: None
     add_reference_terms: Callable[[ReferenceTerms, Any, int], None] = lambda *_: None
     internal: tuple[str, int] = ("", 0)
     internal_rules: Callable[[Network, Any], Sequence[InternalRule]] = lambda *_: ()
