@@ -242,6 +242,11 @@ class RecordData:
         """How many real numbers were measured, but for those that free states take."""
         return 2 * self.measured.size - self.free_states
 
+    def fitted(self, residual: Complex) -> Complex:
+        """Return what residuals (k, outputs, experiments) say of the measured coefficients, with free states."""
+        off = residual if self.whitening is None else np.linalg.solve(self.whitening, residual)
+        return np.asarray(self.measured + off / self.weight)
+
     def reweighted(self, residual: Complex, share: float) -> RecordData:
         """Return the same with the noise of each output as large as its residuals tell.
 

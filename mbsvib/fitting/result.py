@@ -13,7 +13,9 @@ from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
 from mbsvib.fitting.candidates import Candidate, ranked
 from mbsvib.fitting.knowledge import ResidualTest
+from mbsvib.fitting.record_data import RecordData
 from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.records import Records
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +56,7 @@ class Fit(Columnar, Displayed):
     converged: bool
     quantile: float = field(repr=False)
     rates: Mapping[str, Mapping[str, float]] = field(repr=False)
-    data: tuple[Measurement | MeasuredModes, ...] = field(repr=False)
+    data: tuple[Measurement | Records | MeasuredModes, ...] = field(repr=False)
     _problem: Problem = field(repr=False)
     _x: Array = field(repr=False)
 
@@ -152,39 +154,50 @@ class Fit(Columnar, Displayed):
         ResponseError
             If there is no such measurement.
         """
-        return self._responses(number)[1]
+        return self._of_responses(self._drawn(number, (Measurement,), "responses")[0])
 
     def plot(self, number: int = 1, *, ax: Given | None = None) -> Figure | Given:
-        """Draw measured and fitted responses.
+        """Draw measured and fitted responses, or time records.
 
         Parameters
         ----------
         number : int
-            Which of the measurements with responses, from 1.
+            Which of the measured responses and time records, from 1 in the order of ``data``.
         ax : Axes or sequence of Axes, optional
             Where to draw, a panel each, row by row; default: a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure, or ``ax``
-            One panel for each pair of input and output.
+            One panel for each pair of input and output; of records one for each output, of the first experiment and
+            within the band of the lines.
 
         Raises
         ------
         ResponseError
             If there is no such measurement.
         """
-        from mbsvib.plots.measured import measured
+        from mbsvib.plots.measured import measured, recorded
 
-        return measured(*self._responses(number), f"fit of {self.model.name}", ax=ax)
+        k, data = self._drawn(number, (Measurement, Records), "responses or records")
+        label = f"fit of {self.model.name}"
+        if isinstance(data, Measurement):
+            return measured(data, self._of_responses(k), label, ax=ax)
+        known = self._problem.data[k]
+        assert isinstance(known, RecordData)
+        both = (data.spectra("output"), known.fitted(self._problem.residuals(self._x)[k]))
+        return recorded(data, *(data.in_time(spectra)[:, 0] for spectra in both), label, ax=ax)
 
-    def _responses(self, number: int) -> tuple[Measurement, Complex]:
-        known = [(k, one) for k, one in enumerate(self.data) if isinstance(one, Measurement)]
+    def _drawn(self, number: int, kinds: tuple[type, ...], words: str) -> tuple[int, Any]:
+        """Place and data of one of those of some kinds."""
+        known = [(k, one) for k, one in enumerate(self.data) if isinstance(one, kinds)]
         if number not in range(1, len(known) + 1):
             raise ResponseError(f"number = {number}; expected 1 to {len(known)}, the number of one of the measurements "
-                                f"with responses.")  # fmt: skip
-        k, measurement = known[number - 1]
-        return measurement, np.moveaxis(self._problem.fitted(self._x, k), 0, 2)
+                                f"with {words}.")  # fmt: skip
+        return known[number - 1]
+
+    def _of_responses(self, k: int) -> Complex:
+        return np.moveaxis(self._problem.fitted(self._x, k), 0, 2)
 
     _index = "name"
 

@@ -174,6 +174,23 @@ class Records(Matched, Columnar, Displayed):
         values = np.array(records).reshape(len(records), self.experiments, self.samples)
         return np.moveaxis(np.fft.rfft(values)[..., self.lines()] / np.sqrt(self.samples), 2, 0)
 
+    def in_time(self, spectra: Complex) -> Array:
+        """Return the records (channels, experiments, N) of Fourier coefficients at the lines, as ``spectra`` has them.
+
+        Parameters
+        ----------
+        spectra : array, shape (n, channels, experiments)
+            Coefficients at the lines; at other frequencies there is nothing.
+
+        Returns
+        -------
+        array, shape (channels, experiments, N)
+            What the band of the lines holds of the records.
+        """
+        every = np.zeros((*spectra.shape[1:], self.samples // 2 + 1), dtype=complex)
+        every[..., self.lines()] = np.moveaxis(spectra, 0, 2) * np.sqrt(self.samples)
+        return np.asarray(np.fft.irfft(every, self.samples))
+
     def power(self) -> Array | None:
         """Return the noise of these coefficients, None where it is not known.
 

@@ -1,4 +1,4 @@
-"""Measured responses, their standard deviation, and those of a model over them."""
+"""Measured responses with their standard deviation, or time records, and those of a model over them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from mbsvib.common import units
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
-from mbsvib.plots._sheet import Given, pairs
+from mbsvib.plots._sheet import Given, pairs, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Complex
+    from mbsvib.common.arrays import Array, Complex
 
 MOST = 12  # panels
 
@@ -68,5 +68,47 @@ def measured(
             below.set_ylim(-190.0, 190.0)
             below.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
             style.frequency_axis(below, f[shown][0], f[shown][-1])
+        paper.legend()
+    return paper.result
+
+
+def recorded(data: Any, records: Array, model: Array, label: str, *, ax: Given | None = None) -> Figure | Given:
+    """Draw records over time, a model's over them, and below what is left.
+
+    Parameters
+    ----------
+    data : Records
+        What was recorded, at most twelve outputs.
+    records, model : array, shape (outputs, N)
+        Measured, and of a model.
+    label : str
+        Name of the model in the legend.
+    ax : Axes or sequence of Axes, optional
+        Where to draw, a panel for each output; default: a new figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure, or ``ax``
+        One panel for each output.
+
+    Raises
+    ------
+    ResponseError
+        If there are more than twelve outputs.
+    """
+    names = list(data.outputs)
+    if len(names) > MOST:
+        raise ResponseError(f"plot: {len(names)} outputs; expected 1 to {MOST}.")
+    t = np.arange(data.samples) * data.t
+    with sheet("plot", ax, (style.ALONE, 1.9 * len(names) + 0.8), len(names)) as paper:
+        paper.join(paper.panels)
+        for axes, name, unit, *curves in zip(paper.panels, names, data.output_units, records, model, records - model,
+                                             strict=True):  # fmt: skip
+            for n, (words, values) in enumerate(zip(("measured", label, "difference"), curves, strict=True),
+                                                paper.first):  # fmt: skip
+                axes.plot(t, values, label=words, **style.line(n))
+            axes.set_ylabel(f"{name}{f' [{units.pretty(unit)}]' if unit else ''}")
+        paper.panels[-1].set_xlabel("time [s]")
+        paper.panels[-1].set_xlim(t[0], t[-1])
         paper.legend()
     return paper.result

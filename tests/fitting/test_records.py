@@ -324,3 +324,27 @@ def test_records_without_outputs_or_too_short_for_their_beginning_are_refused():
     assert repr(data) == "Records(1 input, 1 output, 1 experiment of 0.128 s)"
     assert "rms" in str(data)
     assert not data.outputs["z0"].flags.writeable
+
+
+@pytest.mark.parametrize("correlated", [False, True])
+def test_records_are_drawn_beside_those_of_the_fit(correlated):
+    """The fit explains all but the noise; within the band nothing of what was measured is lost."""
+    model = chain()
+    clean = np.array([part[0] for part in records(model).outputs.values()])
+    data = records(model, noise=0.05)
+    if correlated:
+        variance = [data.variance[name] for name in data.outputs]
+        data = mv.Records(STEP, data.inputs, data.outputs, covariance=np.diag(variance) + 0.2 * min(variance))
+    fit = away(model, FREE, 0.05, 1).fit(data, FREE)
+    axes = fit.plot().axes
+    assert len(axes) == len(data.outputs)
+    for name, panel, exact in zip(data.outputs, axes, clean, strict=True):
+        shown, told, left = (line.get_ydata() for line in panel.lines)
+        assert panel.lines[1].get_label() == "fit of chain"
+        np.testing.assert_allclose(shown, data.outputs[name][0] - data.outputs[name].mean(), atol=1e-12)
+        np.testing.assert_allclose(left, shown - told, atol=1e-15)
+        assert np.std(told - exact) < 0.3 * np.std(shown - exact)
+    with pytest.raises(ResponseError, match="expected 1 to 1, the number of one of the measurements with responses or"):
+        fit.plot(2)
+    with pytest.raises(ResponseError, match="expected 1 to 0"):
+        fit.responses()
