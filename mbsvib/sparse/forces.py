@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.tables import listed
-from mbsvib.core.shift_forms import duals, twists_of
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 from mbsvib.equations.force_paths import carries_nothing, joint_ends
@@ -62,8 +61,7 @@ class VirtualWork:
     def __init__(self, draft: SparseDraft) -> None:
         self._draft, self._n = draft, len(draft.structure.parent)
         self._centre = np.concatenate((draft.structure.position, np.zeros((1, 3))))
-        first, second, _, point, self._carrier = joint_ends(draft.topology, self._centre.T)
-        self._ends = first, second
+        *_, point, self._carrier = joint_ends(draft.topology, self._centre.T)
         asked = {number for _, kind, number, _ in draft.port.wrench_outputs if kind == "joint"}
         asked.update(*(region.joints.tolist() for region in draft.regions.values()))
         self._unknowns = virtual_unknowns(draft.topology, draft.structure, draft.layout, sorted(asked), point)
@@ -81,9 +79,9 @@ class VirtualWork:
             return np.zeros((3, draft.layout.size)), np.zeros(len(draft.port.input_units))
         region = draft.regions.get(number)
         if region is None:
-            return self._work(self._releasing(number, direction))
+            return self._work(self._releasing(np.array([number]), direction[:, None]))
         step = self._step(number, wrench)
-        stress = region.split(step)[0]
+        stress = region.stress(step)
         rows, through = self._work(self._in_region(region, step))
         if draft.loading is not None and not region.determines(step, stress):
             rows[0] += self._least_norm_change(region, stress)
@@ -126,7 +124,7 @@ class VirtualWork:
         for row, kind, number, wrench in self._draft.port.wrench_outputs:
             if kind == "joint" and number in regions:
                 region, step = regions[number], self._step(number, wrench)
-                if not region.determines(step, region.split(step)[0]):
+                if not region.determines(step, region.stress(step)):
                     outputs[region].append(names[row])
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
@@ -166,17 +164,18 @@ class VirtualWork:
         result[:, region.joints.searchsorted(number)] = self._direction(number, wrench)
         return result
 
-    def _releasing(self, number: int, direction: Array) -> Array:
-        """The motion that releases a joint along a direction (6,), over the unknowns with virtual motions."""
-        layout, column = self._unknowns.layout, self._unknowns.column[number]
+    def _releasing(self, joints: Index, steps: Array) -> Array:
+        """The motion that releases joints (j,) by displacements (6, j), over the unknowns with virtual motions."""
+        layout, unknowns = self._unknowns.layout, self._unknowns
         z = np.zeros(layout.size)
-        z[column : column + 6] = direction
-        if number in self._tree_joints:
-            body, sign = self._tree_joints[number]
-            enter, leave = self._subtrees
-            behind = np.flatnonzero((enter >= enter[body]) & (enter < leave[body]))
-            z[layout.displacement[behind]] = sign * ground_motion(direction, self._unknowns.point[:, number],
-                                                                  self._centre[behind])  # fmt: skip
+        z[unknowns.column[joints][:, None] + np.arange(6)] = steps.T
+        order, begin, end = self._subtrees
+        for number, step in zip(joints.tolist(), steps.T, strict=True):
+            if number in self._tree_joints and step.any():
+                body, sign = self._tree_joints[number]
+                behind = order[begin[body] : end[body]]
+                z[layout.displacement[behind]] += sign * ground_motion(step, unknowns.point[:, number],
+                                                                       self._centre[behind])  # fmt: skip
         opening = _product(self._locked, z)
         if opening.any():
             z[: self._draft.layout.size] -= self._closing(opening)
@@ -208,26 +207,7 @@ class VirtualWork:
 
     def _in_region(self, region: Region, step: Array) -> Array:
         """The motion that releases the joints of a region by the compatible part of displacements (6, j)."""
-        stress, motion = region.split(step)
-        compatible, layout = step - region.scale**2 * stress, self._unknowns.layout
-        z = np.zeros(layout.size)
-        moved = region.displacements(motion, self._centre)
-        z[layout.displacement] = moved[:-1]
-        z[self._unknowns.column[region.joints][:, None] + np.arange(6)] = compatible.T
-        # what the bodies move beyond this, the joints of the tree move along their own directions
-        joints = [self._draft.topology.joints[k] for k in region.joints.tolist()]
-        first, second = (ends[region.joints] for ends in self._ends)
-        gap = [moved[body, :3] + np.cross(moved[body, 3:], region.point.T - self._centre[body])
-               for body in (first, second)]  # fmt: skip
-        own = np.concatenate((moved[second, 3:] - moved[first, 3:], gap[1] - gap[0]), axis=1)
-        own = own - np.roll(compatible, 3, axis=0).T
-        q = (duals(twists_of(joints)).swapaxes(1, 2) @ own[:, :, None])[:, :, 0]
-        tree = self._unknowns.tree
-        for k, number in enumerate(region.joints.tolist()):
-            if number in self._tree_joints:
-                start, count = tree.first[self._tree_joints[number][0]], len(joints[k].freedom)
-                z[layout.coordinate[start : start + count]] = q[k, :count]
-        return z
+        return self._releasing(region.joints, step - region.scale**2 * region.stress(step))
 
     def _least_norm_change(self, region: Region, stress: Array) -> Array:
         """Change of the forces of least norm by the change of a state of self-stress with the pose; a row (size,)."""
@@ -274,8 +254,8 @@ class VirtualWork:
         return {b.joint: (b.body, b.sign) for b in self._draft.topology.branches if b.joint != FLOATS}
 
     @cached_property
-    def _subtrees(self) -> tuple[Index, Index]:
-        """Numbering of bodies in which each subtree is a range: begin and end of the ranges, (bodies,)."""
+    def _subtrees(self) -> tuple[Index, Index, Index]:
+        """Bodies in an order in which each subtree is a range, and begin and end of the ranges, (bodies,) each."""
         structure, n = self._draft.structure, self._n
         parent, outward = structure.parent.tolist(), structure.outward.tolist()
         size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
@@ -286,7 +266,7 @@ class VirtualWork:
             free[parent[body]] += size[body]
             free[body] = begin[body] + 1
         enter = np.array(begin[:n], dtype=np.intp)
-        return enter, enter + np.array(size[:n], dtype=np.intp)
+        return np.argsort(enter), enter, enter + np.array(size[:n], dtype=np.intp)
 
 
 def _product(rows: csr_matrix, z: Array) -> Array:

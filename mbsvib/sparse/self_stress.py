@@ -2,7 +2,7 @@
 
 A unit displacement e of the gap in one joint has two parts: D^2 w, with self-equilibrated wrenches w in all joints, and
 the gaps of a motion u of the bodies. The wrenches of least norm (``equations/self_stress.py``) do no work on the
-former, so that u gives their component along e. With A the rows of locked directions and couplers over the
+former, so that the latter gives their component along e. With A the rows of locked directions and couplers over the
 displacements of the bodies, and B the wrenches of these rows,
 
     [[B^T D^2 B, A], [A^T, 0]] [x; u] = [B^T e; 0],    w = B x.
@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from mbsvib.common.tables import listed
 from mbsvib.equations.force_paths import point_of
@@ -44,18 +44,15 @@ if TYPE_CHECKING:
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.tree import Tree
 
-    Split = Callable[[Array], tuple[Array, Array]]
-
 
 @dataclass(frozen=True, eq=False)
 class Region:
     """Loops with redundant constraints that have joints or couplers in common.
 
-    ``joints`` (j,) with ``point`` (3, j), of which ``force_joints`` can transmit a force; their ``length`` L [m], and
-    the outer ``bodies`` (b,) of those in the tree. ``gap`` (6 j, 6 b) are the relative displacements in the joints per
-    displacement of these bodies, ``rows`` (6 j, n) the wrenches of locked directions and couplers, of which ``rank``
-    are independent; in both, lengths are in units of L, and ``rows`` have unit length. All other bodies are at rest or
-    move with a body of the region: ``owner`` (bodies + 1,) is its number among ``bodies``, or -1.
+    ``joints`` (j,) with ``point`` (3, j), of which ``force_joints`` can transmit a force; their ``length`` L [m].
+    ``gap`` (6 j, 6 b) are the relative displacements in the joints per displacement of the outer bodies of those in the
+    tree, ``rows`` (6 j, n) the wrenches of locked directions and couplers, of which ``rank`` are independent; in both,
+    lengths are in units of L, and ``rows`` have unit length.
     """
 
     names: tuple[str, ...]
@@ -63,80 +60,56 @@ class Region:
     point: Array
     force_joints: Index
     length: float
-    bodies: Index
     gap: csr_matrix
     rows: csr_matrix
     rank: int
-    owner: Index
 
     @cached_property
     def scale(self) -> Array:
         """D (6, 1): 1 for forces, 1 / L for moments."""
         return np.repeat((1.0, 1.0 / self.length), 3)[:, None]
 
-    def split(self, step: Array) -> tuple[Array, Array]:
-        """Split displacements in the joints (6, j) [m, rad] into parts of self-stress and of motion.
-
-        Returns the self-equilibrated wrenches w (6, j), which do work on the part D^2 w of the step only, and the
-        displacements (b, 6) of the bodies, equal to the other part of the step in the locked directions.
+    def stress(self, step: Array) -> Array:
+        """Return the self-equilibrated wrenches w (6, j) of displacements in the joints (6, j) [m, rad], which do work
+        on the part D^2 w of these only; the other part is that of a motion.
         """
-        wrench, motion = self._solve((step / self.scale).T.reshape(-1))
-        return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
+        return self._solve((step / self.scale).T.reshape(-1)).reshape(-1, 6).T / self.scale
 
     def minimum_norm(self, wrench: Array) -> Array:
         """Return the wrenches (6, j) of least norm that are equivalent to given ones."""
-        return np.asarray(wrench - self.split(self.scale**2 * wrench)[0])
-
-    def displacements(self, motion: Array, position: Array) -> Array:
-        """Return the displacements (bodies + 1, 6) of all bodies and the ground, at ``position`` (bodies + 1, 3), from
-        the displacements of the region's bodies (b, 6).
-        """
-        result = np.zeros((len(self.owner), 6))
-        moves = np.flatnonzero(self.owner >= 0)
-        body = self.owner[moves]
-        result[moves] = motion[body]
-        result[moves, :3] += np.cross(motion[body, 3:], position[moves] - position[self.bodies[body]])
-        return result
+        return np.asarray(wrench - self.stress(self.scale**2 * wrench))
 
     def determines(self, step: Array, wrench: Array) -> bool:
-        """Return whether the constraints determine the force along a step, with its self-stress from ``split``."""
+        """Return whether the constraints determine the force along a step, with its ``stress``."""
         return bool(np.linalg.norm(wrench * self.scale) <= DETERMINED * np.linalg.norm(step / self.scale))
 
     def undetermined(self, outputs: tuple[str, ...]) -> Undetermined:
         """Return the joints with self-stress, and the outputs that depend on it."""
         step = np.cos(np.arange(6.0 * len(self.joints))).reshape(-1, 6).T  # an arbitrary direction
-        size = np.linalg.norm(self.split(step * self.scale)[0] * self.scale, axis=0)
+        size = np.linalg.norm(self.stress(step * self.scale) * self.scale, axis=0)
         names = tuple(self.names[k] for k in self.joints[size > DETERMINED * size.max(initial=0.0)].tolist())
         return Undetermined(names, self.length, outputs)
 
     @cached_property
-    def _solve(self) -> Split:
+    def _solve(self) -> Callable[[Array], Array]:
         matrix = self.rows.T @ self.gap
         small = matrix.shape[0] * matrix.shape[1] <= MOST_DENSE_ENTRIES
         return _of_small(self, matrix.toarray()) if small else _of_large(self, matrix)
 
 
-def _of_small(region: Region, matrix: Array) -> Split:
+def _of_small(region: Region, matrix: Array) -> Callable[[Array], Array]:
     """By a pivoted QR of known rank, whose last columns are the combinations of rows without resultant on any body."""
-    qr, order, tau = pivoted_qr(matrix)
-    count, rank = len(matrix), region.rank
+    qr, _, tau = pivoted_qr(matrix)
+    count = len(matrix)
     basis = np.zeros((count, count))
     basis[:, : len(tau)] = qr[:, : len(tau)]
-    basis = lapack.dorgqr(basis, tau)[0]
-    stress = self_stress(region.joints, region.length, _in_joints(region, region.rows @ basis[:, rank:]))
+    basis = lapack.dorgqr(basis, tau)[0][:, region.rank :]
+    stress = self_stress(region.joints, region.length, _in_joints(region, region.rows @ basis))
     states = np.zeros((6 * len(region.joints), 0))
     if stress is not None:
         states = (stress.states * region.scale[..., None]).transpose(1, 0, 2).reshape(len(states), -1)
 
-    def solve(step: Array) -> tuple[Array, Array]:
-        stress = states @ (states.T @ step)
-        motion = np.zeros(matrix.shape[1])
-        along = basis[:, :rank].T @ (region.rows.T @ (step - stress))
-        if rank:
-            motion[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], along[:, None])[:, 0]
-        return stress, motion
-
-    return solve
+    return lambda step: states @ (states.T @ step)
 
 
 def _in_joints(region: Region, flat: Array) -> Array:
@@ -144,7 +117,7 @@ def _in_joints(region: Region, flat: Array) -> Array:
     return np.asarray(flat.reshape(len(region.joints), 6, -1).transpose(1, 0, 2) / region.scale[..., None])
 
 
-def _of_large(region: Region, matrix: csr_matrix) -> Split:
+def _of_large(region: Region, matrix: csr_matrix) -> Callable[[Array], Array]:
     """By a regularised sparse system with iterative refinement."""
     from scipy.sparse import bmat, eye
     from scipy.sparse.linalg import splu
@@ -154,7 +127,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
     shift = bmat([[COLUMN_REGULARISATION * eye(n), None], [None, -COLUMN_REGULARISATION * eye(m)]], format="csc")
     lu = splu(equations + shift)
 
-    def solve(step: Array) -> tuple[Array, Array]:
+    def solve(step: Array) -> Array:
         right = np.concatenate((region.rows.T @ step, np.zeros(m)))
         solution = np.zeros(n + m)
         size = CONVERGED * float(np.abs(right).max(initial=0.0))
@@ -162,7 +135,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
             change = lu.solve(right - equations @ solution)
             solution += change
             if max(np.abs(region.rows @ change[:n]).max(), np.abs(matrix @ change[n:]).max()) <= size:
-                return region.rows @ solution[:n], solution[n:]
+                return np.asarray(region.rows @ solution[:n])
         names = listed([region.names[k] for k in region.joints.tolist()])
         raise ModelError(
             f"forces in the joints {names} are not determined to many digits: the constraints nearly depend on each "
@@ -244,9 +217,8 @@ def _region(
     force_joints, owner = np.unique([i for i, _, _ in entries]), np.array(owners)
     length = length_of(point[force_joints], *position[ends[:, force_joints]])
     rows = _rows(entries, len(parts), length)
-    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, force_joints, length, bodies,
-                  _gaps(point, owner[ends], position[bodies], length), rows, rows.shape[1] - surplus,
-                  owner)  # fmt: skip
+    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, force_joints, length,
+                  _gaps(point, owner[ends], position[bodies], length), rows, rows.shape[1] - surplus)  # fmt: skip
 
 
 def _of_couplers(
