@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 def ground_motion(twist: ArrayLike, origin: ArrayLike, points: Array) -> Array:
     """Return the motions of points (..., 3) that move rigidly with the ground, (..., 6), world axes.
 
-    ``twist`` (6,): translation of the origin and rotation of the ground. ``origin`` (3,): a point of the ground [m].
-    ``points`` (..., 3): the points [m]. Returns (..., 6): translations and rotations.
+    ``twist`` (..., 6): translation of the origin and rotation of the ground. ``origin`` (..., 3): a point of the ground
+    [m]. ``points`` (..., 3): the points [m]. Returns (..., 6): translations and rotations.
     """
-    linear, angular = np.array(twist).reshape(2, 3)
+    linear, angular = np.split(np.array(twist), 2, axis=-1)
     translation = np.cross(angular, points - np.array(origin)) + linear
     return np.concatenate((translation, np.broadcast_to(angular, translation.shape)), axis=-1)
 

@@ -169,13 +169,14 @@ class VirtualWork:
         layout, unknowns = self._unknowns.layout, self._unknowns
         z = np.zeros(layout.size)
         z[unknowns.column[joints][:, None] + np.arange(6)] = steps.T
-        order, begin, end = self._subtrees
-        for number, step in zip(joints.tolist(), steps.T, strict=True):
-            if number in self._tree_joints and step.any():
-                body, sign = self._tree_joints[number]
-                behind = order[begin[body] : end[body]]
-                z[layout.displacement[behind]] += sign * ground_motion(step, unknowns.point[:, number],
-                                                                       self._centre[behind])  # fmt: skip
+        # what the bodies move, about a common point, is the sum on their ways from ground
+        body, sign = self._outer
+        used = np.flatnonzero(body[joints] >= 0)
+        at, points = joints[used], unknowns.point.T
+        common, own = points[joints].mean(axis=0), np.zeros((self._n, 6))
+        own[body[at]] = sign[at, None] * ground_motion(steps.T[used], points[at], common)
+        own[self._draft.structure.outward] = self._ways.solve(own[self._draft.structure.outward])
+        z[layout.displacement] = ground_motion(own, common, self._centre[:-1])
         opening = _product(self._locked, z)
         if opening.any():
             z[: self._draft.layout.size] -= self._closing(opening)
@@ -249,24 +250,26 @@ class VirtualWork:
         return inertia_of_ground_motion(six, origin, self._centre[:-1], self._draft.inertia, self._draft.shared)
 
     @cached_property
-    def _tree_joints(self) -> dict[int, tuple[int, int]]:
-        """The outer body of each joint of the tree, and its sign in this joint."""
-        return {b.joint: (b.body, b.sign) for b in self._draft.topology.branches if b.joint != FLOATS}
+    def _outer(self) -> tuple[Index, Index]:
+        """The outer body of each joint of the tree, -1 for cut joints, and its sign in this joint, (joints,) each."""
+        body, sign = np.full((2, len(self._draft.topology.joints)), -1)
+        for branch in self._draft.topology.branches:
+            if branch.joint != FLOATS:
+                body[branch.joint], sign[branch.joint] = branch.body, branch.sign
+        return body, sign
 
     @cached_property
-    def _subtrees(self) -> tuple[Index, Index, Index]:
-        """Bodies in an order in which each subtree is a range, and begin and end of the ranges, (bodies,) each."""
+    def _ways(self) -> Any:
+        """The factor that adds up what is given for each body on its way from ground, parents before children."""
+        from scipy.sparse import csc_matrix, eye
+        from scipy.sparse.linalg import splu
+
         structure, n = self._draft.structure, self._n
-        parent, outward = structure.parent.tolist(), structure.outward.tolist()
-        size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
-        for body in reversed(outward):
-            size[parent[body]] += size[body]
-        for body in outward:
-            begin[body] = free[parent[body]]
-            free[parent[body]] += size[body]
-            free[body] = begin[body] + 1
-        enter = np.array(begin[:n], dtype=np.intp)
-        return np.argsort(enter), enter, enter + np.array(size[:n], dtype=np.intp)
+        place = np.empty(n, dtype=np.intp)
+        place[structure.outward] = np.arange(n)
+        child = np.flatnonzero(structure.parent < n)
+        step = csc_matrix((np.ones(len(child)), (place[child], place[structure.parent[child]])), shape=(n, n))
+        return splu((eye(n) - step).tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 
 def _product(rows: csr_matrix, z: Array) -> Array:
