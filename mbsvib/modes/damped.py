@@ -28,8 +28,9 @@ from mbsvib.modes.classical import (
     quadratic_roots,
     rounding_of_sums,
 )
+from mbsvib.modes.pairs import found_twice, with_neighbours
 from mbsvib.modes.rigid_motions import unbraked
-from mbsvib.modes.strong_damping import forces, improved
+from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ CORRECTION = 1e-4
 SQUARED = 1e-9
 # Vectors in the resolvent are as inexact as those whose errors it bounds: these errors are up to twice as large.
 INEXACT = 2.0
+# Rounding of the rigid-body modes as motion of springs, in parts of eps; calibrated on chains with strong dampers.
+RIGID = 16.0
 # A tiny divisor in place of 0, so that quotients become large and not infinite.
 TINY = 1e-290
 # Columns of work space with which LAPACK's eigenvalues go block by block.
@@ -273,9 +276,12 @@ def _rayleigh(
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
     uncertainty += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
     reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
+    reducible[~small] = reducible[found_twice(improved, y)] = 1.0
     if np.count_nonzero(small) < len(small):
-        reducible[~small] = 1.0
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
+    bound = np.maximum(bound, np.where(small, reducible, 0.0))
+    if np.count_nonzero(bound > CLEAN):
+        bound = with_neighbours(improved, bound, complex_count)
     if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
         within = np.abs(improved[:, None] - improved) <= (reducible * speed)[:, None]
         mixed = np.where(within, reducible[:, None] ** 2, 0.0).max(axis=0)
@@ -299,7 +305,9 @@ def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
     """Errors of the quadratics of |values| (n,) and |vectors| (m, n) due to errors of the undamped modes."""
     trust = 2.0 * (basis.errors + EPS)
     inertial, elastic = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
-    return np.asarray(speed * speed * inertial + elastic)
+    # rounding of the rigid-body motions is motion of springs, which the forms leave out
+    stretch = RIGID * EPS * size[: basis.rigid].sum(axis=0) * np.abs(basis.square).dot(size) if basis.rigid else 0.0
+    return np.asarray(speed * speed * inertial + elastic + stretch)
 
 
 def _uncertain_refined(
@@ -345,8 +353,8 @@ def _with_forces(
     complex_count = _complex_count(eigensolution[0])
     values, y, slope = (_both(part, complex_count) for part in eigensolution[:3])
     bound, uncertainty = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], uncertainty))
-    equations = forces(basis.square[free:], dampers[0][:, free:], basis.rigid - free)
-    new, shapes, slopes, errors = improved(equations, values, uncertainty, rtol)
+    equations = DamperForces(basis.square[free:], dampers[0][:, free:], basis.rigid - free)
+    new, shapes, slopes, errors, cluster = improved(equations, values, uncertainty, rtol)
     motion = np.zeros_like(y)
     motion[free:] = shapes
     size = np.abs(slopes * new)
@@ -356,19 +364,21 @@ def _with_forces(
     cancel = EPS * (dampers[1] @ np.abs(motion))  # rounding of the dampers' relative motions
     trust += 2.0 * np.abs(new) * (cancel * (np.abs(dampers[0] @ motion) + cancel)).sum(axis=0)
     errors += np.divide(trust, size, out=np.zeros_like(size), where=size > 0.0)
-    better = errors < bound
+    largest = np.zeros((len(values), 2))
+    np.maximum.at(largest, cluster, np.stack((errors, bound), axis=1))
+    better = (largest[:, 0] < largest[:, 1])[cluster]  # values of a cluster have no order
     values[better], y[:, better], slope[better], bound[better] = (
         new[better], motion[:, better], slopes[better], errors[better]
     )  # fmt: skip
     upper, real = np.nonzero(values.imag > 0.0)[0], np.nonzero(values.imag == 0.0)[0]
     distance = np.abs(values[:, None] - values)
-    np.fill_diagonal(distance, np.inf)
+    distance[cluster[:, None] == cluster] = np.inf
     nearest = np.argmin(np.abs(values.conj()[upper, None] - values), axis=1) if len(upper) else upper
     complete = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
     if not complete or (distance <= 2.0 * bound * np.abs(values)).any():
         return eigensolution  # two have met, or a conjugate is missing
     order = np.concatenate((upper, real))
-    return values[order], y[:, order], slope[order], bound[order]
+    return values[order], y[:, order], slope[order], with_neighbours(values, bound)[order]
 
 
 def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:

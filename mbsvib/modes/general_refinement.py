@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
+from mbsvib.modes.pairs import with_neighbours
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,6 +33,8 @@ WORSE = 2.0
 # Vectors are not corrected by each other if the quotient of residual and distance is larger than this: they belong to a
 # cluster.
 MIXED = 0.1
+# Vectors in the resolvent are as inexact as those whose errors it bounds: these errors are up to twice as large.
+INEXACT = 2.0
 # The same for eigenvalues that are closer than the first number, a share of the eigenvalue.
 NEIGHBOUR, MERGING = 1e-3, 1e-4
 # Projected residuals of vectors of unit energy that are rounding. Near a defective pair they would be amplified;
@@ -220,14 +223,30 @@ def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -
     shapes, forces, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
     if transposed:
         shapes, forces, j = forces, shapes, j.T
-    term = (forces.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
+    residual = _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)
+    return np.asarray(shapes @ _at_zero(j, forces.T @ residual, eigen.values))
+
+
+def _at_zero(nilpotent: Array, forces: Complex, values: Complex) -> Complex:
+    """(lambda - J)^-1 forces, column by column."""
+    term = forces / values
     result = term.copy()
-    for _ in range(len(j)):
-        term = (j @ term) / eigen.values
+    for _ in range(len(nilpotent)):
+        term = (nilpotent @ term) / values
         result = result + term
         if not term.any():
             break
-    return np.asarray(shapes @ result)
+    return result
+
+
+def _still_moves(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
+    """How much the eigenvalues 0 move y^T T x, at most."""
+    if not state.right.shape[1]:
+        return np.zeros(len(eigen.values))
+    ahead = (state.force.T @ state.left).T @ _residual(f, eigen.values, eigen.right, transposed=False)
+    back = (state.show @ state.right).T @ _residual(f, eigen.values, eigen.left, transposed=True)
+    moved = _at_zero(np.abs(state.nilpotent), np.abs(ahead), np.abs(eigen.values))
+    return np.asarray((np.abs(back) * moved).sum(axis=0))
 
 
 def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
@@ -247,11 +266,24 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
         separated = coupling / (weight * gap)
         met = np.sqrt(coupling / weight)
         move = np.where(coupling > 0.0, np.fmin(separated, met), 0.0)
+    # vectors of equal eigenvalues need not be at right angles: others that contain one of them feel the next
+    root = np.sqrt(np.maximum(np.abs(eigen.slopes), np.finfo(float).tiny))
+    angles = np.abs((eigen.values[:, None] + eigen.values) * ml[: len(h)] + cl[: len(h)]) / root[:, None] / root
+    np.fill_diagonal(angles, 0.0)
+    ahead, back = (_contents(np.abs(form[: len(h)]) / root[:, None] / root, gap[: len(h)])
+                   for form in (left_form, right_form))  # fmt: skip
     rounding = _rounding(f, eigen, state.uncertainty)
-    diagonal = np.abs(left_form[h, h])
+    diagonal = np.abs(left_form[h, h]) + _still_moves(f, state, eigen)
     slope = np.abs(eigen.slopes)
-    total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0) + move.sum(axis=0)
-    return np.asarray(np.minimum(total / speed, 1.0))
+    total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0)
+    total += INEXACT * move.sum(axis=0) + (back * (angles @ ahead)).sum(axis=0)
+    return np.minimum(with_neighbours(eigen.values, total / speed), 1.0)
+
+
+def _contents(share: Array, gap: Array) -> Array:
+    """How much of each vector (row) is in the others (column), times the root of the distance of the eigenvalues."""
+    np.fill_diagonal(share, 0.0)
+    return share / np.sqrt(np.maximum(np.maximum(gap, share), np.finfo(float).tiny))
 
 
 def _rounding(f: _Factors, eigen: Spectrum, uncertainty: float) -> Array:

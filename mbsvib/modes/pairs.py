@@ -9,10 +9,12 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
 
 # A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
 ROUNDED = 1e-9
+# Eigenvalues nearer than this share, with vectors whose angle has a cosine this near 1, are one that was found twice.
+TOGETHER, PARALLEL = 1e-9, 1e-6
 
 
 def natural_frequencies(pairs: Complex) -> Array:
@@ -31,3 +33,32 @@ def damping_ratios(pairs: Complex) -> Array:
 def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
     """Tell which eigenvalues have real parts that are positive by more than rounding, for their relative errors."""
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
+
+
+def with_neighbours(values: Complex, errors: Array, conjugates: int = 0) -> Array:
+    """Return relative ``errors`` (n,) of ``values`` (n,) as neighbours make them, of which the first ``conjugates`` are
+    among the values as well.
+
+    What moves two eigenvalues by e and f couples them by up to sqrt(e f), which moves each by up to e f / gap, and by
+    no more than sqrt(e f).
+    """
+    size, n = np.abs(values), np.arange(len(values))
+    move = errors * size
+    every, others = np.append(values, values[:conjugates].conj()), np.append(move, move[:conjugates])
+    gap = np.abs(every[:, None] - values)
+    gap[n, n] = np.inf
+    both = others[:, None] * move
+    moved = both / np.maximum(np.maximum(gap, np.sqrt(both)), np.finfo(float).tiny)
+    return np.asarray(errors + moved.sum(axis=0) / size)
+
+
+def found_twice(values: Complex, y: Complex) -> Index:
+    """Return the numbers of eigenvalues that were found twice, with the same vector, in place of a near one."""
+    order = np.argsort(np.abs(values), kind="stable")
+    near = np.abs(values[order[1:]] - values[order[:-1]]) <= TOGETHER * np.abs(values[order[1:]])
+    if not np.count_nonzero(near):
+        return order[:0]
+    first, second = order[1:][near], order[:-1][near]
+    share = np.abs(np.einsum("ij,ij->j", y[:, first].conj(), y[:, second]))
+    same = share >= (1.0 - PARALLEL) * np.linalg.norm(y[:, first], axis=0) * np.linalg.norm(y[:, second], axis=0)
+    return np.concatenate((first[same], second[same]))

@@ -12,14 +12,16 @@ keep them apart from all others (Aberth), and each then by the quotient that is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse.csgraph import connected_components
 
 from mbsvib.common.memory import BATCH_BYTES
-from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -38,8 +40,12 @@ CLOSE = 1e-7
 UNSURE = 1e-3
 # Each squares the error of the one before.
 QUOTIENTS = 4
+# Eigenvalues that are closer than this share of them form a cluster.
+NEIGHBOUR = 1e-4
 # Factors of s by which the matrix is evaluated off an eigenvalue, where it is regular; the first that works is used.
 OFFSETS = (1.0 + 5.0 * EPS, 1.0 + 70.0 * EPS, 1.0 + 900.0 * EPS, 1.0 + 1e4 * EPS)
+# Vectors are as inexact as the bounds by their residuals: errors of eigenvalues are up to twice as large.
+INEXACT = 2.0
 # Rounding of a solution with an equilibrated matrix, and of the products, each some times eps; calibrated in the tests.
 ROUNDING = 4.0
 
@@ -47,17 +53,25 @@ ROUNDING = 4.0
 @dataclass(frozen=True, slots=True)
 class DamperForces:
     """The equations with the dampers' forces: ``square`` (n,) of the undamped frequencies, rows ``dampers`` (r, n) of
-    L, and how often 0 is an eigenvalue (rigid-body modes that come to rest).
+    L, or (k, r, n) for k points, and how often 0 is an eigenvalue (rigid-body modes that come to rest).
     """
 
     square: Array
     dampers: Array
     zeros: int
 
+    def near(self, s: Any) -> DamperForces:
+        """Return the equations with other rows L of the same L^T L for each of the points s (k,): they are nearly at
+        right angles where motions have the sizes of ``matrix``, so that no forces cancel in it.
+        """
+        size = np.maximum(np.abs(s)[:, None], np.sqrt(np.abs(self.square)))
+        roots = (sorted_qr(self.dampers / point) for point in size)
+        return replace(self, dampers=np.array([root[:, np.argsort(order)] for root, order in roots]) * size[:, None])
+
     def matrix(self, s: Any) -> tuple[Any, Array]:
         """Return S T S with entries of the order of one, (k, n + r, n + r), and the scale S (k, n + r)."""
         n, size, omega = len(self.square), np.abs(s)[:, None], np.sqrt(np.abs(self.square))
-        scale = np.empty((len(s), n + len(self.dampers)))
+        scale = np.empty((len(s), n + self.dampers.shape[-2]))
         scale[:, :n] = 1.0 / np.maximum(size, omega)
         rows = self.dampers * scale[:, None, :n]
         scale[:, n:] = 1.0 / np.maximum(np.abs(rows).max(axis=2), 1.0 / np.sqrt(size))
@@ -65,7 +79,7 @@ class DamperForces:
         result = np.zeros((len(s), *scale.shape[1:] * 2), dtype=s.dtype)
         result[:, n:, :n] = rows
         result[:, :n, n:] = rows.transpose(0, 2, 1)
-        i, j = np.arange(n), n + np.arange(len(self.dampers))
+        i, j = np.arange(n), n + np.arange(self.dampers.shape[-2])
         ratio, part = s[:, None] * scale[:, :n], omega * scale[:, :n]
         turn = 1j * part if np.iscomplexobj(s) else part
         swings = (ratio + turn) * (ratio - turn) if np.iscomplexobj(s) else ratio**2 + part**2
@@ -75,32 +89,24 @@ class DamperForces:
 
     def slopes(self, s: Any) -> Any:
         """Return the diagonal of T', (k, n + r)."""
-        of_forces = np.repeat(s[:, None] ** -2, len(self.dampers), axis=1)
+        of_forces = np.repeat(s[:, None] ** -2, self.dampers.shape[-2], axis=1)
         return np.concatenate((np.repeat(2.0 * s[:, None], len(self.square), axis=1), of_forces), axis=1)
 
     def batches(self, count: int) -> list[slice]:
         """Return slices of ``count`` points whose matrices fit in memory."""
-        size = max(1, BATCH_BYTES // (16 * (len(self.square) + len(self.dampers)) ** 2))
+        size = max(1, BATCH_BYTES // (16 * (len(self.square) + self.dampers.shape[-2]) ** 2))
         return [slice(start, start + size) for start in range(0, count, size)]
-
-
-def forces(square: Array, dampers: Array, zeros: int) -> DamperForces:
-    """Return the equations with no more rows than motions of dampers L (rows, n), by a QR that keeps digits of small
-    rows.
-    """
-    qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
-    root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]
-    return DamperForces(square, root[root.any(axis=1)], zeros)
 
 
 def improved(
     equations: DamperForces, values: Complex, uncertainty: Array, rtol: float
-) -> tuple[Complex, Complex, Complex, Array]:
+) -> tuple[Complex, Complex, Complex, Array, NDArray[np.intp]]:
     """Improve the eigenvalues ``values`` (k,), all but 0, whose relative error ``uncertainty`` (k,) may exceed
     ``rtol``.
 
-    Returns eigenvalues (k,), modes y (n, k), slopes (k,), which are y^T (2 lambda + Gamma) y, and relative errors (k,).
-    Where an eigenvalue was not improved, y and slope are 0 and the error is infinite.
+    Returns eigenvalues (k,), modes y (n, k), slopes (k,), which are y^T (2 lambda + Gamma) y, relative errors (k,), and
+    numbers of clusters (k,), in which the order of eigenvalues may be another one. Where an eigenvalue was not
+    improved, y and slope are 0 and the error is infinite.
 
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """
@@ -108,16 +114,23 @@ def improved(
     inaccurate = np.nonzero(uncertainty > rtol)[0]
     result = values.copy()
     y, slopes, errors = np.zeros((n, len(values)), dtype=complex), np.zeros_like(values), np.full(len(values), np.inf)
+    cluster = np.arange(len(values))
     try:
         result = _separated_values(equations, values, inaccurate, uncertainty)
-        real = result[inaccurate].imag == 0.0
-        for group, part in ((inaccurate[real], result.real), (inaccurate[~real], result)):
+        cluster = _first_neighbours(result)
+        alone = np.bincount(cluster, minlength=len(values))[cluster[inaccurate]] == 1
+        single = inaccurate[alone]
+        real = result[single].imag == 0.0
+        for group, part in ((single[real], result.real), (single[~real], result)):
             for batch in equations.batches(len(group)):
                 k = group[batch]
                 result[k], y[:, k], slopes[k], errors[k] = _stationary(equations, part[k])
+        for number in np.unique(cluster[inaccurate[~alone]]):
+            k = np.nonzero(cluster == number)[0]
+            result[k], y[:, k], slopes[k], errors[k] = _together(equations, result[k])
     except np.linalg.LinAlgError:
-        return values, y, slopes, np.full(len(values), np.inf)
-    return result, y, slopes, errors
+        return values, y, slopes, np.full(len(values), np.inf), cluster
+    return result, y, slopes, errors, cluster
 
 
 def _separated_values(
@@ -147,9 +160,10 @@ def _separated_values(
 
 def _newton(equations: DamperForces, s: Complex) -> Complex:
     """p / p' of p = det Q(s) / s^zeros."""
+    equations = equations.near(s)
     inverse, scale = _near(equations, s, np.linalg.inv)
     trace = (np.einsum("kii->ki", inverse) * scale**2 * equations.slopes(s)).sum(axis=1)
-    result: Complex = 1.0 / (trace + (len(equations.dampers) - equations.zeros) / s)
+    result: Complex = 1.0 / (trace + (equations.dampers.shape[-2] - equations.zeros) / s)
     return result
 
 
@@ -169,25 +183,77 @@ def _near(equations: DamperForces, s: Any, solve: Callable[[Any], Any]) -> tuple
     return solve(matrix), scale
 
 
+def _first_neighbours(values: Complex) -> NDArray[np.intp]:
+    """Number of the first of the values that each is connected to by neighbours closer than ``NEIGHBOUR``."""
+    near = np.abs(values[:, None] - values) <= NEIGHBOUR * np.abs(values)
+    label = connected_components(near, directed=False)[1]
+    return np.asarray(np.unique(label, return_index=True)[1][label])
+
+
+def _together(equations: DamperForces, s: Complex) -> tuple[Any, Any, Any, Array]:
+    """What ``_stationary`` returns, for a cluster: a basis of all its vectors by inverse iteration, and the vectors by
+    the quotient of x^T T x and x^T T' x with this basis as x. Each by itself would end at any of them.
+    """
+    middle: Any = s.mean(keepdims=True)
+    if abs(middle.imag[0]) <= NEIGHBOUR * abs(middle[0]):
+        middle = middle.real
+    equations = equations.near(middle)
+    inverse, scale = _near(equations, middle, np.linalg.inv)
+    x: Any = np.cos(np.outer(np.arange(len(inverse[0])), np.arange(1, len(s) + 1)))
+    for _ in range(QUOTIENTS):
+        x = np.linalg.qr(inverse[0] @ x)[0]
+    steps, turn = _pencil(x.T @ equations.matrix(middle)[0][0] @ x, (x.T * (scale**2 * equations.slopes(middle))) @ x)
+    s = middle - steps
+    _, scale, x, _, _ = _quotient(equations, s, (x @ turn).T * scale)
+    x, scale = _near(equations, s, partial(_solution, x * scale**2 * equations.slopes(s)))  # at s instead of the middle
+    return _bounded(equations, s, x * scale)
+
+
+def _pencil(first: Any, second: Any) -> tuple[Any, Any]:
+    """Eigenvalues and vectors of a symmetric pencil, which are real where the second matrix is real and definite."""
+    sign = np.sign(second[0, 0].real)
+    if np.isrealobj(second) and (sign * np.linalg.eigvalsh(second) > 0.0).all():
+        values, vectors = eigh(sign * first, sign * second)
+        return values, vectors
+    values, vectors = np.linalg.eig(np.linalg.solve(second, first))
+    return values, vectors
+
+
 def _stationary(equations: DamperForces, s: Any) -> tuple[Any, Any, Any, Array]:
     """Eigenvalues by the quotient x^T T x / x^T T' x, stationary in x = (y, f); y, slopes and error bounds."""
-    n = len(equations.square)
-    x = np.ones((len(s), n + len(equations.dampers)), dtype=s.dtype)
-    for _ in range(QUOTIENTS):
-        x = _near(equations, s, partial(_solution, x))[0]
-        x /= np.linalg.norm(x, axis=1)[:, None]
-        matrix, scale = equations.matrix(s)
-        slope = (x * x * scale**2 * equations.slopes(s)).sum(axis=1)
-        step = np.einsum("ki,ki->k", x, np.einsum("kij,kj->ki", matrix, x)) / slope
-        s = s - step
+    equations = equations.near(s)
+    x = np.cos(np.arange(len(equations.square) + equations.dampers.shape[-2], dtype=s.dtype)) * np.ones((len(s), 1))
+    for k in range(QUOTIENTS):
+        x, scale = _near(equations, s, partial(_solution, x))
+        x = x / np.linalg.norm(x, axis=1)[:, None]
+        if k:  # s is more accurate than the first vector
+            s = s - _quotient(equations, s, x * scale)[-1]
+    return _bounded(equations, s, x * scale)
+
+
+def _quotient(equations: DamperForces, s: Any, motion: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """T, its scale, unit vectors x and their slopes x^T T' x in this scale, and steps x^T T x / x^T T' x."""
     matrix, scale = equations.matrix(s)
+    x = motion / scale
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    slope = (x * x * scale**2 * equations.slopes(s)).sum(axis=1)
+    return matrix, scale, x, slope, np.einsum("ki,ki->k", x, np.einsum("kij,kj->ki", matrix, x)) / slope
+
+
+def _bounded(equations: DamperForces, s: Any, motion: Any) -> tuple[Any, Any, Any, Array]:
+    """One more step for each of the vectors ``motion`` (k, n + r), and what ``_stationary`` returns."""
+    s = s - _quotient(equations, s, motion)[-1]
+    matrix, scale, x, slope, step = _quotient(equations, s, motion)
     residual, terms = matrix @ x[:, :, None], np.abs(matrix) @ np.abs(x)[:, :, None]
     # what is wrong with x, by its residual, acts twice: in x and from the left
-    off = np.abs(_near(equations, s, partial(_solution, residual[:, :, 0]))[0])
+    bordered = np.zeros((len(s), x.shape[1] + 1, x.shape[1] + 1), dtype=matrix.dtype)
+    bordered[:, :-1, :-1] = matrix
+    bordered[:, :-1, -1] = bordered[:, -1, :-1] = x * scale**2 * equations.slopes(s) * np.abs(s)[:, None]
+    off = np.abs(np.linalg.solve(bordered, np.pad(residual, ((0, 0), (0, 1), (0, 0))))[:, :-1])
     size = ROUNDING * EPS * np.einsum("ki,ki->k", np.abs(x), terms[:, :, 0])
-    size += np.einsum("ki,ki->k", off, (np.abs(residual) + EPS * terms)[:, :, 0])
+    size += INEXACT * np.einsum("kij,kij->k", off, np.abs(residual) + EPS * terms)
     speed = np.abs(s)
     errors = size / (np.abs(slope) * speed) + np.abs(step) / speed
-    y = x[:, :n] * scale[:, :n]
+    y = (x * scale)[:, : len(equations.square)]
     length = np.linalg.norm(y, axis=1)
     return s, (y / length[:, None]).T, slope / length**2, errors

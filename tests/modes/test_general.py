@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.modes.general_spectrum import _separated
-from mbsvib.modes.strong_damping import forces, improved
+from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import undamped
 from tests.support.sizes import few
 from tests.support.unsymmetric import chain, eigenvalues, massless, unsymmetric, worst
@@ -251,6 +251,8 @@ def test_strong_dampers_in_loose_chains(name):
 RELAXATIONS = {
     "beside rigid-body modes": ((0, 1e3, 0, 1e3, 10, 0, 1e3), (1e-3, 1, 3.78375e6, 1e-3, 3.78375e6, 0, 3.78375e6)),
     "that meet": ((0, 1e3, 0, 1e3), (1e-3, 8.7428e7, 8.7428e7, 8.7428e7)),
+    "that are hardly apart": (
+        (1e3, 0, 0, 1e3, 0), (3654852.5886995066, 1, 1e-3, 3654852.5886995066, 3654852.5886995066)),
     "far below the others": ((0, 1e3, 0, 1e3, 10, 1e3), (1e-3, 1e-3, 100649080.43271133, 1e-3, 100649080.43271133, 1)),
     "of which rounding hides zeros": (
         (1e3, 0, 0, 1e3, 10, 0, 10), (1.015118272989e9, 1.015118272989e9, 1, 1e-3, 1, 1.015118272989e9, 1)),
@@ -277,7 +279,7 @@ def test_many_strong_dampers_agree_with_their_forces_as_unknowns():
     rows = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(system.row_damping[used])[:, None]
     values = modes.eigenvalues * (1.0 + 1e-6 * np.cos(np.arange(len(modes.eigenvalues))))
     values[1::2] = np.where(values[1::2].imag != 0.0, values[0::2].conj(), values[1::2])
-    other, _, _, errors = improved(forces(basis.square, rows, 0), values, np.full(len(values), 1e-5), 1e-13)
+    other, _, _, errors, _ = improved(DamperForces(basis.square, rows, 0), values, np.full(len(values), 1e-5), 1e-13)
     away = np.abs(other - modes.eigenvalues) / np.abs(modes.eigenvalues)
     assert (away <= modes.errors + errors).all()
     assert away.max() <= 1e-10
