@@ -96,3 +96,22 @@ def test_variants_that_would_snap_are_left_to_the_search():
     for f, mass in zip(swept["modes.frequencies"][:, 0], (1.1, 30.0), strict=True):
         own = in_equilibrium(model.with_values({"rod.mass": mass}))[1]
         assert f == pytest.approx(own.modes().frequencies[0], rel=1e-11)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_arches_of_any_size_are_balanced_or_left_to_the_search(size):
+    """Under 60 N, beyond its limit, a full step of Newton's method ends behind the snap, where steps contract again."""
+    model = mv.Model("arch")
+    model.add_body("crown", 1.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.2 * size))
+    model.add_joint("rail", "prismatic", "ground", "crown", axis=(0, 0, 1))
+    for name, x in (("left", -size), ("right", size)):
+        model.add_spring(name, "ground", "crown", (x, 0, 0), (0, 0, 0.2 * size), 1000.0 / size)
+    model.add_load("weight", "crown", force=(0, 0, -0.01))
+    model = model.equilibrium()
+    free = np.hypot(1.0, 0.2)
+    z = brentq(lambda z: 2000.0 * (free / np.hypot(1.0, z) - 1.0) * z - 1.0, 0.15, 0.2, xtol=1e-16)
+    batch = batch_in_equilibrium(model, {"weight.force.z": np.array([-1.0])})
+    stiffness = 2000.0 * (1.0 - free / np.hypot(1.0, z) ** 3) / size
+    assert batch.K[0, 0, 0] == pytest.approx(stiffness, rel=1e-11)
+    with pytest.raises(mv.EquilibriumError, match=r"^variant 1: Newton's method does not contract"):
+        batch_in_equilibrium(model, {"weight.force.z": np.array([-1.0, -60.0])})

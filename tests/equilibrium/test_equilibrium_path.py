@@ -87,6 +87,21 @@ def test_the_crossing_path_of_a_steep_arch(sense):
     assert 0.2 < sense * across[1] < sense * across[2]
 
 
+def test_the_sense_of_a_crossing_path_is_that_of_its_largest_motion():
+    """The arch takes a cart along: whichever way its rail points, the arch goes to +x."""
+    for axis in ((1, 0, 0), (-1, 0, 0)):
+        model = truss(4.0, free=("x", "y"))
+        model.add_body("cart", 1.0, (1, 1, 1), position=(0, 4, 0))
+        model.add_joint("rail", "prismatic", "p", "cart", position=(0, 4, 0), axis=axis)
+        model.add_bushing("holds", "ground", "cart", (0, 4, 0), (10.0, 0, 0, 0, 0, 0))
+        model.add_bushing("takes", "p", "cart", (0, 4, 0), (60.0, 0, 0, 0, 0, 0))
+        path = model.path("arch.y", [-0.6], switch=1)
+        point = next(point for point in path.points if point.kind == "branch")
+        assert point.direction["arch.x"] == 1.0
+        assert point.direction["rail.z"] == pytest.approx(-axis[0] / 7.0)  # the cart follows by 60 / (60 + 10)
+        assert path.models[0].bodies["p"].position[0] > 0.2
+
+
 @pytest.mark.slow
 def test_a_soft_pusher_snaps_back_though_it_is_held():
     """The pusher moves by w = v + F(v) / k, which has extremes; a value behind one is reached on the way after it."""

@@ -299,3 +299,24 @@ def test_displacements_are_columns():
     assert columns["body"].tolist() == ["mass"]
     assert columns["z"] == pytest.approx([-0.02])
     assert list(columns) == ["body", "x", "y", "z", "rx", "ry", "rz"]
+
+
+@pytest.mark.parametrize("snap", [False, True])
+def test_the_search_is_the_same_in_any_unit_of_length(snap):
+    """A slider with a rod hinged to it: as many steps of the same shares, whatever a metre is."""
+    results = []
+    for unit in (1.0, 1024.0, 2.0**-10):
+        model = mv.Model("crane", gravity=tuple(np.multiply(unit, G)))
+        model.add_body("trolley", 2.0 / unit, tuple(np.multiply(unit, (0.1, 0.1, 0.1))))
+        model.add_body("rod", 1.0 / unit, tuple(np.multiply(unit, (0.1, 0.1, 0.02))), (0.3 * unit, 0.0, -0.4 * unit))
+        model.add_joint("rail", "prismatic", "ground", "trolley", axis=(1, 0, 0))
+        model.add_joint("hinge", "revolute", "trolley", "rod", (0, 0, 0), axis=(0, 1, 0))
+        model.add_spring("k", "ground", "trolley", (-unit, 0, 0), (0, 0, 0), 8.0 / unit)
+        model.add_torsion_spring("t", "trolley", "rod", (0, 1, 0), 3.0 * unit)
+        model.add_load("wind", "trolley", force=(6.0, 0, 0))
+        result = equilibrium(model, snap=snap)
+        results.append((result.iterations, result.load_steps, np.divide(result.model.bodies["rod"].position, unit)))
+    assert results[0][0] > 3
+    for steps, shares, place in results[1:]:
+        assert (steps, shares) == results[0][:2]
+        np.testing.assert_allclose(place, results[0][2], rtol=0, atol=1e-12)

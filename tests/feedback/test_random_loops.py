@@ -118,3 +118,17 @@ def test_margins_of_each_loop(seed):
 
     assert got.modulus == pytest.approx(distance(2.0 * np.pi * np.array([got.frequency]))[0], rel=1e-10)
     assert got.modulus <= distance(w).min() * (1.0 + 1e-12)
+
+
+def test_a_loop_gain_that_is_not_real_at_an_end_of_the_band_limits_no_gain():
+    """L = k / s - 1.5 p / (s + p) is -1 / 0.9 of the limit where w^2 = 2 p^2 / 3, for k = 0.6 p: s^2 + (1 - 0.9 g) p s
+    + 0.6 g p^2 decays for all gains g from 0 to 1 / 0.9. At the low end of the band L is nearly imaginary, and its real
+    part below -1."""
+    p = 2.0
+    plant = mv.StateSpace.from_arrays([[-p, 0.0], [0.0, 0.0]], [[1.5 * p], [-0.6 * p]], [[1.0, 1.0]], [[0.0]],
+                                      inputs=["u"], outputs=["y"])  # fmt: skip
+    got = plant.feedback([[1.0]], "y", "u").margins()
+    assert got.lower.tolist() == [0.0]
+    assert np.isnan(got.lower_at).all()
+    assert got.gain == pytest.approx([1.0 / 0.9], rel=1e-9)
+    assert got.gain_at == pytest.approx([p * np.sqrt(2.0 / 3.0) / (2.0 * np.pi)], rel=1e-9)

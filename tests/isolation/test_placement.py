@@ -205,6 +205,28 @@ def test_information_about_parameters_in_closed_form():
         isolation.placement(two_sliders(), "x[12]", sensors=1, parameters="?.k.stiffness", **words)
 
 
+@pytest.mark.parametrize("frequencies", [[0.3], [0.4, 1.7, 2.3]])
+def test_information_about_a_spring_of_two_masses(frequencies):
+    """|dG/dk|^2 of each sensor, summed over frequencies, G = Z^-1 b and dG/dk = -Z^-1 e e^T Z^-1 b."""
+    model = mv.Model("chain", gravity=None)
+    for k, (name, mass) in enumerate((("a", 2.0), ("b", 0.5))):
+        model.add_body(name, mass, (1, 1, 1), position=(float(k), 0, 0))
+        model.add_joint(f"{name}.guide", "prismatic", "ground", name, position=(float(k), 0, 0), axis=(1, 0, 0))
+        model.add_spring(f"{name}.k", "a" if k else "ground", name, start=(k - 1.0, 0, 0), end=(float(k), 0, 0),
+                         stiffness=70.0 if k else 100.0, damping=3.0 if k else 2.0)  # fmt: skip
+        model.add_output(f"x{name}", name, "x")
+    model.add_input("F", "a", "x")
+    result = isolation.placement(model.linearize(), "x?", sensors=1, parameters="b.k.stiffness",
+                                 frequencies=frequencies)  # fmt: skip
+    information = np.zeros(2)
+    for w in 2 * np.pi * np.array(frequencies):
+        coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
+        z = (70.0 + 3.0j * w) * coupling + np.diag([100.0 + 2.0j * w - 2.0 * w * w, -0.5 * w * w])
+        information += np.abs(np.linalg.solve(z, coupling @ np.linalg.solve(z, [1.0, 0.0]))) ** 2
+    scores = {one.sensors[0]: one.score for one in result.sets}
+    np.testing.assert_allclose([scores["xa"], scores["xb"]], information / information.sum(), rtol=1e-10)
+
+
 def test_equal_sets_are_in_the_order_of_the_candidates():
     names = ["x4", "x2", "x6", "x1", "x5", "x3"]
     result = isolation.placement(chain(), names, sensors=1, modes="*")

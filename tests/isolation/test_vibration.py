@@ -143,6 +143,9 @@ def test_tables_and_white_noise_together():
     table = [(5.0, 1e-4), (50.0, 1e-3)]
     both, first, second = (study.under(s) for s in ({"x": table, "z": 1e-5}, {"x": table}, {"z": 1e-5}))
     assert np.allclose(both.acceleration**2, first.acceleration**2 + second.acceleration**2, rtol=1e-12)
+    rows = {row[0]: row[-2:] for row in both.table()["rows"]}
+    for leg, stroke in both.stroke.items():
+        assert rows[leg] == (f"{1e6 * stroke:.4g}", f"{both.force[leg]:.4g}")
 
 
 def test_noise_through_masses_has_no_mean_square():
