@@ -11,8 +11,10 @@ from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.equations.batch_one_by_one import check_massless
 from mbsvib.equations.massless_separation import separated
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.linalg.rank import CERTAIN_MASS, ZERO_SUM
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.equations import Equations
     from mbsvib.equations.terms import Terms
@@ -38,9 +40,22 @@ class Separating:
 
     @property
     def constant(self) -> bool:
-        """Whether these motions move dampers, and are the same in all variants as no inertia and no geometry varies."""
-        separation = self.nominal.provenance.separation
-        return separation is not None and not separation.condensed and self.terms.inertia_factor.ndim == 2
+        """Whether these motions move dampers, and are the same in all variants: none of them gets a mass, and all
+        others keep theirs.
+        """
+        separation, null, terms = self.nominal.provenance.separation, self.nominal.null_inertia, self.terms
+        if separation is None or separation.condensed or null is None:
+            return False
+        if terms.inertia_factor.ndim == 2:
+            return True
+        others = np.array([name not in separation.first_order for name in self.nominal.coordinates]).nonzero()[0]
+        masses = terms.M[..., others[:, None], others]
+        diagonal = np.einsum("...ii->...i", masses)
+        if not (diagonal > 0.0).all() or not _nothing(terms.inertia_factor, null) or (
+                terms.B.ndim == 3 and not _nothing(terms.B.swapaxes(1, 2), null)):
+            return False
+        scaled = masses / np.sqrt(diagonal[..., None] * diagonal[..., None, :])
+        return bool((np.linalg.eigvalsh(scaled)[..., :1] > CERTAIN_MASS).all())
 
     def with_constant_motions(self, count: int) -> Terms:
         """Return the terms with the motions of the nominal model, after a check of the dampers of all variants."""
@@ -80,3 +95,8 @@ class Separating:
             raise
         check_massless(result.separation, self.nominal)
         return result
+
+
+def _nothing(rows: Array, null: Array) -> bool:
+    """Whether rows (..., n, m) are zero to rounding in motions (m, k)."""
+    return bool((np.abs(rows @ null) <= ZERO_SUM * (np.abs(rows) @ np.abs(null))).all())

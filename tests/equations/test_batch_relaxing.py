@@ -5,6 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equations.batch_assembly import BatchPlan
+from mbsvib.equations.batch_massless import Separating
 from mbsvib.errors import ModelError
 
 FACTOR = mv.Dynamic.of_words({"static": 0.9, "viscous": 1e-4, "weights": [0.8, 0.3], "times": [0.02, 1e-3]})
@@ -63,6 +64,18 @@ def test_at_once_they_are_as_alone(names):
     model = scene()
     values = variants(model, names)
     same(model.linearize(values=values), model, values)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_inertia_and_places_vary_beside_them_at_once(monkeypatch):
+    """What relaxes has no mass, whatever the bodies weigh and wherever they are."""
+    model = scene()
+    values = {name: model.parameters[name] * np.array([1.0, 0.95, 0.9]) for name in ("b.mass", "b.inertia.zz")}
+    values["b.position.x"] = model.parameters["b.position.x"] + np.array([0.0, 0.01, -0.02])
+    values["mount.stiffness.x"] = model.parameters["mount.stiffness.x"] * np.array([1.0, 1.2, 0.7])
+    same(model.linearize(values=values), model, values)
+    monkeypatch.setattr(Separating, "separated", None)
+    model.linearize(values=values)
 
 
 @pytest.mark.usefixtures("at_once")
