@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import joint_axes, moved_bodies
+from mbsvib.equations.batch_geometry import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, preloaded
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
@@ -330,17 +330,20 @@ def described_variants(plan: BatchPlan, values: Values) -> tuple[Scene, PosedFor
     return replace(scene, loads=(applied, {})), None if forces is None else forces.of_variants(applied, values)
 
 
-def _scene_of_variants(
-    plan: BatchPlan, values: Values, first: int
-) -> tuple[Scene, tuple[Mapping[str, Array], Mapping[str, Array]], Pose | None]:
-    """The arrays of variants, axes and lengths of joints by name where these vary, and their poses, if they have any.
-    """
+def _scene_of_variants(plan: BatchPlan, values: Values, first: int) -> tuple[Scene, Variants, Pose | None]:
+    """The arrays of variants, what differs in them, and their poses, if they have any."""
     scene, forces = described_variants(plan, values)
-    posed = plan.posed_scene
+    posed, topology = plan.posed_scene, scene.topology
     if posed is None or plan.poses is None:
-        return scene, joint_axes(scene.topology.joints, values), None
+        points = fixed_points(topology, values, None)
+        return scene, Variants(first, *joint_axes(topology.joints, values), values.fields, points), None
     pose = posed.whole(plan.poses(values, first))
-    return posed.at(scene, pose, plan.relaxed, forces=forces), (posed.joint_axes(pose), {}), pose
+    fields = dict(values.fields)
+    for name, rotor in plan.model.rotors.items():
+        axis = pose.vectors(np.array([topology.body_numbers[rotor.body]]), np.array([rotor.axis]))
+        fields[name] = {**fields.get(name, {}), "axis": axis[..., 0, :].T}
+    variants = Variants(first, posed.joint_axes(pose), {}, fields, fixed_points(topology, values, pose))
+    return posed.at(scene, pose, plan.relaxed, forces=forces), variants, pose
 
 
 def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> AssembledVariants:
@@ -350,7 +353,7 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     if it is the nominal one.
     """
     pivots, nominal = plan.pivots, plan.nominal
-    scene, (axes, lengths), pose = _scene_of_variants(plan, values, first)
+    scene, variants, pose = _scene_of_variants(plan, values, first)
     reduction, stepped = pivots.reduction, values.stepped
     lost, decided = np.zeros(values.count, dtype=bool), 0
     constant = plan.constant_rows if plan.posed is None else None
@@ -363,8 +366,7 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
         rows = minimal_rows(scene, relative, reduction)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     draft = Draft(plan.model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
-                  nominal.coordinates, not stepped, pivots.kept,
-                  variants=Variants(first, axes, lengths, values.fields))  # fmt: skip
+                  nominal.coordinates, not stepped, pivots.kept, variants=variants)  # fmt: skip
     for step in single.STEPS[:-1]:
         draft = step(draft)
     if nominal.provenance.separation is None and not stepped:

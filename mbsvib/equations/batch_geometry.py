@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.pose import Pose
+    from mbsvib.mechanism.topology import Topology
 
 
 def moved_bodies(scene: Scene, values: Values) -> dict[int, Array]:
@@ -44,6 +46,20 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
             lengths[joint.name] = length = np.sqrt(np.square(line).sum(axis=0))
             axes[joint.name] = frames_along((line / length).T)
     return axes, lengths
+
+
+def fixed_points(topology: Topology, values: Values, pose: Pose | None) -> dict[int, Array]:
+    """Return the points (variants, 3) [m] of joints without coordinates, by number, where variants differ in them."""
+    result = {}
+    for k, joint in enumerate(topology.joints):
+        if joint.point is None or joint.freedom:
+            continue
+        if pose is not None:
+            second = np.array([topology.body_numbers[joint.second]])
+            result[k] = pose.points(second, np.array([joint.point]))[..., 0, :]
+        elif "position" in values.fields.get(joint.name, {}):
+            result[k] = values.fields[joint.name]["position"].T
+    return result
 
 
 def rod_ends(joint: Joint, values: Values) -> tuple[Array, Array]:

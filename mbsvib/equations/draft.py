@@ -32,13 +32,15 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Variants:
     """What differs in variants, of which ``first`` is the number of the first one: ``axes`` (..., 3, 3) and ``lengths``
-    (...) of joints by name, and the ``fields`` that vary, by part and name.
+    (...) of joints by name, the ``fields`` that vary, by part and name, and the ``points`` (..., 3) of joints without
+    coordinates, by number.
     """
 
     first: int = 0
     axes: Mapping[str, Array] = field(default_factory=dict)
     lengths: Mapping[str, Array] = field(default_factory=dict)
     fields: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    points: Mapping[int, Array] = field(default_factory=dict)
 
 
 NONE = Variants()

@@ -45,11 +45,12 @@ def with_joint_forces(draft: Draft) -> Draft:
         terms = with_sums(scene, terms, spin[0], shared_inertia(scene, draft.relative, draft.reduction))
     if not outputs:
         return replace(draft, terms=terms)
-    reactions = draft.reactions or Reactions(scene, draft.reduction, draft.phi, draft.kept)
+    fixed = draft.varied.points
+    reactions = draft.reactions or Reactions(scene, draft.reduction, draft.phi, draft.kept, fixed)
     wanted = {number for _, _, number, _ in outputs}
     stress = [part for part in reactions.stress if wanted & set(part.joints.tolist())]
     asked = sorted(wanted.union(*(part.joints.tolist() for part in stress)))
-    motions = virtual_motions(scene, asked, draft.varied.axes, joint_points(scene, asked))
+    motions = virtual_motions(scene, asked, draft.varied.axes, joint_points(scene, asked, fixed))
     values = _wrenches(draft, reactions, stress, VirtualWork(scene, draft.reduction, draft.phi, draft.kept, motions),
                        spin)  # fmt: skip
     directions: dict[str, tuple[int, Array]] = {}

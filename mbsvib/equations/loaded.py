@@ -37,7 +37,7 @@ def with_loads(draft: Draft) -> Draft:
         _check_balance(draft, residual, size)
     loaded = _pairs(draft)
     multipliers = loop_multipliers(reduction, draft.kept, draft.phi, loaded.gradient)
-    reactions = Reactions(scene, reduction, draft.phi, draft.kept)
+    reactions = Reactions(scene, reduction, draft.phi, draft.kept, draft.varied.points)
     of_loads = load_stiffness(scene, reduction, loaded, multipliers, every=draft.variants is not None)
     joints = len(scene.owners) + len(applied.names)
     everything = np.full(of_loads.stiffness.shape[-1], joints + len(scene.topology.joints))

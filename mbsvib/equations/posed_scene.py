@@ -128,17 +128,16 @@ def posed_scene(
 ) -> PosedScene | None:
     """Return how the arrays of a mechanism follow from poses; None where they have parts of which this is not stated.
 
-    These are spin and unsymmetric stiffness, nodes of Maxwell elements, strains, fixed joints whose forces are asked
-    for, joints of chosen directions with two rotations, and what ``follows_poses`` tells. Beams and superelements go
-    along without bending. ``varying``: elements whose forces vary. If ``relaxed``, forces stay in other poses.
+    These are bodies that spin themselves, unsymmetric stiffness, nodes of Maxwell elements, strains, joints of chosen
+    directions with two rotations, and what ``follows_poses`` tells. Beams and superelements go along without bending.
+    ``varying``: elements whose forces vary. If ``relaxed``, forces stay in other poses.
     """
-    joints, cut, couplers = scene.topology.joints, scene.topology.cut, scene.couplers
-    asked = {number for _, kind, number, _ in scene.port.wrench_outputs if kind == "joint"}
-    fixed = any(k not in cut and not joints[k].freedom for k in asked)
+    joints, couplers = scene.topology.joints, scene.couplers
+    spins = any(rotor.inertia is None for rotor in model.rotors.values())
     replaced = any(model.outputs[name] is not part for name, part in user_model.outputs.items())
     turning = any(joint.successive and joint.free is not None for joint in joints)
     held = _held(user_model, model)
-    if (model.derived(has_antisymmetric_forces) or fixed or replaced or turning or held is None
+    if (spins or has_antisymmetric_forces(model.with_parts(rotors={})) or replaced or turning or held is None
             or not follows_poses(user_model, scene)):  # fmt: skip
         return None
     kinematics = pose_kinematics(scene.topology, start(model), scene.coordinates, scene.cuts, couplers, size_of(model))

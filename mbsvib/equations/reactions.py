@@ -24,6 +24,8 @@ from mbsvib.equations.self_stress import SelfStress, of_loops
 from mbsvib.equations.virtual_motions import VirtualMotions, joint_points, opened, virtual_motions
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arrays import Array
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
@@ -34,14 +36,16 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Reactions:
     """The wrenches in all joints of a ``scene``, with the locked rows ``phi`` (..., locked rows, n) and the ``kept``
-    rows and dependent coordinates of its loops. Forces are at the joints' points and moments about them, in world axes,
-    as they act on the second bodies; first bodies take the opposite.
+    rows and dependent coordinates of its loops; ``fixed`` are the points of joints as in ``joint_points``. Forces are
+    at the joints' points and moments about them, in world axes, as they act on the second bodies; first bodies take
+    the opposite.
     """
 
     scene: Scene
     reduction: Reduction
     phi: Array
     kept: Kept
+    fixed: Mapping[int, Array]
 
     @cached_property
     def motions(self) -> VirtualMotions:
@@ -49,7 +53,7 @@ class Reactions:
         joints = self.scene.topology.joints
         world = {joint.name: np.eye(3) for joint in joints}
         every = range(len(joints))
-        return virtual_motions(self.scene, every, world, joint_points(self.scene, every))
+        return virtual_motions(self.scene, every, world, joint_points(self.scene, every, self.fixed))
 
     @cached_property
     def of_rows(self) -> Array:

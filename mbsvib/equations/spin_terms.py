@@ -155,11 +155,11 @@ def momenta(model: Mechanism, bodies: Sequence[Body], fields: Fields = NONE) -> 
     """
     number, result = {body.name: i for i, body in enumerate(bodies)}, []
     for rotor in model.rotors.values():
-        i, axis, own = number[rotor.body], np.array(rotor.axis), fields.get(rotor.name, NONE)
-        moment = own.get("inertia", rotor.inertia)
+        i, own = number[rotor.body], fields.get(rotor.name, NONE)
+        axis, moment = np.array(own.get("axis", rotor.axis)).T, own.get("inertia", rotor.inertia)
         if moment is None:
             moment = float(axis @ inertia_tensor(bodies[i]) @ axis)
-        result.append((i, np.multiply.outer(moment * own.get("speed", rotor.speed), axis)))
+        result.append((i, np.asarray(moment * own.get("speed", rotor.speed))[..., None] * axis))
     return result
 
 

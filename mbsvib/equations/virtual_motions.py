@@ -147,8 +147,10 @@ def beyond(scene: Scene) -> NDArray[np.int8]:
     return result
 
 
-def joint_points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
-    """Return the points (..., 3) of joints, where they move with the joint or with a body in variants."""
+def joint_points(scene: Scene, joints: Sequence[int], fixed: Mapping[int, Array]) -> dict[int, Array]:
+    """Return the points (..., 3) of joints, where they move with the joint or with a body in variants; ``fixed`` has
+    those of joints without coordinates that differ from the described ones.
+    """
     result, start = {}, 0
     twists, topology = leading(scene.coordinates.point), scene.topology
     number = topology.body_numbers
@@ -165,7 +167,8 @@ def joint_points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
                 result[k] = leading(scene.cuts.rows.point)[..., rows[0]]
         if k not in result or joint.point is None:
             body = joint.first if joint.second == "ground" else joint.second
-            result[k] = np.array(joint.point) if joint.point is not None else scene.position[..., number[body], :]
+            described = scene.position[..., number[body], :] if joint.point is None else np.array(joint.point)
+            result[k] = fixed.get(k, described)
     return result
 
 

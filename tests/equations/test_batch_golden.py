@@ -7,6 +7,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equations import batch_assembly, loaded
+from tests.api.test_plant_poses import welded_linkage
 from tests.golden.store import scenes
 from tests.responses.test_driven_joints import QUANTITIES, arm
 from tests.support.loaded_models import loaded as loaded_model
@@ -178,6 +179,19 @@ def test_forces_of_least_norm_follow_places_and_loads(monkeypatch):
     for key in ("Cq", "Ca", "D"):
         difference = (getattr(ends[0], key) - getattr(ends[1], key)) / (2.0 * step)
         np.testing.assert_allclose(getattr(tangent, key), difference, rtol=0, atol=1e-7 * np.abs(difference).max())
+
+
+@pytest.mark.filterwarnings("ignore:.*does not determine the outputs")
+@pytest.mark.usefixtures("unbalanced")
+def test_points_of_welds_vary_at_once(monkeypatch):
+    """Moments in them are about their own points."""
+    model = welded_linkage()
+    values = {name: model.parameters[name] + np.array([0.0, 0.1]) for name in ("weld.position.x", "weld.position.z")}
+    singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize() for i in range(2)]
+    monkeypatch.setattr(batch_assembly, "one_by_one", None)
+    for system, single in zip(model.linearize(values=values), singles, strict=True):
+        assert_same(system, single)
+    assert np.abs(singles[0].Cq - singles[1].Cq).max() > 0.1
 
 
 def test_sums_of_forces_on_bodies_beside_beams_all_at_once(monkeypatch):
