@@ -179,6 +179,7 @@ def with_sums(
     ``shared``: wrenches (bodies + 1, 6, m) and (bodies + 1, 6, inputs) of masses that several bodies share.
     """
     asked = [(row, body, wrench) for row, kind, body, wrench in scene.port.wrench_outputs if kind == "body"]
+    ground = [item for item in asked if item[1] == len(scene.bodies)]
     rows = {"Ca": _momentum(scene, terms.body_motion), "D": _of_base_motions(scene),
             "Cv": _of_rotors(terms.body_motion, momenta)}  # fmt: skip
     if shared is not None:
@@ -188,12 +189,14 @@ def with_sums(
     for key in ("Cq", "Cv", "Ca", "D"):
         matrix = getattr(terms, key)
         values = {row: np.zeros(matrix.shape[-1]) for row, _, _ in asked}
-        for row, body, wrench in asked if key in rows else ():
+        if key in rows:
             on_body = rows[key]
-            of_body = on_body[..., body, :, :] if body < on_body.shape[-3] - 1 else -_about_origin(scene, on_body)
-            values[row] = wrench @ of_body
-        if key == "Cq" and moved is not None:
-            values |= {row: wrench @ moved for row, body, wrench in asked if body == len(scene.bodies)}
+            if ground:  # what acts on it is opposite to what all others need
+                others = _about_origin(scene, on_body)[..., None, :, :]
+                on_body = np.concatenate((on_body[..., :-1, :, :], -others), axis=-3)
+            values = {row: wrench @ on_body[..., body, :, :] for row, body, wrench in asked}
+        elif moved is not None:
+            values |= {row: wrench @ moved for row, _, wrench in ground}
         lead = np.broadcast_shapes(matrix.shape[:-2], *(value.shape[:-1] for value in values.values()))
         kind = np.result_type(matrix, *values.values())
         result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)

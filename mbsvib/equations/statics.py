@@ -97,9 +97,11 @@ def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
     ``motion`` (..., bodies, 6, m): motion of the bodies.
     """
     assert scene.loads is not None
-    applied = scene.loads[0]
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
+    applied, known = scene.loads
+    if "on_bodies" not in known:  # of a single model they are kept with its loads
+        position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+        known["on_bodies"] = applied.on_bodies(np.moveaxis(position, -1, 0))
+    wrench, sizes = known["on_bodies"]
     points = (applied.pairs.start, scene.position, scene.coordinates.point)
     reach = max([float(np.abs(array).max(initial=0.0)) for array in points])
     return balance(wrench[..., :-1], sizes[..., :-1], motion, reach)
