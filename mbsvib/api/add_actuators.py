@@ -60,9 +60,9 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
             The point on ``first`` and the one on ``second`` [m], world axes.
         constant : float
             Motor constant T [N/A], the same number as that of the back-EMF [V s/m]; negative: pulls.
-        resistance : float, optional
+        resistance : float, above 0, optional
             R of coil and amplifier [Ohm], above 0; default: driven by a current.
-        inductance : float
+        inductance : float, at least 0
             L [H]; needs a resistance.
 
         Returns
@@ -112,17 +112,17 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
             The two bodies.
         start, end : array-like, shape (3,)
             The point on ``first`` and the one on ``second`` [m], world axes.
-        stiffness : float
+        stiffness : float, above 0
             k with shorted electrodes [N/m].
         constant : float
             Force per voltage T of blocked ends [N/V]: k times the free stroke per voltage; negative: pulls.
-        capacitance : float, optional
+        capacitance : float, above 0, optional
             C with free ends [F], as data sheets have it; above T^2 / k. A charge and a resistance need it.
-        resistance : float
+        resistance : float, at least 0
             Of the amplifier, or of a shunt where the voltage stays 0 [Ohm].
         drive : str
             "voltage" or "charge".
-        damping : float
+        damping : float, at least 0
             Damping parallel to the stiffness [N s/m].
 
         Returns

@@ -51,9 +51,9 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
             The axis, world axes.
         lead : float
             Advance of the nut along the axis per turn of the screw about it [m]; negative if it goes against the axis.
-        stiffness : float
+        stiffness : float, at least 0
             Axial stiffness of nut, screw and bearing in series [N/m]; 0: rigid.
-        damping : float
+        damping : float, at least 0
             Damping parallel to it [N s/m]; needs a stiffness.
 
         Returns
@@ -109,12 +109,12 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
             A point on the axis of the first and of the second pulley [m], world axes.
         axis : array-like, shape (3,)
             The direction of both axes, world axes.
-        first_radius, second_radius : float
+        first_radius, second_radius : float, above 0
             Pitch radii [m].
-        stiffness : float
+        stiffness : float, at least 0
             Force between both rims per travel, of both runs together [N/m]: 2 E A / L of runs of the length L whose
             tension never ends; 0: rigid.
-        damping : float
+        damping : float, at least 0
             Damping parallel to it [N s/m]; needs a stiffness.
         crossed : bool
             Whether it crosses itself, so that the pulleys turn against each other.

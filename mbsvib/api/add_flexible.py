@@ -56,20 +56,20 @@ class FlexibleMechanism(Mechanism):
             Its ends [m], world axes, with ``elements`` equal elements between them.
         axis : array-like, shape (3,), optional
             Together with ``length`` instead of ``end``: the direction from ``start`` on.
-        length : float, optional
+        length : float, above 0, optional
             Length [m].
         nodes : array-like, shape (n, 3), optional
             Instead of these: its nodes [m], world axes, with a straight element from each to the next.
-        elements : int, optional
+        elements : int, at least 1, optional
             How many elements; default: 8.
         shear : bool
             False: Euler-Bernoulli. True: Timoshenko, with shear deformation and rotary inertia.
         y_axis : array-like, shape (3,) or (elements, 3), optional
             Direction towards which the section's y axis points, of all elements or of each; default: horizontal, of a
             vertical beam world y.
-        alpha, beta : float
+        alpha, beta : float, at least 0
             Rayleigh damping, C = alpha M + beta K of the beam [1/s, s].
-        damping_ratio : float
+        damping_ratio : float, at least 0
             Damping ratio of every elastic mode of the beam with both ends free, C = sum of 2 zeta omega M phi phi^T M.
             Modes of the beam as it is held have less where they are below these; ``beta = 2 zeta / omega`` gives the
             ratio zeta to a mode of ``omega`` [rad/s] in which this beam alone bends.
@@ -145,9 +145,9 @@ class FlexibleMechanism(Mechanism):
         shear : bool
             Of a leaf: True for shear deformation, with the factor 5/6, and rotary inertia, which count where it is not
             much longer than wide. Notches always have both.
-        alpha, beta : float
+        alpha, beta : float, at least 0
             Rayleigh damping, C = alpha M + beta K of the flexure [1/s, s].
-        damping_ratio : float
+        damping_ratio : float, at least 0
             Damping ratio of every elastic mode of the flexure with both ends free.
         displacements : array-like, shape (2, 6), optional
             How far its ends and their rotation vectors are [m, rad], world axes, from where they would be without

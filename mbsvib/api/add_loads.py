@@ -116,7 +116,7 @@ class LoadedMechanism(Mechanism):
             Speed [rad/s], right-handed about the axis.
         axis : array-like, shape (3,)
             Axis, world axes; its length does not matter.
-        inertia : float, optional
+        inertia : float, above 0, optional
             Its moment about the axis [kg m^2]; default: the body itself spins.
 
         Returns

@@ -47,7 +47,7 @@ class RigidMechanism(Mechanism):
         ----------
         name : str
             Name, unique among bodies, joints, bushings and springs.
-        mass : float
+        mass : float, at least 0
             Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too). An error
             beside a shape, as is the inertia.
         inertia : array-like, shape (3,), (6,) or (3, 3)
@@ -61,7 +61,7 @@ class RigidMechanism(Mechanism):
             Its ``"type"`` and dimensions [m]: box (``size``, three edges), cylinder (``radius``, ``length``), tube
             (``radius`` outside, ``wall``, ``length``), both along z of the body, sphere (``radius``), or mesh
             (``file``: .stl or .obj, ``scale``: metres per unit of the file, 1 by default; extra ``mbsvib[mesh]``).
-        density : float, optional
+        density : float, above 0, optional
             Density of the shape [kg/m^3].
 
         Returns
@@ -209,10 +209,10 @@ class RigidMechanism(Mechanism):
         start, end : array-like, shape (3,)
             The point on ``first`` and the one on ``second`` [m], world axes.
         stiffness, damping : float
-            N/m and N s/m.
+            Of the change of its length [N/m], and of its rate [N s/m].
         preload : float, optional
             Tension in the given pose [N]; negative where it pushes.
-        free_length : float, optional
+        free_length : float, at least 0, optional
             Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length), with
             ``dynamic`` times its factor at rest.
         dynamic : Dynamic or mapping, optional
@@ -252,9 +252,9 @@ class RigidMechanism(Mechanism):
             The two bodies.
         start, end : array-like, shape (3,)
             The point on ``first``, where the spring is, and the one on ``second``, where the damper is [m], world axes.
-        stiffness : float
+        stiffness : float, above 0
             Of the spring in series with the damper, k1 [N/m], positive.
-        damping : float
+        damping : float, at least 0
             Of the damper, c [N s/m].
         static_stiffness : float
             Of a spring in parallel with both, k0 [N/m].
@@ -288,7 +288,7 @@ class RigidMechanism(Mechanism):
             The two bodies.
         start, end : array-like, shape (3,)
             The point on ``first`` and the one on ``second`` [m], world axes.
-        inertance : float
+        inertance : float, above 0
             Force per relative acceleration [kg], positive.
 
         Returns
@@ -319,7 +319,7 @@ class RigidMechanism(Mechanism):
         axis : array-like, shape (3,)
             The axis, world axes; its length does not matter.
         stiffness, damping : float
-            N m/rad and N m s/rad, of the twist of ``second`` against ``first`` about the axis.
+            Of the twist of ``second`` against ``first`` about the axis [N m/rad], and of its rate [N m s/rad].
         preload : float, optional
             Moment about the axis on ``second`` in the given pose [N m]; ``first`` takes its reaction.
         dynamic : Dynamic or mapping, optional

@@ -288,7 +288,7 @@ class PortedMechanism(Mechanism):
             ``"start"``, ``"middle"`` or ``"end"`` of the element.
         side : str
             ``"y"``, ``"-y"``, ``"z"`` or ``"-z"``: on which side of the centre line, in the axes of the element.
-        distance : float, optional
+        distance : float, at least 0, optional
             Distance from the centre line [m]; default: the surface of the section, which one that is given by its
             properties does not tell.
 

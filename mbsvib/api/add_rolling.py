@@ -39,7 +39,7 @@ class RollingMechanism(Mechanism):
             Name, unique among bodies, joints, bushings, springs and rolling wheels.
         body : str or Body
             The wheel, axisymmetric about the axis through its centre of mass. It spins by itself: add no rotor.
-        radius : float
+        radius : float, above 0
             Radius of the edge [m].
         axis : array-like, shape (3,)
             Axis of the wheel, world axes; either sense.

@@ -40,6 +40,6 @@ writes their parts in full: ``models: {left: {other: wheel.yaml, ground: chassis
 
 from mbsvib.files.loading import load
 from mbsvib.files.saving import save
-from mbsvib.files.words import schema
+from mbsvib.files.schema_ import schema
 
 __all__ = ["load", "save", "schema"]

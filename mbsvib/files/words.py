@@ -1,11 +1,9 @@
-"""The words a model file may use: those of the ``add_...`` calls, read from their signatures, and their schema."""
+"""The words a model file may use: those of the ``add_...`` calls, read from their signatures."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
 from inspect import Parameter, signature
 from typing import Any
 
@@ -49,22 +47,6 @@ def words(kind: str) -> Mapping[str, Parameter]:
 def head_words() -> Mapping[str, Parameter]:
     """Return the arguments of ``Model(...)`` by name: they are at the top level of a file."""
     return {word: item for word, item in signature(Model.__init__).parameters.items() if word != "self"}
-
-
-def schema() -> dict[str, Any]:
-    """Return the JSON schema (draft 2020-12) of model files, for editors that complete and check as one types.
-
-    Write it next to a model as ``model.schema.json``; the line ``# yaml-language-server: $schema=model.schema.json``
-    at the top of a YAML file, or the key ``"$schema": "model.schema.json"`` in a JSON file, ties the two together.
-
-    Returns
-    -------
-    dict
-        The schema; words and mandatory words are those of the ``add_...`` calls.
-    """
-    text = (files("mbsvib.files") / "model.schema.json").read_text(encoding="utf-8")
-    result: dict[str, Any] = json.loads(text)
-    return result
 
 
 def options(item: Parameter) -> frozenset[str]:

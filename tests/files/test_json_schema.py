@@ -79,6 +79,31 @@ def test_choices_are_those_of_the_parts():
             assert [parts[kind]["properties"]["type"]["const"] for kind in kinds[1:]] == [*kinds[1:]]
 
 
+@pytest.mark.parametrize(
+    ("kind", "word", "good", "bad"),
+    [
+        ("body", "mass", 0, -1), ("body", "density", 1.0, 0), ("body", "inertia", [1, 2, 3], [1, 2]),
+        ("body", "orientation", [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[1, 0, 0]]), ("beam", "elements", 1, 0),
+        ("beam", "length", 1.0, 0), ("beam", "nodes", [[0, 0, 0], [1, 0, 0]], [[0, 0, 0]]), ("beam", "beta", 0, -1),
+        ("beam", "material", {"E": 1, "rho": 1, "nu": 0.3}, {"E": 1, "rho": 1, "nu": 0.3, "G": 1}),
+        ("flexure", "shape", {"type": "leaf", "length": 1}, {"type": "leaf", "length": 0}),
+        ("superelement", "M", [[1] * 6] * 6, [[1]]), ("spring", "free_length", 0, -1), ("maxwell", "stiffness", 1, 0),
+        ("bushing", "stiffness", [[0] * 6] * 6, [0] * 5), ("bushing", "stiffness", [0] * 6, [[0] * 6] * 5),
+        ("spring", "dynamic", {"weights": [1], "times": [1]}, {"weights": [1]}), ("inerter", "inertance", 1, 0),
+        ("rotor", "inertia", None, 0), ("rolling", "radius", 1, 0), ("joint", "free", ["x", "rz"], ["x", "x"]),
+        ("coupler", "coefficients", {"a": 1, "b": 2}, {"a": 1}), ("coupler", "curvature", None, {}),
+        ("strain_output", "distance", 0, -1), ("model", "mirror", None, "w"), ("belt", "first_radius", 1, 0),
+        ("output", "absolute", None, 1), ("input", "relative_to", "ground", None),
+        ("piezo_stack", "drive", "charge", ""),
+    ],
+)  # fmt: skip
+def test_shapes_and_limits_are_those_of_the_docstrings(kind, word, good, bad):
+    document = schema()
+    admits = jsonschema.Draft202012Validator(document["$defs"][kind]["properties"][word] | {"$defs": document["$defs"]})
+    assert admits.is_valid(good)
+    assert not admits.is_valid(bad)
+
+
 @pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(library_models()))
 def test_library_models_are_valid(name, tmp_path):
