@@ -32,6 +32,10 @@ def force_changes(network: Network, forces: Forces, layout: FieldLayout) -> Forc
     at = ForceLayout.of(forces)
     keys = (*layout.keys(), *internal_parameters(network))
     terms = RowTerms({key: k for k, key in enumerate(keys)}, at)
+    for k, part in enumerate((*network.joints, *network.springs, *network.bodies, *network.loads)):
+        for field in part.point_fields:  # a line begins at the first one
+            starts = k in at.lines and field == part.point_fields[0]
+            terms.along(part.name, field, at.start_of(k) if starts else at.point_of(k))
     for part, k in network.carriers_of_force:
         rules_of(part).add_force_terms(terms, network, forces, part, k)
     return ForceChanges(terms.row, at, terms.matrix(at.size))

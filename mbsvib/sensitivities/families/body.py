@@ -59,7 +59,6 @@ def _constants(network: Network, parts: Sequence[Body], field: str) -> tuple[Arr
 
 
 def _add_force_terms(terms: RowTerms, _: Network, forces: Forces, body: Body, k: int) -> None:
-    terms.along(body.name, "position", terms.at.point_of(k))
     terms.put((body.name, "mass", ()), terms.at.wrench_of(k), forces.gravity)
     for i in range(3):
         terms.put(("gravity", "", (i,)), terms.at.wrench_of(k) + i, (body.mass,))

@@ -66,7 +66,6 @@ def _is_exception(bushing: Bushing, _: bool, turned: frozenset[str]) -> bool:
 
 def _add_force_terms(terms: RowTerms, _: Network, __: Forces, bushing: Bushing, k: int) -> None:
     """Its wrench is its preload, in axes that turn with its orientation."""
-    terms.along(bushing.name, "position", terms.at.point_of(k))
     if bushing.preload is None:
         return
     axes, column, wrench = np.array(bushing.orientation), terms.at.wrench_of(k), np.reshape(bushing.rest_wrench, (2, 3))

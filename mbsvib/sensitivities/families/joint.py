@@ -64,11 +64,6 @@ def _is_exception(joint: Joint, *_: Any) -> bool:
 
 
 def _add_force_terms(terms: RowTerms, _: Network, forces: Forces, joint: Joint, k: int) -> None:
-    if joint.end is not None:
-        terms.along(joint.name, "position", terms.at.start_of(k))
-        terms.along(joint.name, "end", terms.at.point_of(k))
-    elif joint.position is not None:
-        terms.along(joint.name, "position", terms.at.point_of(k))
     if k in forces.twice:
         terms.along(joint.name, "orientation", int(terms.at.turn.start) + 3 * int(np.searchsorted(forces.twice, k)))
 

@@ -49,8 +49,6 @@ def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...
 
 def _add_force_terms(terms: RowTerms, _: Network, __: Forces, part: Any, k: int) -> None:
     """Its force is -T e on the second body, with T as given, or k (L - L0)."""
-    terms.along(part.name, "start", terms.at.start_of(k))
-    terms.along(part.name, "end", terms.at.point_of(k))
     line, column = np.array(part.line), terms.at.wrench_of(k)
     if part.free_length is None:
         if part.preload is not None:

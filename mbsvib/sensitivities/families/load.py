@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def _add_force_terms(terms: RowTerms, _: Network, __: Forces, load: Load, k: int) -> None:
     terms.along(load.name, "force", terms.at.wrench_of(k))
     terms.along(load.name, "torque", terms.at.wrench_of(k) + 3)
-    owner = (load.body, "position") if load.position is None else (load.name, "position")
-    terms.along(*owner, terms.at.point_of(k))
+    if load.position is None:
+        terms.along(load.body, "position", terms.at.point_of(k))
 
 
 LOAD = PartRules("load", add_force_terms=_add_force_terms)
