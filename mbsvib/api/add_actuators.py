@@ -82,7 +82,8 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         L = _least(inductance, who, "inductance", "an inductance [H] of 0 or more")
         if resistance is None and L:
             raise check.refuse(who, "inductance", inductance, "a resistance with it", "A current has no inductance.")
-        R = None if resistance is None else _above(resistance, who, "resistance", "a resistance [Ohm] above 0")
+        expected = "a resistance [Ohm] above 0"
+        R = None if resistance is None else check.above_zero(resistance, who, "resistance", expected)
         ends = self._line(who, first, second, start, end)
         if R is None:
             return self._driven(who, name, ends, "current", T, "A")
@@ -138,7 +139,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         Source: as in ``mbsvib.api.add_actuators``.
         """
         who = f"piezo stack '{name}'"
-        k = _above(stiffness, who, "stiffness", "a stiffness [N/m] above 0")
+        k = check.above_zero(stiffness, who, "stiffness", "a stiffness [N/m] above 0")
         T = check.not_zero(constant, who, "constant", "the force per voltage [N/V]")
         c = _least(damping, who, "damping", "a damping [N s/m] of 0 or more")
         R = _least(resistance, who, "resistance", "a resistance [Ohm] of 0 or more")
@@ -150,7 +151,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         if drive == "charge" or R or capacitance is not None:
             least = T**2 / k
             expected = f"a capacitance of free ends [F] above constant^2 / stiffness = {least:.4g}"
-            blocked = _above(capacitance, who, "capacitance", expected) - least
+            blocked = check.above_zero(capacitance, who, "capacitance", expected) - least
             if blocked <= 0.0:
                 raise check.refuse(who, "capacitance", capacitance, expected, "Else its coupling exceeds 1.")
         ends = self._line(who, first, second, start, end)
@@ -193,13 +194,6 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
             self.add_spring(f"{name}.{words[2]}", first, second, start, end, 0.0, damping)
         self.add_input(source, second, gain * line, end, first, per=unit)
         return (source, *names)
-
-
-def _above(value: Any, who: str, field: str, expected: str) -> float:
-    number = check.number(value, who, field, expected)
-    if number <= 0.0:
-        raise check.refuse(who, field, value, expected)
-    return number
 
 
 def _least(value: Any, who: str, field: str, expected: str) -> float:

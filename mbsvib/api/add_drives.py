@@ -132,7 +132,7 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
         """
         who = f"belt '{name}'"
         fixed, driver, driven = self._bodies_of(who, base=base, first=first, second=second)
-        r, r2 = (_positive(value, who, word, "a pitch radius [m]") for value, word in (
+        r, r2 = (check.above_zero(value, who, word, "a pitch radius [m], above zero") for value, word in (
             (first_radius, "first_radius"), (second_radius, "second_radius")))  # fmt: skip
         k, c = _compliance(who, stiffness, damping)
         if type(crossed) is not bool:
@@ -233,13 +233,6 @@ class DrivenMechanism(RigidMechanism, CoupledMechanism):
 
 def _names(name: str, always: tuple[str, ...], compliant: tuple[str, ...] = ()) -> tuple[str, ...]:
     return tuple([f"{name}.{part}" for part in (*always, *compliant)])
-
-
-def _positive(value: Any, who: str, field: str, expected: str) -> float:
-    number = check.number(value, who, field, f"{expected}, above zero")
-    if number <= 0.0:
-        raise check.refuse(who, field, value, f"{expected}, above zero")
-    return number
 
 
 def _compliance(who: str, stiffness: Any, damping: Any) -> tuple[float, float]:

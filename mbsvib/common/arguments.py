@@ -265,6 +265,13 @@ def direction(value: Any, who: str, field: str = "direction") -> tuple[float, ..
     return result if len(result) == 6 else (*result, 0.0, 0.0, 0.0)
 
 
+def above_zero(value: Any, who: str, field: str, expected: str) -> float:
+    """Return ``value`` as a finite float above 0."""
+    if (result := number(value, who, field, expected)) <= 0.0:
+        raise refuse(who, field, value, expected)
+    return result
+
+
 def not_zero(value: Any, who: str, field: str, expected: str) -> float:
     """Return a number that is not zero."""
     result = number(value, who, field, f"{expected}, not zero")
