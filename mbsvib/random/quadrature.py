@@ -125,7 +125,7 @@ def _by_gauss(of: Integrand, start: Array, end: Array) -> Array:
     """Gauss' rule on panels, (..., panels); 0 between ends that differ by rounding, such as two undamped poles."""
     wide = np.flatnonzero(end - start > UNDAMPED * end)
     f, weight = _gauss(start[wide], end[wide])
-    values = np.concatenate([of(f[at : at + BATCH]) for at in range(0, len(f), BATCH)], axis=-1)
+    values = np.concatenate([of(f[at : at + BATCH]) for at in range(0, max(len(f), 1), BATCH)], axis=-1)
     result = np.zeros((*values.shape[:-1], len(start)))
     result[..., wide] = (values * weight).reshape(*values.shape[:-1], len(wide), GAUSS).sum(axis=-1)
     return result

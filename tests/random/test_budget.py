@@ -169,3 +169,10 @@ def test_sources_are_counted_together_in_groups():
         budget.grouped({"a": "v*"})
     with pytest.raises(ResponseError, match="called 'u1'"):
         budget.grouped({"u1": ["u2", "u3"]})
+
+
+def test_infinite_values_under_a_weighting_that_is_a_function():
+    """Every panel of the integral is infinite, and none is left for quadrature."""
+    value = mv.library.quarter_car().linearize().rms("body.az", {"road": [(1.0, 1e-4), (50.0, 1e-6)]},
+                                                     weighting=lambda f: 1.0 / (1.0 + f))  # fmt: skip
+    assert value == {"body.az": np.inf}
