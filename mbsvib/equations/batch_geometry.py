@@ -50,7 +50,9 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
 
 def fixed_points(topology: Topology, values: Values, pose: Pose | None) -> dict[int, Array]:
     """Return the points (variants, 3) [m] of joints without coordinates, by number, where variants differ in them."""
-    result = {}
+    result: dict[int, Array] = {}
+    if pose is None and not any("position" in fields for fields in values.index.values()):
+        return result
     for k, joint in enumerate(topology.joints):
         if joint.point is None or joint.freedom:
             continue
