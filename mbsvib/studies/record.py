@@ -120,13 +120,18 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     digest = sha256()
     for name, column in values.items():
         digest.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
-    results = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
-               for label, item in question.items.items()}  # fmt: skip
+    results: dict[str, Any] = {label: item if isinstance(item, str) else _identity(item)
+                               for label, item in question.items.items()}  # fmt: skip
     if question.plant.name is not None:
         results = {"plant": question.plant.name, "of": results}
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
             "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip
+
+
+def _identity(item: Any) -> str:
+    """Return what tells one function or quantity from another."""
+    return str(getattr(item, "label", getattr(item, "__qualname__", type(item).__name__)))
 
 
 def _line(point: int, outcome: Outcome) -> str:

@@ -124,7 +124,7 @@ def follow(system: Any, path: str) -> Any:
 def _label(of: Any) -> str:
     if isinstance(of, str):
         return of
-    name = str(getattr(of, "__name__", type(of).__name__))
+    name = str(getattr(of, "label", getattr(of, "__name__", type(of).__name__)))
     return "value" if name == "<lambda>" else name
 
 

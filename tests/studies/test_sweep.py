@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib import isolation, studies
 from mbsvib.errors import ModelError
 from mbsvib.library import quarter_car, stewart
 from mbsvib.studies import sweep
@@ -164,6 +165,16 @@ def test_failed_points_are_asked_again_only_if_wanted(tmp_path):
         sweep(quarter_car(), values, sometimes, file=file)
     assert sweep(quarter_car(), values, sometimes, file=file, retry=True)["sometimes"].tolist() == [1.0, 1.0]
     assert sweep(quarter_car(), values, sometimes, file=file)["sometimes"].tolist() == [1.0, 1.0]
+
+
+def test_quantities_are_named_by_their_label(tmp_path):
+    file = tmp_path / "sweep.jsonl"
+    floor = {"load": isolation.white(1.0)}
+    car, values = quarter_car(suspension_damping=300.0), {"tyre.stiffness": [1.8e5, 2e5]}
+    table = sweep(car, values, studies.rms("body.z", floor), file=file)
+    assert "rms of body.z" in str(table)
+    with pytest.raises(ModelError, match="record of another study"):
+        sweep(car, values, studies.rms("wheel.z", floor), file=file)
 
 
 def test_records_of_other_studies_are_refused(tmp_path):
