@@ -30,6 +30,10 @@ class Hub(Body):
     speed: float = 0.0
     axis: Vector = (0.0, 0.0, 1.0)
 
+    def constructor_kwargs(self) -> dict[str, Any]:
+        """Return the arguments of ``add_hub`` that make this hub; it has no speed and no axis of its own accord."""
+        return {"name": self.name, "speed": self.speed, "axis": self.axis, "position": self.position}
+
 
 def make(name: str, speed: Any, axis: Any, position: Any = (0.0, 0.0, 0.0)) -> Hub:
     """Check the values of a hub and build it."""

@@ -243,3 +243,12 @@ def test_runs_and_cycles_are_refused_by_name():
         model.simulate(np.linspace(0.0, 1.0, 11))
     with pytest.raises(mv.ModelError, match="hub 'hub'"):
         model.cycle("hinge.rz", np.linspace(0.0, 6.0, 8), speed=3.0)
+
+
+def test_hubs_along_z_and_at_rest_are_read_as_they_were_saved(tmp_path):
+    """Axis and speed are words that a file must have, whatever their values."""
+    model = mv.Model("rotor")
+    model.add_hub("hub", 0.0, (0, 0, 1))
+    model.add_body("blade", 1.0, (0.1, 0.2, 0.25), position=(0.6, 0, 0))
+    model.add_joint("flap", "revolute", "hub", "blade", position=(0.1, 0, 0), axis=(0, 1, 0))
+    assert mv.load(mv.save(model, tmp_path / "rotor.yaml")).hubs == model.hubs
