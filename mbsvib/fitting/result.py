@@ -186,7 +186,8 @@ class Fit(Columnar, Displayed):
         known = self._problem.data[k]
         assert isinstance(known, RecordData)
         both = (data.spectra("output"), known.fitted(self._problem.residuals(self._x)[k]))
-        return recorded(data, *(data.in_time(spectra)[:, 0] for spectra in both), label, ax=ax)
+        records, model = (data.in_time(spectra)[:, 0] for spectra in both)
+        return recorded(data, records, model, label, ax=ax)
 
     def _drawn(self, number: int, kinds: tuple[type, ...], words: str) -> tuple[int, Any]:
         """Place and data of one of those of some kinds."""
