@@ -34,7 +34,7 @@ from mbsvib.elements import (
     superelement_expansion,
     torsion_spring,
 )
-from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
+from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import MAKERS, Part, defaults
 
@@ -155,7 +155,7 @@ def rebuild_with(part: P, kwargs: Mapping[str, Any]) -> P:
     ModelError
         If an argument is refused.
     """
-    if type(part) not in MAKERS:
+    if isinstance(part, Coupling):
         return part
-    result: P = MAKERS[type(part)](**defaults(type(part)) | dict(kwargs))
+    result: P = MAKERS.get(type(part), type(part))(**defaults(type(part)) | dict(kwargs))
     return result

@@ -1,16 +1,19 @@
 """Roles of fields: they name what is there, and batches find every value that a part refuses."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.placement import Placement
+from mbsvib.elements.roles import stated
 from mbsvib.equations.batch_values import Values
+from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.pose import Pose
+from mbsvib.kinematics.pose import Pose, start
 from mbsvib.mechanism.changes import Slots
 from mbsvib.mechanism.parameters import Parameters
 
@@ -75,3 +78,22 @@ def test_batches_find_every_value_that_a_part_refuses():
                     assert slots.doubtful(values.numbers[:, [i]]), (part.name, names, array[:, i])
     assert refused >= {"a", "rod", "spring", "free", "damper", "slow", "maxwell", "bare", "inerter", "torsion", "rotor",
                        "load", "pad"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Band(Connection):
+    """A line of a family that is in no table."""
+
+    roles = stated(**ENDS, **LINE)
+
+    start: tuple[float, ...]
+    end: tuple[float, ...]
+
+
+def test_ends_of_a_family_without_checks_go_with_their_bodies():
+    described = mv.Model("m")
+    described.add_body("b", 1.0, (0.1, 0.1, 0.1), position=(0, 0, -0.5))
+    pose = start(described).moved_by(np.array([np.c_[np.zeros((3, 3)), (0, 0, 0.05)], np.zeros((3, 4))]))
+    band = Band("band", "ground", "b", (0.0, 0.0, 0.0), (0.0, 0.0, -0.5))
+    moved = model_in_pose(described.with_parts(springs={"band": band}), pose).springs["band"]
+    assert moved == Band("band", "ground", "b", (0.0, 0.0, 0.0), (0.0, 0.0, -0.45))
