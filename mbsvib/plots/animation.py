@@ -41,6 +41,8 @@ class Animation(Displayed):
     of the mechanism's size. In Jupyter it shows itself.
     """
 
+    _engine = "scene"
+
     scene: DrawnScene = field(repr=False)
     shape: NDArray[Any] = field(repr=False)
     title: str

@@ -8,7 +8,9 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, plots, studies
+from mbsvib.api.elsewhere import Elsewhere
 from mbsvib.common.completion import completed_names
+from tests.test_display import RESULTS
 
 # Words of the engine that no completion may list.
 ENGINE = {
@@ -59,6 +61,22 @@ def test_completions_have_words_and_no_names_of_the_engine(objects):
         kind = type(value)
         assert not ENGINE & set(names), f"{kind.__name__}: {sorted(ENGINE & set(names))}"
         assert [name for name in names if not described(kind, name)] == [], kind.__name__
+
+
+def public_names(kind):
+    """What completions list of objects of a class: names of classes and fields, without those of other classes."""
+    hidden = " ".join([vars(one).get("_engine", "") for one in kind.__mro__]).split()
+    own = [one for one in kind.__mro__ if one.__module__.startswith("mbsvib")]
+    names = {name for one in own for name in (*vars(one), *getattr(one, "__dataclass_fields__", ()))}
+    return sorted(name for name in names if not name.startswith("_") and name not in hidden
+                  and not isinstance(inspect.getattr_static(kind, name, None), Elsewhere))  # fmt: skip
+
+
+def test_names_of_all_results_have_words_and_are_none_of_the_engine():
+    walked = {f"{name}.{word}": (kind, word) for name, kind in RESULTS.items() for word in public_names(kind)}
+    assert len(walked) > 1000
+    assert [name for name, (_, word) in walked.items() if word in ENGINE] == []
+    assert [name for name, (kind, word) in walked.items() if not described(kind, word)] == []
 
 
 def test_names_of_the_engine_exist(objects):
