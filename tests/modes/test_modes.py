@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.modes import damped
 from mbsvib.modes.damped import pair_numbers
 from tests.support.chains import stiff_chain
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
@@ -15,6 +16,7 @@ from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, rotation, spatial
 from tests.support.sizes import examples
+from tests.support.unsymmetric import chain
 
 SMALL = st.one_of(
     open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -359,3 +361,12 @@ def test_a_system_without_coordinates_has_no_strongest_motion():
     modes = mv.System.from_matrices(none, none, none, np.zeros((0, 1)), inputs=["F"]).modes()
     assert len(modes) == 0
     assert modes.strongest() == ()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_free_chains_need_no_refinement(seed, monkeypatch):
+    """What nothing resists is no part of the modes that dampers couple: their first vectors are accurate."""
+    monkeypatch.setattr(damped, "_uncertain_refined", lambda *_: pytest.fail("the first vectors were inaccurate"))
+    modes = chain(6, seed, damp=1.0, ground=False).modes(rtol=1e-9)
+    assert modes.rigid == 1
+    assert modes.errors.max() <= 1e-9
