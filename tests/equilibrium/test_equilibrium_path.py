@@ -164,6 +164,21 @@ def test_a_column_of_two_links_buckles(sense):
     assert leans[0] == leans[1]
 
 
+@pytest.mark.parametrize("share", [0.9, 1.2])
+def test_a_column_that_one_step_takes_to_its_load_must_be_stable_there(share):
+    """The press moves as a linear spring says, in one step; the column takes 2 k / l = 12 N before it buckles."""
+    model = column()
+    model.add_load("P", "press", (0, 0, -share * 12.0))
+    if share < 1.0:
+        position = model.equilibrium().bodies["press"].position
+        assert position == pytest.approx((0.0, 0.0, 2.0 - share * 12.0 / 400.0), abs=1e-12)
+        return
+    with pytest.raises(mv.EquilibriumError, match="it would snap through") as caught:
+        model.equilibrium()
+    reached = float(str(caught.value).split("under ")[1].split("%")[0]) / 100
+    assert reached == pytest.approx(1.0 / share, abs=0.003)
+
+
 def test_a_path_reverses_with_its_values():
     path = truss(0.5).path("arch.y", [0.1, -0.2, 0.1, 0.0])
     assert path.forces == pytest.approx([force(0.5, v)[0] for v in path.values], abs=1e-9)
