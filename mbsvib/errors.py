@@ -68,7 +68,7 @@ class NoWordsError(ModelError):
 
 
 class UnreachableError(ModelError):
-    """A pose that loops cannot be closed in: the way there ends at a singular one."""
+    """A pose in which loops cannot be closed: the displacements towards it end at a singular pose."""
 
 
 class SingularPoseError(MbsvibError):

@@ -71,7 +71,7 @@ class DeflectionShape(Columnar, Displayed):
         self, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1, view: Any = "3-D",
         frames: int = 30, rate: float = 20.0,
     ) -> Animation:  # fmt: skip
-        """Return the shape in motion, and write it to a file if one is named, as ``Modes.animate`` does a mode.
+        """Return an animation of the shape, and write it to a file if a path is given, as ``Modes.animate`` does.
 
         Parameters
         ----------

@@ -99,7 +99,7 @@ class Fit(Columnar, Displayed):
         return np.where(matters, np.inf, np.sqrt(np.maximum(square, 0.0))).reshape(array.shape[1:])
 
     def half_width(self, slopes: ArrayLike) -> Array:
-        """Return half the width of the interval of 95 % of a result that depends on the values.
+        """Return half the width of the 95 % interval of a result that depends on the fitted values.
 
         Parameters
         ----------

@@ -52,7 +52,7 @@ class Vibration(Columnar, Displayed):
     _random: Random = field(repr=False)
 
     def cumulative(self, frequencies: ArrayLike | None = None) -> Array:
-        """Return the cumulative root mean square acceleration: what frequencies from the first one on contribute.
+        """Return the cumulative root mean square acceleration, from the first frequency up to each frequency.
 
         Parameters
         ----------

@@ -221,7 +221,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
 
     @property
     def driving_points(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of output and input at the same node in the same direction, either sign."""
+        """Pairs of output and input at the same node, in the same or in opposite directions."""
         return tuple((output, name) for output, at in zip(self.outputs, self.output_points, strict=True)
                      for name, point in zip(self.inputs, self.input_points, strict=True)
                      if (at.node, abs(at.direction)) == (point.node, abs(point.direction)))  # fmt: skip

@@ -72,7 +72,7 @@ class Matching(Columnar, Displayed):
         return tuple(partner.name for partner in self.inputs)
 
     def factor(self, omega: Array) -> Complex:
-        """Return what responses of the model are multiplied with to be those that were measured.
+        """Return the factors from responses of the model to measured responses.
 
         Parameters
         ----------

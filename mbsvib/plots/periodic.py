@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def periodic(data: Periodic, *, ax: Given | None = None) -> Figure | Given:
-    """Draw the frozen frequencies of small motions about a cycle, and what a period does to them.
+    """Draw the frozen frequencies of small motions about a cycle, and their Floquet multipliers.
 
     Parameters
     ----------

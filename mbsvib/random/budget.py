@@ -144,7 +144,7 @@ class Budget(Columnar, Displayed):
         return np.asarray(self._of(self._random.densities(f), source))
 
     def cumulative(self, frequencies: ArrayLike | None = None, source: str | None = None) -> Array:
-        """Return the cumulative root mean squares: what frequencies from 0 or the first of the band on contribute.
+        """Return the cumulative root mean squares, from 0 or the first frequency of the band up to each frequency.
 
         Parameters
         ----------

@@ -265,7 +265,7 @@ def variables(known: Parameters, requested: Requested) -> Variables:
 
     ``requested``: names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``); a mapping gives
     each variable its own linear map, {variable: {name or pattern: rate}}. Raises an error if a name is unknown, a
-    pattern picks nothing, or a rate is no number.
+    pattern picks nothing, or a rate is not a number.
     """
     if requested is None:
         layout = FieldLayout.of(known.parts.values())

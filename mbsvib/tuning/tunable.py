@@ -199,7 +199,7 @@ def state_space(
     Raises
     ------
     ModelError
-        If the order is no number of states, or the structure, names or bounds are invalid.
+        If the order is not a number of states, or the structure, names or bounds are invalid.
     """
     if structure not in ("full", "modal", "diagonal"):
         raise check.refuse("tunable.state_space", "structure", structure, '"full", "modal" or "diagonal"')
