@@ -185,9 +185,9 @@ class Fit(Columnar, Displayed):
             return measured(data, self._of_responses(k), label, ax=ax)
         known = self._problem.data[k]
         assert isinstance(known, RecordData)
-        both = (data.spectra("output"), known.fitted(self._problem.residuals(self._x)[k]))
-        records, model = (data.in_time(spectra)[:, 0] for spectra in both)
-        return recorded(data, records, model, label, ax=ax)
+        spectra = data.spectra("output"), known.fitted(self._problem.residuals(self._x)[k])
+        shown, fitted = (data.in_time(one)[:, 0] for one in spectra)
+        return recorded(data, shown, fitted, label, ax=ax)
 
     def _drawn(self, number: int, kinds: tuple[type, ...], words: str) -> tuple[int, Any]:
         """Place and data of one of those of some kinds."""
