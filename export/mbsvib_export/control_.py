@@ -33,9 +33,16 @@ SAME = 1e-9  # share by which two sample times may differ and be one
 
 @overload
 def to_control(
-    system: Source | FeedbackLoop | UncertainPlant, realization: str = ...,
-    dt: float | None = ..., *, method: str | None = ..., outputs: Names = ..., inputs: Names = ...,
+    system: Source | FeedbackLoop, realization: str = ..., dt: float | None = ..., *, method: str | None = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
+
+
+@overload
+def to_control(
+    system: UncertainPlant, realization: str = ..., dt: float | None = ..., *, method: str | None = ...,
+    outputs: Names = ..., inputs: Names = ...,
+) -> tuple[control.StateSpace, dict[str, int]]: ...  # fmt: skip
 
 
 @overload
@@ -48,7 +55,7 @@ def to_control(
 def to_control(
     system: Source | FeedbackLoop | UncertainPlant | Batch, realization: str = "physical",
     dt: float | None = None, *, method: str | None = None, outputs: Names = None, inputs: Names = None,
-) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
+) -> control.StateSpace | tuple[control.StateSpace, dict[str, int]] | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
     x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``; no state is
@@ -61,9 +68,9 @@ def to_control(
     Hessenberg form, which costs the badly scaled physical states of a Stewart platform seven digits, modal and balanced
     ones (physical states times powers of two) none.
 
-    An uncertain plant is M of its linear fractional map: inputs "PARAMETER:w" and outputs "PARAMETER:z", as many as
-    ``plant.blocks`` says, come before those of the plant, w = delta z with delta from -1 at the lower to 1 at the upper
-    limit, 0 in the middle.
+    An uncertain plant gives M of its linear fractional map and the repetitions of its parameters, as ``lftdata`` of
+    MATLAB does: inputs "PARAMETER:w" and outputs "PARAMETER:z" come before those of the plant, w = delta z with delta
+    from -1 at the lower to 1 at the upper limit, 0 in the middle.
 
     Next to a pole at 0 that no response contains, as that of PI on a velocity, python-control's ``dcgain`` is NaN;
     ``system.frequency_response([0.0])`` has the value.
@@ -88,9 +95,8 @@ def to_control(
 
     Returns
     -------
-    NamedStateSpace, or a list of them
-        A control.StateSpace.
-        SI units and radians.
+    NamedStateSpace, of a batch a list of them, of an uncertain plant (NamedStateSpace, {name: repetitions})
+        A control.StateSpace, SI units and radians; the names and repetitions are those of ``plant.blocks``.
 
     Raises
     ------
@@ -113,8 +119,9 @@ def to_control(
         return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
                 for variant in system.state_space(realization)]  # fmt: skip
     if is_uncertain(system):
-        refuse_steps(system, dt, method)  # type: ignore[arg-type]
-        system, outputs, inputs = centred(system, realization, outputs, inputs), None, None  # type: ignore[arg-type]
+        plant: Any = system
+        refuse_steps(plant, dt, method)
+        return to_control(centred(plant, realization, outputs, inputs)), dict(plant.blocks)
     if isinstance(system, SampledLoop):
         space: Any = system.with_ports(outputs, inputs)
         loop = space.sample_to_sample

@@ -52,7 +52,8 @@ def test_mat_has_what_uss_takes(case, tmp_path):
 @pytest.mark.parametrize("end", [0, 1])
 def test_limits_are_at_one_in_python_control(case, end):
     plant = plants()[case]
-    space = mx.to_control(plant, "modal", outputs=["x", "z"], inputs="Fz")
+    space, blocks = mx.to_control(plant, "modal", outputs=["x", "z"], inputs="Fz")
+    assert blocks == plant.blocks
     assert space.input_labels == ["leg1:k:stiffness:w", "platform:mass:w1", "platform:mass:w2", "platform:mass:w3",
                                   "Fz"]  # fmt: skip
     assert space.output_labels[-2:] == ["x", "z"]
@@ -66,7 +67,7 @@ def test_limits_are_at_one_in_python_control(case, end):
 
 def test_matrices_of_symmetric_limits_stay():
     plant = library.cubic_hexapod().linearize().uncertain({"leg*.k.stiffness": 0.1})
-    np.testing.assert_array_equal(mx.to_control(plant).A, plant.nominal.state_space().A)
+    np.testing.assert_array_equal(mx.to_control(plant)[0].A, plant.nominal.state_space().A)
 
 
 def test_names_of_ureal_differ():
