@@ -173,8 +173,11 @@ class WorstRms(Columnar, Displayed):
             places = [f"{p} = {v:.5g}" for p, v in self.values[name].items()]
             rows.append((name, f"{value:.5g}", rounded_up(self.upper[name]),
                          ", ".join(places[:SHOWN]) + (", ..." if len(places) > SHOWN else "")))  # fmt: skip
+        open_ = tuple([name for name, value in self.lower.items() if np.isfinite(value) and np.isinf(self.upper[name])])
+        notes = [f"No bound is proven for {_named(open_, 'output')}: the limits move resonances by many times their "
+                 f"widths. Narrower limits, fewer parameters or more damping help."] * bool(open_)  # fmt: skip
         return {"title": f"Worst root mean squares of {self.name}", "columns": [("output", "left"),
-                ("reached", "right"), ("proven", "right"), ("at", "left")], "rows": rows, "notes": []}  # fmt: skip
+                ("reached", "right"), ("proven", "right"), ("at", "left")], "rows": rows, "notes": notes}  # fmt: skip
 
     def __repr__(self) -> str:
         return f"WorstRms({self.name!r}: {', '.join(f'{name} {value:.4g}' for name, value in self.lower.items())})"

@@ -1,5 +1,7 @@
 """What is certain of uncertain plants: tables, and the steps of their searches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,9 @@ def test_tables_of_what_is_certain():
     assert x[:2] == ("x", "1.2346")
     assert float(x[2]) >= 1.23451
     assert (x[3], y[3]) == ("k = 2, c = 3, ...", "k = 1.5")
+    assert not rms.table()["notes"]
+    (note,) = replace(rms, upper={"x": np.inf, "y": 3.0}).table()["notes"]
+    assert note.startswith("No bound is proven for x: ")
     stable = RobustStability("plant", 0.4, 0.9, {"k": 2.0}, 14.0 * np.pi).table()["notes"]
     assert stable == ["Not stable at all values within the limits.",
                       "Proven: stable with all limits 0.4 times as far from the nominal values.",
