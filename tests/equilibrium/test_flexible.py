@@ -178,6 +178,19 @@ def test_a_stiff_beam_is_a_rigid_body():
     assert errors[1] == pytest.approx(errors[0] / 10, rel=0.05)
 
 
+@pytest.mark.parametrize("modulus", [1e14, 1e21])
+def test_a_beam_beside_a_spring_that_is_softer_by_far_is_a_rigid_body(modulus):
+    """k a = P L cos(a) at any modulus: the beam is stiffer than the spring by factors of 1e7 and 1e14."""
+    model, k = mv.Model("swing"), 5e-3
+    model.add_body("hub", 0.5, (1e-3, 1e-3, 1e-3))
+    model.add_joint("motor", "revolute", "ground", "hub", (0, 0, 0), axis=(0, 1, 0))
+    model.add_torsion_spring("k", "ground", "hub", (0, 1, 0), k)
+    model.add_beam("rod", "hub", None, SECTION, STEEL | {"E": modulus}, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=1)
+    model.add_load("P", "rod.1", (0, 0, -0.4 * k / LENGTH))
+    angle = model.equilibrium(report=True).displacements["hub"][4]
+    assert angle == pytest.approx(0.4 * np.cos(angle), rel=1e-7)
+
+
 @pytest.mark.slow
 def test_a_beam_is_the_superelement_of_its_matrices():
     """A bent line in space between a hub and a body, carried at an angle: the same pose by either description."""

@@ -7,7 +7,9 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equilibrium import path, preloads, search
-from mbsvib.equilibrium.search import equilibrium
+from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.search import at_equilibrium, equilibrium
 from tests.equilibrium.test_moved import four_bar, pose_of
 from tests.support.lagrangian import Lagrangian, projected
 from tests.support.random_models import planar, spatial
@@ -69,6 +71,14 @@ def test_a_pendulum_falls_to_where_it_hangs(tilt):
     frequency = result.model.linearize().modes().frequencies[0]
     assert frequency == pytest.approx(np.sqrt(3 * 9.81 * 0.4 / (0.2 + 3 * 0.4**2)) / 2 / np.pi, rel=1e-12)
     check(model, result)
+
+
+def test_sparse_equations_where_the_pendulum_hangs():
+    model = pendulum(0.7)
+    there, sparse = at_equilibrium(model, method="sparse")
+    assert sparse.kind == "sparse system"
+    assert sparse.model.bodies == there.bodies
+    assert there.bodies == at_equilibrium(model, method="dense")[0].bodies
 
 
 def test_a_pendulum_in_balance_upside_down_is_left_alone():
