@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib import beams, library
+from tests.equilibrium.test_search import pendulum
 
 STIFF = 1000.0
 
@@ -286,3 +287,17 @@ def test_messages():
     with pytest.raises(mv.ModelError, match="3 free rotations"):
         ball.path("j.rx", [0.1])
     assert "limit point" in str(model.path("arch.y", [-0.3]))
+
+
+@pytest.mark.parametrize("tilt", [0.19, 0.21, 1.4])
+def test_a_path_starts_next_to_the_given_pose_or_not_at_all(tilt):
+    """Newton's step of a pendulum is tan(tilt): one of 5.8 rad ends upside down."""
+    model = pendulum(tilt)
+    model.add_body("slider", 1.0, (1, 1, 1), (1, 0, 0))
+    model.add_joint("lead", "prismatic", "ground", "slider", (1, 0, 0), axis=(1, 0, 0))
+    model.add_spring("s", "ground", "slider", (0, 0, 0), (1, 0, 0), 100.0)
+    if np.tan(tilt) < 0.2:
+        assert model.path("lead.z", [0.1]).stable_held.all()
+    else:
+        with pytest.raises(mv.EquilibriumError, match=r"'lead\.z' is held, .* no equilibrium next"):
+            model.path("lead.z", [0.1])

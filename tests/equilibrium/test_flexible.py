@@ -115,6 +115,23 @@ def test_arms_that_move_bend_the_beam_that_they_are_on(share):
             there.linearize()
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_a_slider_lifts_a_beam_in_any_unit_of_length(unit):
+    """A link of 0.52 comes to stand upright below the middle, which goes up by 0.04; a rigid beam would hold it."""
+    model = mv.Model("lift")
+    section = {"type": "rectangle", "width": WIDTH * unit, "height": THICK * unit}
+    model.add_beam("rod", "ground", "ground", section, STEEL, start=(-0.5 * unit, 0, 0), end=(0.5 * unit, 0, 0),
+                   elements=4, second_order=False)  # fmt: skip
+    foot = np.multiply(unit, (0.2, 0, -0.48))
+    model.add_body("slider", 1.0, (1e-3, 1e-3, 1e-3), foot)
+    model.add_body("link", 1.0, (1e-3, 1e-3, 1e-3), 0.5 * foot)
+    model.add_joint("rail", "prismatic", "ground", "slider", foot, axis=(1, 0, 0))
+    model.add_joint("knee", "revolute", "slider", "link", foot, axis=(0, 1, 0))
+    model.add_joint("pin", "revolute", "link", "rod.2", (0, 0, 0), axis=(0, 1, 0))
+    w = np.array(model.moved({"rail.z": -0.2 * unit}).beams["rod"].points)[:, 2]
+    np.testing.assert_allclose(w / unit, (0, 0.02, 0.04, 0.02, 0), rtol=1e-9, atol=1e-12)
+
+
 def test_coordinates_that_are_cut_do_not_move_beams():
     with pytest.raises(mv.ModelError, match=r"'base\.rz' is not a joint coordinate"):
         arms().moved({"base.rz": 0.01}, cut=["base"])

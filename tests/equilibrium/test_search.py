@@ -271,6 +271,27 @@ def test_the_report_prints():
     assert sorted(set(row.split()[1:]) & {"0", "-0"}) == ["0"]
 
 
+@pytest.mark.parametrize("far", ["overshoot", "loop"])
+def test_a_last_step_that_does_not_help_is_not_taken(far):
+    """It moves a string whose tension rises steeply far beyond, and a rocker to where its loop cannot be closed."""
+    if far == "overshoot":
+        model = mv.Model("string")
+        model.add_body("bead", 1.0, (1, 1, 1), (0, 0, 0))
+        model.add_joint("rail", "prismatic", "ground", "bead", axis=(0, 0, 1))
+        for x in (-1, 1):
+            model.add_spring(f"s{x}", "ground", "bead", (x, 0, 0), (0, 0, 0), 1000.0, preload=1.0)
+        model.add_load("P", "bead", (0, 0, 20.0))
+    else:
+        model = four_bar(crank=0.7, rocker=0.3)[0]
+        for name in ("crank", "rocker"):
+            model.add_torsion_spring(f"{name} spring", "ground", name, (0, 0, 1), 0.1)
+        model.add_load("M", "rocker", torque=(0, 0, 1.0))
+    at = posed_model(model)
+    forces = balance(at)
+    assert path.is_stable(path.stiffness(forces)[0])
+    assert path.refined(at, forces) == (at, forces, [])
+
+
 def hanging_chain(count=6):
     """Bars from the horizontal, held by springs that are soft against their weight."""
     model = mv.Model("chain", gravity=(0.0, 0.0, -9.81))
