@@ -15,7 +15,8 @@ import numpy as np
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.batch_coupled import Forms, Start, refined, starts, subset
 from mbsvib.modes.classical import CLASSICAL, COMMUTES, NO_DAMPER, classical_errors, quadratic_roots, rounding_of_sums
-from mbsvib.modes.damped import MARGIN, Damped, pair_numbers
+from mbsvib.modes.damped import MARGIN, Damped
+from mbsvib.modes.pairs import pair_numbers
 from mbsvib.modes.undamped import Undamped
 
 if TYPE_CHECKING:

@@ -28,13 +28,13 @@ from mbsvib.modes.classical import (
     quadratic_roots,
     rounding_of_sums,
 )
-from mbsvib.modes.pairs import found_twice, with_neighbours
+from mbsvib.modes.pairs import found_twice, pair_numbers, with_neighbours, within_reach
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
 
 # A Newton step larger than this share of the eigenvalue does not correct rounding errors: the pair is nearly defective.
@@ -143,6 +143,8 @@ def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms
     stiffness = e.T.dot(e * system.row_stiffness[:, None])
     stiffness[:rigid] = stiffness[:, :rigid] = 0.0
     cancel = np.abs(system.elastic_rows).dot(np.abs(shapes))
+    if rigid:  # relative motions that gamma leaves out as rounding may be larger than the rounding of one sum
+        cancel = np.maximum(cancel, np.abs(e - product_with_zeros(system.elastic_rows, shapes)) / EPS)
     magnitude = cancel.T.dot(np.abs(e) * np.abs(system.row_damping)[:, None])
     return _Forms(np.array((h.T.dot(h), gamma, stiffness)), magnitude)
 
@@ -283,8 +285,8 @@ def _rayleigh(
     if np.count_nonzero(bound > CLEAN):
         bound = with_neighbours(improved, bound, complex_count)
     if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
-        within = np.abs(improved[:, None] - improved) <= (reducible * speed)[:, None]
-        mixed = np.where(within, reducible[:, None] ** 2, 0.0).max(axis=0)
+        # a step that was not taken says how far the eigenvalue is, which its error, at most the whole of it, does not
+        mixed = within_reach(improved, reducible, np.where(small, 0.0, INEXACT * amount))
         reducible, bound = np.maximum(reducible, mixed), np.maximum(bound, mixed)
     none = np.zeros(share.shape, dtype=complex)
     mixing = np.divide(share, distance, out=none, where=projection < CORRECTION * separation)
@@ -379,22 +381,3 @@ def _with_forces(
         return eigensolution  # two have met, or a conjugate is missing
     order = np.concatenate((upper, real))
     return values[order], y[:, order], slope[order], with_neighbours(values, bound)[order]
-
-
-def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
-    """Return the numbers of paired eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they
-    represent their conjugates; 0 (-1) with a real one for each damped rigid-body mode; other real ones by shape.
-    """
-    complex_count = _complex_count(values)
-    upper, real = np.arange(complex_count).repeat(2).reshape(-1, 2), list(range(complex_count, len(values)))
-    if not real:
-        return upper
-    share = _lengths(y[free:rigid, real]) if rigid > free else np.zeros(0)
-    braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
-    remaining = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
-    pairs = [(-1, i) for i in braked] + upper.tolist()
-    while remaining:
-        slow = remaining.pop(0)
-        mac = np.abs(y[:, remaining].real.T @ y[:, slow].real)
-        pairs.append((slow, remaining.pop(int(np.argmax(mac)))))
-    return np.array(pairs, dtype=np.intp)

@@ -52,6 +52,14 @@ def with_neighbours(values: Complex, errors: Array, conjugates: int = 0) -> Arra
     return np.asarray(errors + moved.sum(axis=0) / size)
 
 
+def within_reach(values: Complex, uncertainty: Array, reach: Array) -> Array:
+    """Return how uncertain ``values`` (n,) are as vectors of others mix with theirs, (n,): those nearer than what is
+    wrong with the others, by their relative ``uncertainty`` (n,) or ``reach`` (n,).
+    """
+    within = np.abs(values[:, None] - values) <= np.maximum(uncertainty * np.abs(values), reach)[:, None]
+    return np.asarray(np.where(within, uncertainty[:, None] ** 2, 0.0).max(axis=0))
+
+
 def found_twice(values: Complex, y: Complex) -> Index:
     """Return the numbers of eigenvalues that were found twice, with the same vector, in place of a near one."""
     order = np.argsort(np.abs(values), kind="stable")
@@ -62,3 +70,22 @@ def found_twice(values: Complex, y: Complex) -> Index:
     share = np.abs(np.einsum("ij,ij->j", y[:, first].conj(), y[:, second]))
     same = share >= (1.0 - PARALLEL) * np.linalg.norm(y[:, first], axis=0) * np.linalg.norm(y[:, second], axis=0)
     return np.concatenate((first[same], second[same]))
+
+
+def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
+    """Return the numbers of paired eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they
+    represent their conjugates; 0 (-1) with a real one for each damped rigid-body mode; other real ones by shape.
+    """
+    complex_count = int(np.count_nonzero(values.imag))
+    upper, real = np.arange(complex_count).repeat(2).reshape(-1, 2), list(range(complex_count, len(values)))
+    if not real:
+        return upper
+    share = np.linalg.norm(y[free:rigid, real], axis=0) if rigid > free else np.zeros(0)
+    braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
+    remaining = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
+    pairs = [(-1, i) for i in braked] + upper.tolist()
+    while remaining:
+        slow = remaining.pop(0)
+        mac = np.abs(y[:, remaining].real.T @ y[:, slow].real)
+        pairs.append((slow, remaining.pop(int(np.argmax(mac)))))
+    return np.array(pairs, dtype=np.intp)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.modes import damped
-from mbsvib.modes.damped import pair_numbers
+from mbsvib.modes.pairs import pair_numbers
 from tests.support.chains import stiff_chain
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
 from tests.support.digits import mp
