@@ -115,3 +115,26 @@ def test_arches_of_any_size_are_balanced_or_left_to_the_search(size):
     assert batch.K[0, 0, 0] == pytest.approx(stiffness, rel=1e-11)
     with pytest.raises(mv.EquilibriumError, match=r"^variant 1: Newton's method does not contract"):
         batch_in_equilibrium(model, {"weight.force.z": np.array([-1.0, -60.0])})
+
+
+def test_variants_whose_column_buckles_are_refused():
+    """Upright, the column is in balance: 3 kg 0.5 m above its pin are more than its spring holds, as the search says.
+
+    An arm beside it turns by 1 rad per N m, as a step does that assumes a stiffness of one in place of a negative one.
+    """
+    model = mv.Model("column", gravity=(0.0, 0.0, -G))
+    model.add_body("column", 1.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.5))
+    model.add_joint("pin", "revolute", "ground", "column", (0.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_torsion_spring("k", "ground", "column", (0, 1, 0), 10.0)
+    model.add_body("arm", 1.0, (0.1, 0.1, 0.1), (1.0, 0.0, 0.0))
+    model.add_joint("shaft", "revolute", "ground", "arm", (1.0, 0.0, 0.0), axis=(0, 0, 1))
+    model.add_torsion_spring("soft", "ground", "arm", (0, 0, 1), 1.0)
+    for name, torque in (("twist", 0.1), ("hold", -0.1)):
+        model.add_load(name, "arm", torque=(0.0, 0.0, torque))
+    twist = np.array([0.2, 0.2])
+    batch = batch_in_equilibrium(model, {"column.mass": np.array([1.0, 2.0]), "twist.torque.z": twist})
+    np.testing.assert_allclose(batch.K[1], np.diag((10.0 - G, 1.0)), rtol=0, atol=1e-12)
+    with pytest.raises(mv.EquilibriumError, match="mostly along 'pin"):
+        in_equilibrium(model.with_values({"column.mass": 3.0, "twist.torque.z": 0.2}))
+    with pytest.raises(mv.EquilibriumError, match=r"^variant 1: Newton's method does not contract"):
+        batch_in_equilibrium(model, {"column.mass": np.array([1.0, 3.0]), "twist.torque.z": twist})
