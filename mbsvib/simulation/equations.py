@@ -7,6 +7,9 @@ independent coordinates before the dependent ones, P q, and W J q' = 0 of the lo
     T^T M T v' = T^T (f + B u - M c)
 
 P and W are parameters of the functions, so that one compiled integrator serves all choices.
+
+Where W J as a whole loses rank the loops may go on in several ways. There d/dt ln|det J_d| = tr(J_d^-1 J_d') has a
+pole, on whichever branch the motion goes on: as a state of the run it shows the integrator poses between its steps.
 """
 
 from __future__ import annotations
@@ -15,6 +18,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+
+from mbsvib.finite_motion.loops import CLOSED
+from mbsvib.linalg.dead_points import UNKNOWN
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -31,10 +37,11 @@ UNDIFFERENTIATED = {"enable_forward": False, "enable_reverse": False, "enable_ja
 class MotionEquations:
     """Functions of CasADi for a mechanism of ``n`` tree coordinates, ``rank`` independent closures, ``dof`` = n - rank.
 
-    ``closures``: (q, bases) -> (phi, J).  ``flow``: (q, v, y, P, W, bases, u, limit) -> (q', v', y', powers), powers
-    being those that dampers take, that loads and cross-coupling and that inputs give [W]; NaN where dependent
-    coordinates go more than ``limit`` times as fast as independent ones. ``smooth_flow`` is the same with
-    derivatives, for Newton's method. ``unfolded``: the same arguments but the last -> (q', q'').
+    ``closures``: (q, bases) -> (phi, J).  ``flow``: (q, v, y, P, W, bases, u, limit) -> (q', v', y', powers, l'),
+    powers being those that dampers take, that loads and cross-coupling and that inputs give [W], l = ln|det J_d| where
+    there are loops; NaN where dependent coordinates go more than ``limit`` times as fast as independent ones, and where
+    loops are too far open to tell branches of their motion apart. ``smooth_flow`` is the same with derivatives, for
+    Newton's method. ``unfolded``: the same arguments but the last -> (q', q'').
     """
 
     n: int
@@ -51,6 +58,11 @@ class MotionEquations:
     def dof(self) -> int:
         """Number of degrees of freedom."""
         return self.n - self.rank
+
+    @property
+    def looped(self) -> int:
+        """Number of logarithms of how far loops are from a singular pose: 1, or 0 without loops."""
+        return min(self.rank, 1)
 
 
 def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> MotionEquations:
@@ -70,6 +82,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     terms = ca.Function("terms", [q, qd, y, bases, u], [
         statement.mass, ca.densify(statement.forces + driven), ca.densify(statement.closure_bias),
         ca.densify(statement.yield_rates), ca.densify(powers),
+        ca.densify(ca.reshape(ca.jtimes(ca.vec(ca.densify(statement.jacobian)), q, qd), *statement.jacobian.shape)),
     ], {"cse": True})  # fmt: skip
     closures = ca.Function("closures", [q, bases], [ca.densify(motion.closures), ca.densify(statement.jacobian)])
     rows = motion.closures.shape[0]
@@ -80,26 +93,31 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     limit = ca.MX.sym("limit")
     T = P.T[:, :dof]
     if rank:
-        jacobian = W @ closures(x[0], prescribed[0])[1] @ P.T
+        openings, derivative = closures(x[0], prescribed[0])
+        jacobian = W @ derivative @ P.T
         inverse = ca.solve(jacobian[:, dof:], ca.MX.eye(rank), GENERAL)
         follow = -(inverse @ jacobian[:, :dof])
         T = T + P.T[:, dof:] @ follow
     rates = T @ x[1]
-    M, f, bias, yd, power = terms(x[0], rates, x[2], *prescribed)
+    M, f, bias, yd, power, jacobian_rate = terms(x[0], rates, x[2], *prescribed)
     path_acceleration = -(P.T[:, dof:] @ (inverse @ (W @ bias))) if rank else ca.MX.zeros(n)
     inertia = M @ T
     vd = ca.solve(T.T @ inertia, T.T @ f - inertia.T @ path_acceleration, SYMMETRIC)
     if rank:  # beyond a dead point of the chosen coordinates the rates would go on along another branch
         units = P @ ca.DM(scale)
         scaled = follow * ca.repmat(units[:dof].T, rank, 1) / ca.repmat(units[dof:], 1, dof)
-        vd_in = vd * ca.if_else(ca.mmax(ca.fabs(scaled)) < limit, 1.0, ca.MX(float("nan")))
+        farthest = ca.mmax(ca.fabs(inverse / ca.repmat(units[dof:], 1, rank)))
+        opening = ca.fmax(ca.mmax(ca.fabs(W @ openings)), CLOSED)
+        known = ca.logic_and(ca.mmax(ca.fabs(scaled)) < limit, farthest**2 * UNKNOWN**2 * opening < 1.0)
+        vd_in = vd * ca.if_else(known, 1.0, ca.MX(float("nan")))
+        shrinking = ca.trace(inverse @ (W @ jacobian_rate @ P.T[:, dof:]))
     else:
-        vd_in = vd
-    arguments = [*x, P, W, *prescribed]
+        vd_in, shrinking = vd, ca.MX.zeros(0)
+    arguments, results = [*x, P, W, *prescribed], [rates, vd_in, yd, power, shrinking]
     return MotionEquations(
         n, rank, y.shape[0], inputs, closures,
-        ca.Function("flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True} | UNDIFFERENTIATED),
-        ca.Function("smooth_flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True}),
+        ca.Function("flow", [*arguments, limit], results, {"cse": True} | UNDIFFERENTIATED),
+        ca.Function("smooth_flow", [*arguments, limit], results, {"cse": True}),
         ca.Function("unfolded", arguments, [rates, T @ vd + path_acceleration], {"cse": True}),
         ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
     )  # fmt: skip

@@ -24,6 +24,9 @@ STRONGLY_DAMPED = {"linear_multistep_method": "bdf", "nonlinear_solver_iteration
 # Steps within one interval of the output, beyond which it is given up, and the shortest as a share of a block: where
 # the equations end steps become shorter and shorter.
 STEPS, SHORTEST = 200_000, 1e-10
+# Steps are so short that the logarithm of how far loops are from a singular pose is off by less: only next to one they
+# become shorter by this, and none leads across it.
+PASSAGE = 1e-3
 
 
 @dataclass
@@ -57,8 +60,9 @@ class Integrator:
         starts = np.concatenate(([0.0], shares[:-1]))
         powers = coefficients.reshape(len(grid), -1)
         of_interval = np.concatenate((starts[:, None], (shares - starts)[:, None], powers), axis=1)
-        units = self.magnitudes.at(start, chart.independent)
-        x0 = np.concatenate((start.q, start.qd[chart.independent], start.y, start.work)) / units
+        passage = np.full(eq.looped, PASSAGE / (SMALL * RELATIVE * self.tolerance))
+        units = np.concatenate((self.magnitudes.at(start, chart.independent), passage))
+        x0 = np.concatenate((start.q, start.qd[chart.independent], start.y, start.work, 0.0 * passage)) / units
         p = np.concatenate(([length, chart.limit], units, chart.order.reshape(-1, order="F"),
                             chart.rows.reshape(-1, order="F"), chart.bases))  # fmt: skip
         x = np.asarray(solver(x0=x0, p=p, u=of_interval.T)["xf"]) * units[:, None]
@@ -66,7 +70,7 @@ class Integrator:
             raise RuntimeError("the state is not finite")
         states = []
         for k, time in enumerate(grid.tolist()):
-            q, v, y, work = np.split(x[:, k], np.cumsum((eq.n, eq.dof, eq.yields)))
+            q, v, y, work, _ = np.split(x[:, k], np.cumsum((eq.n, eq.dof, eq.yields, WORKS)))
             u = np.einsum("ip->i", coefficients[k]) if coefficients.shape[1] else np.zeros(0)
             rates = np.asarray(eq.unfolded(q, v, y, chart.order, chart.rows, chart.bases, u)[0])[:, 0]
             states.append(State(time, q, rates, y, work))
@@ -74,7 +78,7 @@ class Integrator:
 
     def _compile(self, shares: Array) -> Any:
         eq = self.equations
-        count = eq.n + eq.dof + eq.yields + WORKS
+        count = eq.n + eq.dof + eq.yields + WORKS + eq.looped
         x, units = ca.MX.sym("x", count), ca.MX.sym("s", count)
         rows = eq.closures.size1_out(0)
         length, limit = ca.MX.sym("h"), ca.MX.sym("l")
@@ -84,7 +88,7 @@ class Integrator:
         share = (t - of_interval[0]) / of_interval[1]
         powers = ca.vertcat(*(share**k for k in range(self.degree + 1)))
         u = ca.reshape(of_interval[2:], self.degree + 1, len(eq.inputs)).T @ powers
-        q, v, y, _ = ca.vertsplit(x * units, np.cumsum((0, eq.n, eq.dof, eq.yields, WORKS)).tolist())
+        q, v, y, _ = ca.vertsplit(x * units, np.cumsum((0, eq.n, eq.dof, eq.yields, WORKS + eq.looped)).tolist())
         flow = eq.smooth_flow if self.stiff else eq.flow
         ode = length * ca.vertcat(*flow(q, v, y, order, closures, bases, u, limit)) / units
         p = ca.vertcat(length, limit, units, ca.vec(order), ca.vec(closures), bases)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SimulationError
+from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, Chart, chart_at, conditioning
 from mbsvib.simulation.states import State, restarted
 
@@ -24,6 +25,11 @@ BLOCK, FIRST_BLOCK = 64, 8
 HALVINGS = 12
 # Independent coordinates are chosen anew between blocks where they have become worse by this factor.
 POOR_BETWEEN_BLOCKS = 0.5
+# Where the integrator takes no step, shorter ones are not tried this near to a singular pose: ten times what is_unknown
+# refuses of closed loops.
+NEXT_TO = 1e-5
+SINGULAR = ("the loops come to a singular pose, from which they could go on in several ways; change a length a little "
+            "so that they pass it by, or end the run before it")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +127,8 @@ def _halved(
     """The state at the end of an interval that has to be gone in parts."""
     if interrupted():
         raise KeyboardInterrupt
+    if (not halvings or _is_next_to_singular(run, sample)) and _singular_before(run, sample, end):
+        raise _stopped(run, sample.state, SINGULAR)
     if not halvings:
         name = run.at_limit(sample.state.q, sample.chart.bases)
         raise _stopped(run, sample.state, "the integrator takes no step, however short" if name is None else
@@ -135,6 +143,20 @@ def _halved(
     return sample
 
 
+def _is_next_to_singular(run: Session, sample: Sample) -> bool:
+    return conditioning(run.loops, sample.chart, sample.state.q).smallest < NEXT_TO
+
+
+def _singular_before(run: Session, sample: Sample, end: float) -> bool:
+    """Whether loops come to a singular pose about as soon as ``end``, if they go on at the rates they have."""
+    if not run.loops.rank:
+        return False
+    state, chart = sample.state, sample.chart
+    ends = state.q, state.q + 2.0 * (end - state.time) * state.qd
+    before, after = (run.loops.scaled(q, chart.bases)[1][:, chart.dependent] for q in ends)
+    return not no_dead_point(before, after)
+
+
 def _closed(run: Session, state: State, chart: Chart) -> State:
     """The state with what the integrator has left of openings taken away."""
     q, _ = run.loops.projected(state.q, chart.bases)
@@ -145,9 +167,10 @@ def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
     current = conditioning(run.loops, chart, state.q)
     if current.is_singular:
-        raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
+        raise _stopped(run, state, SINGULAR)
     best = conditioning(run.loops, chart_at(run.loops, state.q, chart.bases), state.q)
-    if _angles(run, state.q) > LONG_TURN or current.share < POOR_BETWEEN_BLOCKS * best.share:
+    poor = current.share < POOR_BETWEEN_BLOCKS * best.share or current.smallest < POOR_BETWEEN_BLOCKS * best.smallest
+    if _angles(run, state.q) > LONG_TURN or poor:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 

@@ -65,3 +65,62 @@ def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
         model.simulate([0.0, 0.005, 0.01, 0.02], initial={"crank.rz": (flat - 0.01, 1.0)})
     assert error.value.time == pytest.approx(0.01, abs=1e-4)
     assert error.value.run.rates["crank.rz"] == pytest.approx(1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("samples", [2, 101])
+@pytest.mark.parametrize(("distance", "rate"), [(1e-4, 1.0), (1e-3, -0.5), (0.02, 30.0), (0.7, 1.0)])
+def test_a_run_does_not_pass_the_flat_pose_between_samples(distance, rate, samples):
+    """From 1e-4 rad before it the rocker went on at -0.89 of the rate, as that of an antiparallelogram."""
+    model, flat = flat_parallelogram(1.0)
+    start = flat - distance if rate > 0.0 else distance - 1.0
+    t = np.linspace(0.0, 1.9 * distance / abs(rate), samples)
+    with pytest.raises(mv.SimulationError, match=r"singular pose.*; change a length .* end the run before") as error:
+        model.simulate(t, initial={"crank.rz": (start, rate)})
+    assert 0.9 * distance < error.value.time * abs(rate) <= distance * (1.0 + 1e-6)
+    assert error.value.coordinate in error.value.run.coordinates
+
+
+def slider_crank(rod):
+    """A crank of 0.1 m at 60 degrees from the line of a slider, and a rod of some length."""
+    pin, end = (0.05, 0.05 * 3.0**0.5), 0.05 + (rod**2 - 0.0075) ** 0.5
+    model = mv.Model("slider-crank")
+    for name, x, y in (("crank", pin[0] / 2, pin[1] / 2), ("rod", (pin[0] + end) / 2, pin[1] / 2), ("slider", end, 0)):
+        model.add_body(name, 1.0, (0.01, 0.01, 0.01), (x, y, 0))
+    model.add_joint("a", "revolute", "ground", "crank", (0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("b", "revolute", "crank", "rod", (*pin, 0), axis=(0, 0, 1))
+    model.add_joint("c", "revolute", "rod", "slider", (end, 0, 0), axis=(0, 0, 1))
+    model.add_joint("d", "prismatic", "ground", "slider", (end, 0, 0), axis=(1, 0, 0))
+    return model
+
+
+def test_a_slider_crank_of_equal_lengths_stops_where_its_slider_could_stay():
+    """With the slider at the pin of the crank, crank and rod may turn together."""
+    with pytest.raises(mv.SimulationError, match="singular pose") as error:
+        slider_crank(0.1).simulate([0.0, 1.0], initial={"a.rz": (0.0, 1.0)})
+    assert 0.4 < error.value.time < 1.0
+    assert error.value.run.coordinates["a.rz"][-1] < np.pi / 6
+
+
+@pytest.mark.parametrize("samples", [2, 51])
+def test_a_slider_crank_passes_its_dead_centres(samples):
+    run = slider_crank(0.3).simulate(np.linspace(0.0, 3.0, samples), initial={"a.rz": (0.0, 3.0)})
+    turned = run.coordinates["a.rz"]
+    rod = [-np.arcsin(np.sin(angle) / 3.0) for angle in (np.pi / 3 + turned, np.pi / 3)]
+    assert turned[-1] > 2.0 * np.pi
+    assert run.coordinates["b.rz"] == pytest.approx(rod[0] - rod[1] - turned, abs=1e-9)
+
+
+@pytest.mark.parametrize("samples", [2, 51])
+@pytest.mark.parametrize("shorter", [1e-3, 1e-5])
+def test_nearly_a_parallelogram_passes_its_nearly_flat_pose(shorter, samples):
+    """The rocker goes on as that of an antiparallelogram: coupler and rocker stay on their side of each other."""
+    model = hoeken(crank=0.1 * (1.0 - shorter), coupler=0.3, rocker=0.1, ground=0.3, angle=1.0)
+    run = model.simulate(np.linspace(0.0, 3.0, samples), initial={"crank.rz": (0.0, 1.0)})
+    x, y, _ = model.joints["pin12"].position
+    pin = (x + 1j * y) * np.exp(1j * run.coordinates["crank.rz"])
+    x, y, _ = model.joints["pin23"].position
+    rocker = (x - 0.3 + 1j * y) * np.exp(1j * run.coordinates["rocker.rz"])
+    side = (rocker * np.conj(0.3 + rocker - pin)).imag
+    assert abs(0.3 + rocker - pin) == pytest.approx(0.3, abs=1e-9)
+    assert run.coordinates["crank.rz"][-1] > np.pi - 0.9
+    assert (side > 0.0).all()
