@@ -70,7 +70,7 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
     topology, number = scene.topology, scene.topology.body_numbers
     on_path = beyond(scene)
     path = np.zeros((len(scene.coordinates.path), 6 * len(joints)), dtype=np.int8)
-    six, at = [], []
+    six, at = [np.zeros((6, 0))], [np.zeros((3, 0))]
     opening = np.zeros((scene.locked + len(scene.couplers), 6 * len(joints)))
     for k, joint in enumerate(joints):
         part, mine = topology.joints[joint], slice(6 * k, 6 * k + 6)

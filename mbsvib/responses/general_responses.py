@@ -212,7 +212,7 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
         blocks.append(state.nilpotent)
         columns.append(state.right)
         names += [f"rigid{i + 1}" for i in range(len(state.nilpotent))]
-    for i, block, pair in _blocks(modal):
+    for i, block, pair in _blocks(modal, system.name):
         blocks.append(block)
         columns.append(pair)
         names += [f"mode{i + 1}{rate}" for rate in ("", "'")[: len(block)]]
@@ -235,7 +235,7 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     return FirstOrder(a, b, transform, through, tuple(names), units, carried)
 
 
-def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
+def _blocks(modal: General, name: str) -> list[tuple[int, Array, Array]]:
     """Number, block and columns in the states of each mode, except for long chains of the eigenvalue 0."""
     state, spectrum = modal.state, modal.spectrum
     rest, drift = rigid_shapes(state)
@@ -263,5 +263,6 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
             else:
                 first = vectors[:, numbers[0]]
                 second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]
-            result.append((i, *pair_block(state.a, first_value, second_value, first, second)))
+            values, pair = (first_value, second_value), (first, second)
+            result.append((i, *pair_block(state.a, values, pair, f"mode{i + 1}", name)))
     return result

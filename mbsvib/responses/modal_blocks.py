@@ -27,23 +27,27 @@ TINY = float(np.finfo(float).tiny)
 RESIDUAL = 1e-8
 
 
-def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Complex) -> tuple[Array, Array]:
+def pair_block(
+    a: Array, values: tuple[complex, complex], vectors: tuple[Complex, Complex], mode: str, system: str
+) -> tuple[Array, Array]:
     """Return a block N of a pair of eigenvalues, [[0, 1], [-l1 l2, l1 + l2]], and T (n, 2) with A T = T N.
 
     T = [(l2 v1 - l1 v2), (v2 - v1)] / (l2 - l1); of a close pair T = Z [S c - tr(S) c, c] with A Z = Z S
 
     A close pair with independent vectors, such as two equal motions of first order, has no companion block but the
-    diagonal one of l1 and l2 with T = [v1, v2], or its real form. ``first``, ``second`` (n,): the eigenvectors v1, v2.
+    diagonal one of l1 and l2 with T = [v1, v2], or its real form. ``values``: l1 and l2; ``vectors`` (n,): v1 and v2. A
+    pair of a ``mode`` whose space cannot be told from that of others is refused.
     """
+    (l1, l2), (first, second) = values, vectors
     if abs(l2 - l1) > CLOSE * abs(l1):
         pair = np.stack((l2 * first - l1 * second, second - first), axis=1) / (l2 - l1)
         return np.array([[0.0, 1.0], [-(l1 * l2).real, (l1 + l2).real]]), pair.real
-    vectors = np.stack((first / np.linalg.norm(first), second / np.linalg.norm(second)), axis=1)
-    values = np.linalg.svd(vectors, compute_uv=False)
-    if values[1] > INDEPENDENT * values[0]:
+    unit = np.stack((first / np.linalg.norm(first), second / np.linalg.norm(second)), axis=1)
+    sizes = np.linalg.svd(unit, compute_uv=False)
+    if sizes[1] > INDEPENDENT * sizes[0]:
         if l1.imag == 0.0:
-            return np.diag((l1.real, l2.real)), vectors.real
-        rotated = vectors[:, 0] * np.exp(-0.5j * np.angle(vectors[:, 0] @ vectors[:, 0]))
+            return np.diag((l1.real, l2.real)), unit.real
+        rotated = unit[:, 0] * np.exp(-0.5j * np.angle(unit[:, 0] @ unit[:, 0]))
         parts = np.stack((rotated.real, rotated.imag), axis=1)
         return np.array([[l1.real, l1.imag], [-l1.imag, l1.real]]), parts
     from scipy.linalg import schur
@@ -51,7 +55,10 @@ def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Compl
     middle = 0.5 * (l1 + l2).real
     near = np.sort(np.abs(np.linalg.eigvals(a) - middle))
     reach = 0.5 * (near[1] + near[2]) if len(near) > 2 else np.inf
-    upper, basis, _ = schur(a, sort=lambda x, y=0.0: abs(complex(x, y) - middle) < reach)
+    try:
+        upper, basis, _ = schur(a, sort=lambda x, y=0.0: abs(complex(x, y) - middle) < reach)
+    except np.linalg.LinAlgError:  # rounding moves eigenvalues of others across the limit
+        raise _dependent(system, [mode]) from None
     small, basis = upper[:2, :2], basis[:, :2]
     total = np.trace(small)
     block = np.array([[0.0, 1.0], [-np.linalg.det(small), total]])
@@ -80,10 +87,14 @@ def modal_inputs(
     if values[-1] * DEPENDENT < values[0] * grown or residual.max() > RESIDUAL:
         share = np.abs(right[-1]) if residual.max() <= RESIDUAL else residual
         modes = sorted({names[i].rstrip("'") for i in np.argsort(-share)[:4].tolist()})
-        raise ResponseError(
-            f"state_space: modal states of '{system}' depend on each other, as eigenvalues of {', '.join(modes)} all "
-            f"but coincide and their shapes do too; take realization='physical' or 'balanced'."
-        )
+        raise _dependent(system, modes)
     cut = np.split(shares, np.cumsum(sizes)[:-1])
     inputs = [np.linalg.solve(upper, share) for (_, upper), share in zip(parts, cut, strict=True)]
     return np.asarray(np.concatenate(inputs) / length[:, None], dtype=float)
+
+
+def _dependent(system: str, modes: Sequence[str]) -> ResponseError:
+    return ResponseError(
+        f"state_space: modal states of '{system}' depend on each other, as eigenvalues of {', '.join(modes)} all but "
+        f"coincide and their shapes do too; take realization='physical' or 'balanced'."
+    )

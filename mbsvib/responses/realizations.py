@@ -150,6 +150,7 @@ def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, A
         v1 = np.concatenate((scale * first, first_value * first))
         v2 = np.concatenate((scale * second, second_value * second))
         at = slice(2 * k, 2 * k + 2)
-        a[at, at], result[:, at] = pair_block(matrix, first_value, second_value, v1, v2)
+        a[at, at], result[:, at] = pair_block(
+            matrix, (first_value, second_value), (v1, v2), f"mode{k + 1}", name)  # fmt: skip
     inputs = modal_inputs(matrix, a, result, [2] * m, forces, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
     return result / size[:, None], inputs

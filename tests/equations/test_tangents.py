@@ -45,6 +45,7 @@ def prepared(name, wanted=COUNT):
 
 
 @pytest.mark.few(12)
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.UndeterminedForceWarning")
 @pytest.mark.parametrize("name", scenes())
 @pytest.mark.usefixtures("unbalanced")
 def test_derivatives_are_limits_of_differences(name):

@@ -32,6 +32,23 @@ def test_hinged_rod(axis, swap, at):
     assert squares(model) == pytest.approx([ROD], rel=1e-13)
 
 
+@pytest.mark.parametrize("joint", [False, True])
+def test_a_loaded_block_on_a_bushing(joint):
+    """Without any joint, or on one that frees all: it sways at k + (k_r - m g h) / h^2 for a tall light block."""
+    model = mv.Model("block", gravity=(0, 0, -G))
+    model.add_body("block", 2.0, (1e-9, 1e-9, 1e-9), position=(0, 0, 0.3))
+    if joint:
+        model.add_joint("any", "free", "ground", "block", position=(0, 0, 0.3))
+    model.add_bushing("foot", "ground", "block", position=(0, 0, 0), stiffness=(1e9, 1e9, 2e3, 40.0, 40.0, 60.0),
+                      preload=(0, 0, 2.0 * G, 0, 0, 0))  # fmt: skip
+    batch = model.linearize(values={"foot.stiffness.rx": np.array([40.0, 50.0])})
+    for k, system in zip((40.0, 50.0), batch, strict=True):
+        sway = (k - 2.0 * G * 0.3) / (2.0 * 0.3**2)
+        squares_of = np.square(2 * np.pi * system.modes().frequencies)
+        assert np.abs(squares_of / sway - 1.0).min() < 1e-6
+    np.testing.assert_array_equal(batch[0].K, model.linearize().K)
+
+
 def test_a_load_in_place_of_gravity():
     """A dead force at the centre of mass is gravity; one at the free end counts with its own arm."""
     model = mv.Model("rod")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.responses.modal_blocks import pair_block
 from tests.modes.test_modes import oscillator
 from tests.support.arm import arm
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, frequencies, linearized
@@ -192,6 +193,19 @@ def test_two_modes_that_meet_have_no_modal_states_of_their_own(away):
             system.state_space("modal")
     else:
         assert_allclose(response(system.state_space("modal"), omega), expected, rtol=1e-8)
+
+
+def test_a_pair_that_rounding_mixes_with_others_is_refused(monkeypatch):
+    """LAPACK says so where its ordered Schur form took another eigenvalue than was asked for."""
+    def unsorted(*_, **__):
+        raise np.linalg.LinAlgError("Leading eigenvalues do not satisfy sort condition.")
+
+    a, value, vector = np.array([[-1.0, 1.0], [0.0, -1.0]]), -1.0 + 0j, np.array([1.0, 0.0], dtype=complex)
+    block, columns = pair_block(a, (value, value), (vector, vector), "mode1", "line")
+    assert_allclose(a @ columns, columns @ block, atol=1e-15)
+    monkeypatch.setattr("scipy.linalg.schur", unsorted)
+    with pytest.raises(mv.ResponseError, match=r"'line' .*mode1 all but coincide.*realization='physical'"):
+        pair_block(a, (value, value), (vector, vector), "mode1", "line")
 
 
 @pytest.mark.parametrize("away", [0.0, 1e-14, -1e-10, 1e-9, 1e-7, 1e-6, 1e-5])
