@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 CORRECTIONS, REACHED = 12, 1e-14
 # Values this far from the one asked for, as a share of the largest, are on it.
 ON_IT = 1e-15
+# Corrections around a time at which both sides of a level are looked at: several, as each is an error of the run.
+AROUND = 4.0
 # Where an interval is split: no simple fractions, so that whole periods in it do not go unnoticed.
 BETWEEN = 0.5 * (3.0 - 5.0**0.5), 0.5 * (5.0**0.5 - 1.0)
 # What the error at these instants is multiplied by, and the share of the largest value at which it is rounding.
@@ -120,12 +122,21 @@ def _roots(start: Instant, end: Instant, goal: tuple[float, float], course: Cour
         if abs(a) <= ON_IT * size and share < 1e-6:
             result.append(start.time)
         elif p.degree() < 3:
-            result.append(float(brentq(lambda t: course.onward(start, t).value - level, start.time, end.time,
-                                       xtol=REACHED * step)))  # fmt: skip
+            result.append(_bracketed(start, end, level, course))
         else:
             time = _refined(start, step, share, level, course)
             result += [] if time is None else [time]
+    if a * b < 0.0 and not result:  # the error of the run hides the root from Newton's method
+        result.append(_bracketed(start, end, level, course))
     return result
+
+
+def _bracketed(start: Instant, end: Instant, level: float, course: Course) -> float:
+    """The root in an interval whose ends are on both sides of the level."""
+    def off(time: float) -> float:
+        return (start if time == start.time else end if time == end.time else course.onward(start, time)).value - level
+
+    return float(brentq(off, start.time, end.time, xtol=REACHED * (end.time - start.time)))
 
 
 def _refined(start: Instant, step: float, share: float, level: float, course: Course) -> float | None:
@@ -142,4 +153,11 @@ def _refined(start: Instant, step: float, share: float, level: float, course: Co
         time = max(newton_time, start.time + 1e-12 * step)
         if abs(correction) <= REACHED * max(abs(time), step):
             return time
-    return time if abs(correction) < 1e-9 * step else None
+    return time if abs(correction) < 1e-9 * step or _passes(start, step, time, abs(correction), level, course) else None
+
+
+def _passes(start: Instant, step: float, time: float, off: float, level: float, course: Course) -> bool:
+    """Tell whether a quantity is on both sides of a level around a time that the error of the run leaves ``off``."""
+    early, late = max(time - AROUND * off, start.time), min(time + AROUND * off, start.time + step)
+    before = start.value if early == start.time else course.onward(start, early).value
+    return (before - level) * (course.onward(start, late).value - level) < 0.0

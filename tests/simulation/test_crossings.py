@@ -34,6 +34,16 @@ def test_passes_do_not_depend_on_the_samples(count, name):
     np.testing.assert_allclose(run.crossings(name, level), exact[exact < end], rtol=1e-8)
 
 
+@pytest.mark.few(2)
+@pytest.mark.parametrize(("amplitude", "count"), [(1e-9, 4), (1e-9, 40), (1e-6, 40), (1e-12, 40)])
+def test_passes_of_motions_near_the_error_of_the_run(amplitude, count):
+    """Below 1e-4 of the mechanism's size errors are larger shares of the motion; no pass is lost for that."""
+    end = 6.9 * np.pi / OMEGA
+    run = oscillator().simulate(np.linspace(0.0, end, count), initial={"rail.z": amplitude}, tolerance=1e-10)
+    exact = np.pi / OMEGA * (0.5 + np.arange(7))
+    np.testing.assert_allclose(run.crossings("z"), exact, atol=10.0 * 1e-14 / amplitude / OMEGA + 1e-8)
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("periods", [1, 2, 8])
 def test_samples_at_whole_periods(periods):
