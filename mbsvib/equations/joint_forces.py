@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import carrier_of, carries_nothing
+from mbsvib.equations.joint_ends import carrier_of, carries_nothing
 from mbsvib.equations.load_stiffness import all_pairs
 from mbsvib.equations.reactions import Reactions
 from mbsvib.equations.shared_forces import shared_inertia

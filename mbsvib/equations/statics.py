@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.equations.force_paths import joint_ends
+from mbsvib.equations.joint_ends import joint_ends
 from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING

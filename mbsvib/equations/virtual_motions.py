@@ -21,7 +21,7 @@ import numpy as np
 
 from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, bracket_form, geometric_stiffness
 from mbsvib.core.motion_order import MotionOrder
-from mbsvib.equations.force_paths import carrier_of
+from mbsvib.equations.joint_ends import carrier_of
 from mbsvib.equations.load_stiffness import rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.equations.wrench_pairs import leading

@@ -19,7 +19,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
-from mbsvib.equations.force_paths import carries_nothing, joint_ends
+from mbsvib.equations.joint_ends import carries_nothing, joint_ends
 from mbsvib.equations.spin_terms import momenta
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.mobility import crossed_product as cross

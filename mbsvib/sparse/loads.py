@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.force_paths import joint_ends
+from mbsvib.equations.joint_ends import joint_ends
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.equations.wrenches import applied_wrenches

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.tables import listed
-from mbsvib.equations.force_paths import point_of
+from mbsvib.equations.joint_ends import point_of
 from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
