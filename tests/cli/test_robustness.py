@@ -65,6 +65,7 @@ def test_rms_of_several_variants_with_a_parameter(run):
     assert_allclose(loop.rms("x", {"F": 0.5, "x.noise": 1e-9})["x"], data["by_plant"]["rms x"][0], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_limits_roll_off_and_weights_over_frequency(run):
     """The same design as by goals in Python; a limit that nothing reaches is said by the exit status."""
     Path("weight.csv").write_text("frequency, gain\n0.1, 3.0\n200, 0.5\n")

@@ -61,6 +61,7 @@ def test_exact_records_give_exact_values_whatever_went_before(hold, most):
     np.testing.assert_allclose(off(fit, model), 0.0, atol=most)
 
 
+@pytest.mark.slow
 def test_motions_without_mass_and_quantities_that_the_model_does_not_name():
     """A node between two springs; accelerations upside down against displacements of the model."""
     model = springs()
@@ -91,6 +92,7 @@ def test_a_decay_needs_no_input():
     np.testing.assert_allclose(off(fit, model), 0.0, atol=1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shared", [False, True])
 def test_covariance_is_that_of_least_squares_in_time(shared):
     """The information of samples with white noise, less what means and an unknown beginning take, by other routes."""
@@ -171,6 +173,7 @@ def test_rows_are_derivatives_where_residuals_vanish():
         np.testing.assert_allclose(row, found, atol=1e-4 * np.abs(row).max(), err_msg=problem.variables.names[k])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("kinds", "expected"), [
     (("gain", "lowpass"), {"z0.gain": 1.0, "z1.gain": -2.0, "z0.lowpass.frequency": 60.0,
                            "z0.lowpass.damping_ratio": 0.3, "z2.lowpass.frequency": 90.0}),
@@ -326,6 +329,7 @@ def test_records_without_outputs_or_too_short_for_their_beginning_are_refused():
     assert not data.outputs["z0"].flags.writeable
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("correlated", [False, True])
 def test_records_are_drawn_beside_those_of_the_fit(correlated):
     """The fit explains all but the noise; within the band nothing of what was measured is lost."""

@@ -67,8 +67,11 @@ def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
     assert error.value.run.rates["crank.rz"] == pytest.approx(1.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("samples", [2, 101])
-@pytest.mark.parametrize(("distance", "rate"), [(1e-4, 1.0), (1e-3, -0.5), (0.02, 30.0), (0.7, 1.0)])
+@pytest.mark.parametrize(("distance", "rate", "samples"), [
+    (1e-4, 1.0, 2), (0.02, 30.0, 2), (0.7, 1.0, 101),
+    *[pytest.param(*case, marks=pytest.mark.slow) for case in ((1e-4, 1.0, 101), (1e-3, -0.5, 2), (1e-3, -0.5, 101),
+                                                               (0.02, 30.0, 101), (0.7, 1.0, 2))],
+])  # fmt: skip
 def test_a_run_does_not_pass_the_flat_pose_between_samples(distance, rate, samples):
     """From 1e-4 rad before it the rocker went on at -0.89 of the rate, as that of an antiparallelogram."""
     model, flat = flat_parallelogram(1.0)

@@ -164,6 +164,7 @@ def test_refusals(make, words):
         make()
 
 
+@pytest.mark.slow
 def test_designs_tell_the_worst_of_all_plants():
     """Each goal by plant as the library has it; two of one name are numbered; norms count by their weights."""
     plants = [oscillator(c=0.1), oscillator(k=40.0, m=5.0, c=0.3)]

@@ -121,6 +121,7 @@ def test_common_controller_is_no_better_than_one_at_home():
     assert "worst of 2 plants" in str(common)
 
 
+@pytest.mark.slow
 def test_codesign_is_no_worse_than_sequential_design():
     goals, bounds = [G.rms("x", {"F": 1.0, "v.noise": 1e-2})], {"k2.damping": (0.1, 5.0)}
     alone = mv.tune(chain(), T.gain("F", "v"), goals, starts=1)

@@ -76,6 +76,7 @@ def test_no_bound_where_it_becomes_unstable_or_singular():
     assert moment_bound.moment_bound(singular, 1.0) == np.inf
 
 
+@pytest.mark.slow
 def test_bound_of_a_first_order_equation():
     """x' (1 + 0.3 p) = -(1 + 0.5 q) x + (1 + 0.2 p) u: variance b^2 / (2 e a)."""
     e, a, b = ([[1.0, 0.3, 0.0], [-1.0, 0.0, -0.5], [1.0, 0.2, 0.0]])

@@ -326,6 +326,7 @@ def test_other_refusals():
         mv.System.from_matrices([[1.0]], None, [[1.0]]).uncertain({"k": 0.1})
 
 
+@pytest.mark.slow
 def test_a_free_body_that_nothing_shows_changes_no_bound():
     def bounds(free):
         model = mv.Model("m")
