@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.cycles.reactions import carried, reactions
+from mbsvib.cycles.reactions import reactions, wrench_terms
 from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
@@ -36,7 +36,7 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     """
     plant, motion = cycle.machine, cycle.machine.solved
     model, expressions = plant.model, plant.with_symbols(names)
-    required, jacobian, fixed, effects = carried(model, expressions)
+    required, jacobian, fixed, effects = wrench_terms(model, expressions)
     loads = ca.SX.sym("lambda", jacobian.shape[0])
     residual, wrenches = jacobian.T @ loads - required, fixed - effects @ loads
     depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]

@@ -50,7 +50,7 @@ def reactions(cycle: CycleData) -> Reactions:
     """
     plant, motion = cycle.machine, cycle.machine.solved
     model, expressions = plant.model, plant.statement
-    function = expressions.compiled("reactions", lambda: list(map(ca.densify, carried(model, expressions))))
+    function = expressions.compiled("reactions", lambda: list(map(ca.densify, wrench_terms(model, expressions))))
     required, jacobian, wrenches, effects = matrices(
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     scale, row_units = expressions.motion.motion.scales(plant.size)
@@ -87,7 +87,7 @@ def reactions(cycle: CycleData) -> Reactions:
     return Reactions(found, undetermined)
 
 
-def carried(model: Mechanism, expressions: Statement) -> tuple[Expression, Expression, Expression, Expression]:
+def wrench_terms(model: Mechanism, expressions: Statement) -> tuple[Expression, Expression, Expression, Expression]:
     """Return what the equations lack without closures (n,), the closures' derivative (rows, n), and the wrenches
     w (6 joints,) of all joints in world axes and E (6 joints, rows): w - E lambda with multipliers lambda.
     """

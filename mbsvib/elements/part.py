@@ -177,9 +177,9 @@ class Part(Completed):
             If no such part can be described in this pose.
         """
         kind: Any = type(self)
-        fields_of, carried, checked = _carried(kind)
+        fields_of, attached, checked = _attached_fields(kind)
         values, changes = list(fields_of(self)), {}
-        for k, name, on, moved, follows in carried:
+        for k, name, on, moved, follows in attached:
             if values[k] is not None and (follows is None or values[follows]) and not pose.is_unmoved(values[on]):
                 values[k] = changes[name] = getattr(pose, moved)(values[on], values[k])
         if not changes:
@@ -244,7 +244,7 @@ def _fields_that(kind: Any, word: str) -> frozenset[str]:
 
 
 @cache
-def _carried(kind: Any) -> tuple[Callable[..., tuple[Any, ...]], list[tuple[Any, ...]], bool]:
+def _attached_fields(kind: Any) -> tuple[Callable[..., tuple[Any, ...]], list[tuple[Any, ...]], bool]:
     """What returns all fields of a part, which of them bodies carry, and whether any of these is checked.
 
     The second are the number and name of a field, the number of that of its body, the method of the pose, and the

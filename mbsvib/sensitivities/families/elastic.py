@@ -232,8 +232,8 @@ def _rule(network: Network, made: _Made, change: Mapping[Any, Array]) -> RuleAnd
         nodes = [(network.body_number[body], network.body_number[other], point)
                  for (body, other, _), point in zip(key[1], points, strict=True)]
         shift = np.zeros(form.shape)
-        for i, (way, (*_, carried)) in enumerate(zip(change[key, 1], key[1], strict=True)):
-            shift[6 * i : 6 * i + 3, 6 * i + 3 : 6 * i + 6] = -skew(way) * carried
+        for i, (way, (*_, goes)) in enumerate(zip(change[key, 1], key[1], strict=True)):
+            shift[6 * i : 6 * i + 3, 6 * i + 3 : 6 * i + 6] = -skew(way) * goes
         rows = shift.any(axis=1)
         forms.append((key[0], nodes, factors(change[key, 0][None])[0], shift[rows], form[rows]))
     numbers = [network.body_number[name] for name in made.bodies[: len(change["nodes"])]]
