@@ -38,6 +38,11 @@ GAIN_STEP = 1e-3  # of differences of a controller's matrices, which are smooth 
 SMOOTH = 1e-3  # share by which differences of second and of fourth order of smooth matrices differ at most
 
 
+def name_of(item: Any, attribute: str = "__qualname__") -> str:
+    """Return the label of a quantity, or the name of a function: tables and records tell them apart by it."""
+    return str(getattr(item, "label", getattr(item, attribute, type(item).__name__)))
+
+
 @dataclass(frozen=True)
 class Plant:
     """What a ``function`` makes of a system; its further arguments are ``gains`` by name, with their defaults, not a
@@ -51,7 +56,7 @@ class Plant:
     def name(self) -> str | None:
         """Name of the function; None without one."""
         function = self.function.function if isinstance(self.function, WithMotions) else self.function
-        return None if function is None else str(getattr(function, "__qualname__", type(function).__name__))
+        return None if function is None else name_of(function)
 
     def __call__(self, system: Any, values: Mapping[str, Any]) -> Any:
         if self.function is None:

@@ -18,6 +18,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ModelError
+from mbsvib.studies.plants import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -120,18 +121,13 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     digest = sha256()
     for name, column in values.items():
         digest.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
-    results: dict[str, Any] = {label: item if isinstance(item, str) else _identity(item)
+    results: dict[str, Any] = {label: item if isinstance(item, str) else name_of(item)
                                for label, item in question.items.items()}  # fmt: skip
     if question.plant.name is not None:
         results = {"plant": question.plant.name, "of": results}
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
             "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip
-
-
-def _identity(item: Any) -> str:
-    """Return what tells one function or quantity from another."""
-    return str(getattr(item, "label", getattr(item, "__qualname__", type(item).__name__)))
 
 
 def _line(point: int, outcome: Outcome) -> str:

@@ -14,7 +14,7 @@ from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
 from mbsvib.errors import MbsvibError, ModelError, nearest
-from mbsvib.studies.plants import NO_PLANT, Plant
+from mbsvib.studies.plants import NO_PLANT, Plant, name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -124,7 +124,7 @@ def follow(system: Any, path: str) -> Any:
 def _label(of: Any) -> str:
     if isinstance(of, str):
         return of
-    name = str(getattr(of, "label", getattr(of, "__name__", type(of).__name__)))
+    name = name_of(of, "__name__")
     return "value" if name == "<lambda>" else name
 
 
