@@ -94,6 +94,7 @@ def test_checks_of_exports_have_columns(tmp_path):
     assert len(check.to_dataframe()) == len(check.comparisons) > 1
 
 
+@pytest.mark.slow
 def test_files_and_frames_have_all_columns_with_all_digits(results, tmp_path):
     for name, result in results.items():
         assert isinstance(result, Columnar), name
@@ -111,6 +112,7 @@ def test_files_and_frames_have_all_columns_with_all_digits(results, tmp_path):
             np.testing.assert_array_equal(np.asarray(framed), np.asarray(column), err_msg=key)
 
 
+@pytest.mark.slow
 def test_results_pickle_with_their_columns(results):
     for name, result in results.items():
         other = pickle.loads(pickle.dumps(result))
@@ -119,6 +121,7 @@ def test_results_pickle_with_their_columns(results):
             np.testing.assert_array_equal(np.asarray(other.columns()[key]), np.asarray(column), err_msg=f"{name} {key}")
 
 
+@pytest.mark.slow
 def test_columns_are_the_values_of_the_result(results):
     modes, step, fit = results["modes"].columns(), results["step"], results["fit"]
     np.testing.assert_array_equal(modes["frequency_hz"], results["modes"].frequencies)
@@ -143,6 +146,7 @@ def test_columns_are_the_values_of_the_result(results):
     assert placed.columns()["sensors"][0] == ", ".join(placed.best.sensors)
 
 
+@pytest.mark.slow
 def test_results_show_a_table_in_notebooks(results):
     for name, result in results.items():
         assert isinstance(result, Displayed), name

@@ -50,7 +50,8 @@ def objects():
         model.compile(["leg1.k.stiffness"]), system.budget({"Fx": isolation.white(1e-6)}), uncertain,
         uncertain.worst_gain("x", "Fx"), system.hinf_norm("x", "Fx"), system["x", "Fx"].step_info(),
         mv.sweep(model, stiffness, "modes.frequencies"), mv.tunable.gain(["x"], ["Fx"]), mv.goals.hinf("x", "Fx"),
-        mv.tolerances(model, {"leg1.k.stiffness": "10 %"}, studies.frequency()), mv.compare(model, model),
+        mv.tolerances(model, {"leg1.k.stiffness": "10 %"}, studies.frequency(), samples=20),
+        mv.compare(model, model),
         *model.springs.values(), *model.joints.values(), *model.bodies.values(),
     ]  # fmt: skip
 

@@ -64,6 +64,7 @@ def test_the_radius_covers_what_the_last_digits_do():
         assert off <= radius * (1.0 + 2.0 * radius)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", ["stewart_isolator", "quarter_car", "inclined_chain", "four_bar", "engine_on_mounts"])
 def test_models_of_the_library_pass(name, tmp_path):
     certificate = mv.certify(getattr(mv.library, name)())
@@ -76,6 +77,7 @@ def test_models_of_the_library_pass(name, tmp_path):
     assert f"Certificate of {certificate.name}: passed" in str(certificate)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("exudyn") is None, reason="needs exudyn")
 def test_another_engine_finds_the_same_eigenvalues():
     certificate = mv.certify(mv.library.stewart_isolator())

@@ -10,6 +10,7 @@ import mbsvib as mv
 from tests.elements.test_flexure import LEAF, NOTCH, STEEL, B, E, L, T, guide, held
 
 
+@pytest.mark.slow
 def test_equilibrium_and_run_of_a_guide():
     """A guide lowers its stage by 3 x^2 / 5 L, 1.2 is the integral of squared slopes; released, it returns."""
     model = guide()

@@ -120,6 +120,7 @@ def test_a_published_table_of_relaxations_and_a_fit_of_our_own_have_the_measured
     np.testing.assert_allclose(stiffness, 1e-3 * modulus, rtol=1.001 * rubber.error if own else 0.13)
 
 
+@pytest.mark.slow
 def test_runs_take_the_energy_that_the_input_gives_and_follow_the_linear_model():
     model = mounted("part of it")
     model.add_output("v", "b", "x", quantity="velocity")

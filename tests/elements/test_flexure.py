@@ -173,6 +173,7 @@ def bar(shape, count=None, mass=1e-3, **words):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shape", [FILLETED, ELLIPTIC | {"depth": 0.0005}])
 def test_mass_of_a_notch(shape):
     """How much its mass lowers the modes of a block on it, which are far below its own, as that of short beams does."""

@@ -51,6 +51,7 @@ def off(fit, model):
     return np.array([value / model.parameters[name] - 1.0 for name, value in fit.values.items()])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("hold", "most"), [("first", 1e-9), ("zero", 1e-9), ("band-limited", 3e-4)])
 def test_exact_records_give_exact_values_whatever_went_before(hold, most):
     """Displacement, velocity and acceleration, of two experiments; what is folded back is small where it is not held.
@@ -222,6 +223,7 @@ def test_filters_of_responses_and_of_records_are_found(kinds, expected):
         assert fit.values[name] == pytest.approx(value, rel=5e-3), name
 
 
+@pytest.mark.slow
 def test_records_responses_and_modes_of_several_payloads_in_one_fit():
     model = chain()
     heavy = model.with_values({"b2.mass": 5.0})

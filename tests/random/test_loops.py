@@ -225,6 +225,7 @@ def test_sampling_folds_a_wide_table_as_white_noise():
     np.testing.assert_allclose(table, white, rtol=1e-4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e5])
 def test_undamped_modes_beside_sampled_loops_in_any_unit_of_time(unit):
     """A mode that the loop does not reach has poles on the axis but for rounding, which grows with the frequency."""

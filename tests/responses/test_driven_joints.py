@@ -281,5 +281,6 @@ def test_a_driven_direction_of_a_ball_joint_is_held_in_statics():
     assert set(there.linearize().coordinates) == {"ball.ry", "ball.rz"}
 
 
+@pytest.mark.slow
 def test_certificates_know_models_with_motion_inputs():
     assert mv.certify(arm()).verdict == "passed"

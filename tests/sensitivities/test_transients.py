@@ -27,6 +27,7 @@ def test_step_of_an_undamped_oscillator():
     assert (np.abs(result[:, 0] - expected).max(axis=1) <= 1e-13 * np.abs(expected).max(axis=1)).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
     model, rng = isolator(), np.random.default_rng(5)

@@ -32,6 +32,7 @@ def error(system, small, f):
     return np.abs(small.frequency_response(w) - exact).max(axis=(0, 1)) / np.abs(exact).max()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("damping", ["general", "none", "stiffness"])
 def test_responses_are_exact_at_the_frequencies_and_flat_about_them(damping):
     """Displacement, velocity and acceleration: the error beside f grows at least with the fourth power."""

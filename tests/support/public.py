@@ -22,6 +22,7 @@ def _imported(module):
             if isinstance(node, ast.ImportFrom) and node.module for alias in node.names}  # fmt: skip
 
 
+@cache
 def _class_of(name, module):
     """The class that a name in a module stands for, if it is one of this project."""
     value = getattr(importlib.import_module(module), name, None)
