@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
 from mbsvib_export.neutral import refusal

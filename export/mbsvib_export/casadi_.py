@@ -19,7 +19,7 @@ from mbsvib.common.casadi_function import casadi_function
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import port_numbers
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError, counted
 from mbsvib.linalg.balancing import exponents

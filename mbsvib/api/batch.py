@@ -15,7 +15,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations, of_variant
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 
 if TYPE_CHECKING:

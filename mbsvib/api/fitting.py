@@ -10,7 +10,7 @@ from mbsvib.api.plant import compiled
 from mbsvib.api.system import System
 from mbsvib.common.arguments import count, refuse
 from mbsvib.common.progress import counting
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data

@@ -15,7 +15,7 @@ from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.linalg.sparse_interpolation import SparseInterpolant, points_of
 

@@ -32,7 +32,7 @@ class OfMechanism:
         ``explain()`` names them. Frame, order, names, cut and units make no difference, and flexible joints, all with
         stiffness k along and k L^2 about what they lock, would carry the same.
         """
-        from mbsvib.equations.joint_wrenches import joint_wrenches
+        from mbsvib.equations.equations import joint_wrenches
 
         return joint_wrenches(self._equations)
 

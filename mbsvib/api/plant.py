@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.api.modes import Modes
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_assembly import BatchPlan
-    from mbsvib.equations.terms import Matrices
+    from mbsvib.equations.matrices import Matrices
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.batch import BatchModes
 

@@ -287,7 +287,7 @@ class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, S
         ResponseError
             If a name is unknown, or there is none.
         """
-        from mbsvib.equations.controllable_part import reachable
+        from mbsvib.equations.selection import reachable
 
         return reachable(self, outputs, inputs)
 

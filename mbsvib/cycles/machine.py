@@ -17,7 +17,7 @@ from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
 from mbsvib.finite_motion.following import DrivenLoops
 from mbsvib.finite_motion.loops import Loops
-from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.mechanism.topology import cut_elsewhere
 from mbsvib.mechanism.unit_warnings import TURNS_OF_CYCLES, with_angles

@@ -21,8 +21,7 @@ from mbsvib.equations.loop_geometry import Loops, directions, in_line, loops_of
 from mbsvib.equations.scene import cut_rows
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.loop_group import measures
-from mbsvib.kinematics.loops import loop_groups
+from mbsvib.kinematics.loops import loop_groups, measures
 from mbsvib.kinematics.relative_motion import twists
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import RANK_FACTOR, RANK_GAP

@@ -15,8 +15,7 @@ from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.locked_loops import check_loops
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-from mbsvib.equations.scene import scene
+from mbsvib.equations.scene import scene, with_maxwell_nodes
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import check_mobility
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
@@ -140,7 +139,7 @@ def _joint_forces(draft: Draft) -> Draft:
 def _spin(draft: Draft) -> Draft:
     if not draft.model.derived(has_antisymmetric_forces):
         return draft
-    from mbsvib.equations.spin import with_spin
+    from mbsvib.equations.loaded import with_spin
 
     return with_spin(draft)
 
@@ -148,7 +147,7 @@ def _spin(draft: Draft) -> Draft:
 def _drives(draft: Draft) -> Draft:
     if not draft.model.derived(driven_coordinates):
         return draft
-    from mbsvib.equations.driven_coordinates import with_driven_coordinates
+    from mbsvib.equations.loaded import with_driven_coordinates
 
     return with_driven_coordinates(draft)
 

@@ -12,24 +12,21 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, preloaded
-from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
-from mbsvib.equations.batch_massless import Separating
-from mbsvib.equations.batch_one_by_one import one_by_one, stacked
-from mbsvib.equations.batch_tangents import closure_along
+from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
+from mbsvib.equations.batch_one_by_one import Separating, one_by_one, stacked
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_masses
-from mbsvib.equations.matrices import MinimalRows, matrices, minimal_rows
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.loaded import spins_otherwise
+from mbsvib.equations.matrices import AXES, MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
+from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.spin import spins_otherwise
-from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL, Matrices, Terms
+from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import SingularPoseError
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
@@ -41,8 +38,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.equations.geometry_plan import GeometryPlan
-    from mbsvib.equations.posed_forces import PosedForces
-    from mbsvib.equations.posed_scene import PosedScene
+    from mbsvib.equations.posed_scene import PosedForces, PosedScene
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Triplets

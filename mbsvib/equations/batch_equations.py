@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from mbsvib.equations.equations import Equations, Provenance
-from mbsvib.equations.terms import MATRICES, OPTIONAL, Matrices
+from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import with_values_at
+from mbsvib.equations.placing import with_values_at
 from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.linalg.rotations import exponential
 

@@ -5,6 +5,14 @@ minimal coordinates: in each group of loops Phi = [A R; P Q] with A square, and 
 (P, Q) are satisfied by it. |A^-1| measures the distance of A from singular: with A0 of the nominal pose, and
 d = |1 - A0^-1 A| < 1, it is at most |A0^-1| / (1 - d). The residual of (P, Q) shows whether they are still redundant.
 Where either is in doubt the variant gets the rank decision of a single pose.
+
+Of complex values x + i h v the functions give F + i h dF: real parts are those of the variant, imaginary parts the
+derivative along v, as exact as F itself. All decisions are those of the variant.
+
+B'' of loops follows from Phi B'' = 0: dB'' = -A^-1 dPhi B'' in the dependent coordinates. A direction along which a
+redundant constraint contradicts the others takes degrees of freedom away: it has no derivative.
+
+Source: Martins, Sturdza & Alonso, The complex-step derivative approximation, ACM Trans. Math. Softw. 29 (2003) 245.
 """
 
 from __future__ import annotations
@@ -16,14 +24,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import rod_ends, scene_of_variant
+from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.locked_loops import check_loops
-from mbsvib.equations.reactions import loop_multipliers
+from mbsvib.equations.placing import rod_ends, scene_of_variant
+from mbsvib.equations.statics import loop_multipliers
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Cuts, Reduction, kept_rows, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import Twists, arm
-from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
+from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR, ZERO_ALONG
 from mbsvib.linalg.rotations import components_first, exponential
 
 if TYPE_CHECKING:
@@ -32,10 +41,12 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.loops import LoopGroup
     from mbsvib.kinematics.pose import Pose
-
     Mask = NDArray[np.bool_]
+    from mbsvib.common.arrays import Bools
+    from mbsvib.kinematics.loops import Reduction
+
 
 # Where 1 / |A^-1| is below this factor times the limit of a nearly singular pose, the pivots of the variant decide ...
 CLEARLY_REGULAR = 10.0
@@ -264,3 +275,55 @@ def check_freedom(freedom: int, expected: int) -> None:
         raise SingularPoseError(
             f"its loops leave {counted(freedom, 'degree')} of freedom, those of the nominal pose {expected}. {HELP}"
         )
+
+
+def closure_along(
+    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, closure: Array | None
+) -> tuple[Reduction, Bools]:
+    """Return B'' + i h dB'' (variants, n, m), and a mask (variants,) of directions that take degrees of freedom away.
+
+    ``phi`` (variants, locked rows, n): Phi + i h dPhi. ``closure`` (variants, n, m): B'', None for the nominal one.
+    """
+    cuts, coordinates, nominal = scene.cuts, scene.coordinates, pivots.reduction
+    lost = np.zeros(len(phi), dtype=bool)
+    if cuts is None or nominal.matrix is None:
+        return nominal, lost
+    before = nominal.matrix if closure is None else closure
+    change = phi.imag @ before
+    result = np.broadcast_to(before, (*change.shape[:-2], *before.shape[-2:])).astype(complex)
+    for block in pivots.blocks:
+        kept = len(block.dependent)
+        row_scale = np.broadcast_to(cuts.row_scale(block.group.length), phi.shape[:-1])[:, block.rows, None]
+        column_scale = np.where(coordinates.turns[block.dependent], 1.0, block.group.length)
+        matrix = row_scale * phi.real[:, block.rows[:, None], block.dependent] * column_scale
+        right = row_scale * change[:, block.rows]
+        regular = ~near_singular(inverse_of(matrix[:, :kept])[1], block)
+        solution = np.empty((len(phi), kept, right.shape[-1]))
+        solution[regular] = np.linalg.solve(matrix[regular, :kept], right[regular, :kept])
+        solution[~regular] = np.linalg.pinv(matrix[~regular]) @ right[~regular]
+        result.imag[:, block.dependent] = -column_scale[:, None] * solution
+        left = np.abs(right - matrix @ solution)
+        unit = np.where(coordinates.turns, 1.0, block.group.length)[block.group.columns, None]
+        largest = (np.abs(before[..., block.group.columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
+        limit = ZERO_ALONG * _moved(values, block.group.length)[:, None, None] * largest
+        lost |= (left > limit).any(axis=(1, 2))
+    return replace(nominal, matrix=result), lost
+
+
+def _moved(values: Values, length: float) -> Array:
+    """The largest motion or rotation of a body or joint, and change of a ratio, of steps (variants,) per ``length``."""
+    result = np.zeros(values.count)
+    for name, array in values.displacements.items():
+        result = np.maximum(result, np.abs(array.imag) / (1.0 if name.rpartition(".")[2][0] == "r" else length))
+    for part, fields in values.fields.items():
+        for field, array in fields.items():
+            if field in ("position", "start", "end", "pitch"):
+                size = length
+            elif field == "orientation":
+                size = 1.0
+            elif isinstance(values.parameters.parts[part], Coupling):
+                size = float(np.abs(array.real).max()) or 1.0
+            else:
+                continue
+            result = np.maximum(result, np.abs(array.imag).reshape(-1, values.count).max(axis=0) / size)
+    return result

@@ -27,9 +27,9 @@ import numpy as np
 
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.equations.scene import with_maxwell_nodes
+from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 

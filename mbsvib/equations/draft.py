@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Separation
     from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.reactions import Reactions
+    from mbsvib.equations.matrices import Terms
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.statics import Statics
-    from mbsvib.equations.terms import Terms
+    from mbsvib.equations.statics import Reactions, Statics
     from mbsvib.equations.virtual_motions import Kept
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets

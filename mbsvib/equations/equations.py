@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.terms import Matrices
+from mbsvib.equations.matrices import Matrices
 from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
@@ -277,3 +277,11 @@ class Equations(Matrices):
 
 _arrays = attrgetter(*(item.name for item in fields(Equations) if "Array" in str(item.type)))
 
+
+def joint_wrenches(system: Equations) -> dict[str, Array]:
+    """Return the wrench (6,) [N, N m] in each joint at the pose, at its point on the second body, world axes."""
+    system.provenance.check_mechanism(system.name, "reactions")
+    joints, statics = system.provenance.topology.joints, system.provenance.statics
+    if statics is None:
+        return {joint.name: np.zeros(6) for joint in joints}
+    return {joint.name: statics.joints[:, k].copy() for k, joint in enumerate(joints)}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
 
+
 EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
 _EXPANDED = ("bodies", "joints", "springs", "inputs", "outputs")
 M = TypeVar("M", bound=Mechanism)

@@ -12,9 +12,8 @@ from mbsvib.elements.connection import Connection
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.batch_geometry import joint_axes
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
-from mbsvib.equations.placing import Placing, with_columns
+from mbsvib.equations.placing import Placing, joint_axes, with_columns
 from mbsvib.linalg.products import signed_rows
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import COEFFICIENTS

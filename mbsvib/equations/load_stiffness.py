@@ -1,5 +1,17 @@
 """The stiffness of the forces at the pose in minimal coordinates, as signed squares of rows; arrays may have an axis of
 variants in front.
+
+Couplers whose relation is not linear have a stiffness: its second derivatives times the force at rest in the coupler.
+
+With the relation g(q) = sum of c_i q_i + sum of h_k q_k^2 / 2 = 0 and its multiplier lambda, balance is
+V' = lambda g', and the second variation of V - lambda g along motions with g' dq = 0 is the stiffness
+
+    K - lambda sum of h_k r_k r_k^T
+
+with r_k the row of the coordinate q_k in minimal coordinates.
+
+Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 6.6; Luenberger & Ye, Linear
+and Nonlinear Programming (2008), section 11.4.
 """
 
 from __future__ import annotations
@@ -10,8 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness
-from mbsvib.core.motion_order import motion_order
+from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness, motion_order
 from mbsvib.core.pairs import (
     CutJoints,
     displacement_curvature,
@@ -20,16 +31,18 @@ from mbsvib.core.pairs import (
     of_places,
     of_sixes,
     opening_hessians,
-)  # fmt: skip
-from mbsvib.equations.wrench_pairs import leading
+)
+from mbsvib.elements.coupler import Coupling
+from mbsvib.equations.wrenches import leading
+from mbsvib.errors import ModelError
 from mbsvib.linalg.products import concatenated, squares_of_products
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.core.motion_order import MotionOrder
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.core.geometric_stiffness import MotionOrder
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
@@ -209,3 +222,27 @@ def projected(matrix: Array, reduction: Reduction) -> Array:
     result = left @ matrix @ reduction.matrix
     result.real[np.abs(result) <= ZERO_SUM * (magnitude.swapaxes(-1, -2) @ np.abs(matrix) @ magnitude)] = 0.0
     return result
+
+
+def curvature_stiffness(scene: Scene, reduction: Reduction, multipliers: Array) -> tuple[Array, Array, Index]:
+    """Return rows (..., k, m) in minimal coordinates, their stiffness (..., k) and the joint (k,) that each belongs to.
+
+    ``multipliers`` (..., locked rows): forces at rest in the locked rows, those of couplers last.
+    """
+    from mbsvib.kinematics.couplers import couplings
+
+    joints = {joint.name: k for k, joint in enumerate(scene.topology.joints)}
+    parts, stiffness, owner = [], [], []
+    first = multipliers.shape[-1] - len(scene.couplers)
+    for i, coupler in enumerate(scene.couplers):
+        for name, second_derivative in coupler.curvatures or ():
+            if any(group.surplus and first + i in group.rows for group in reduction.groups):
+                raise ModelError(f"coupler '{coupler.name}': redundant constraints share its force at rest, so that "
+                                 f"the stiffness of its curvature is not determined. Leave one of them out.",
+                                 element=coupler.name, field="curvature")  # fmt: skip
+            parts.append(Coupling(coupler.name, ((name, 1.0),)))
+            stiffness.append(-multipliers[..., first + i] * second_derivative)
+            owner.append(joints[name.rpartition(".")[0]])
+    rows = couplings(parts, scene.topology, scene.bodies, scene.topology.body_numbers, scene.coordinates)
+    values = np.stack(stiffness, axis=-1)
+    return reduction.apply(rows.dense(scene.coordinates)), values, np.array(owner, dtype=np.intp)

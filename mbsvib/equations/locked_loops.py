@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.elements import Joint
-    from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.loops import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Groups of loops with more coordinates are not tried again, nor more groups: each takes some milliseconds.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.families import connection_rows
+from mbsvib.elements.families import FAMILIES, connection_rows
 from mbsvib.elements.rows import Rows, table
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import Ports, ports
@@ -17,6 +17,7 @@ from mbsvib.equations.wrenches import is_loaded
 from mbsvib.kinematics.loops import Cuts, reduce
 from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_motion, twists
 from mbsvib.kinematics.shared_rows import shared_rows
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
@@ -30,8 +31,10 @@ if TYPE_CHECKING:
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
+
+NODES = {family.part: family.nodes for family in FAMILIES if family.nodes is not None}
+M = TypeVar("M", bound=Mechanism)
 
 
 @fast_init
@@ -162,3 +165,18 @@ def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, in
     rows = Rows.stack(tuples)
     return Cuts(rows, tuple(names), np.array(joint_of, dtype=np.intp), topology.cut_joints,
                 np.array(start, dtype=np.intp), np.asarray(rows.force.any(axis=0)))  # fmt: skip
+
+
+def with_maxwell_nodes(model: M) -> M:
+    """Return a mechanism with the nodes of its connections as bodies, and the joints in which they slide.
+
+    Without such connections it is the same mechanism.
+    """
+    added = [NODES[type(part)](part) for part in model.springs.values() if type(part) in NODES]
+    if not added:
+        return model
+    bodies, joints = dict(model.bodies), dict(model.joints)
+    for part in added:
+        bodies.update(part.bodies)
+        joints.update(part.joints)
+    return model.with_parts(bodies=bodies, joints=joints)

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.motion_order import motion_order
+from mbsvib.core.geometric_stiffness import motion_order
 from mbsvib.equations.virtual_motions import beyond
 from mbsvib.errors import UndeterminedForceWarning
-from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM

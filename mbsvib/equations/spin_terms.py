@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body
     from mbsvib.elements.connection import Connection
     from mbsvib.elements.shared_rows import Expansion
+    from mbsvib.equations.matrices import Terms
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.steady_spin import Fields
-    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -8,20 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.expansion import expanded
-from mbsvib.equations.load_stiffness import load_tangent, loaded_pairs
+from mbsvib.equations.load_stiffness import curvature_stiffness, load_tangent, loaded_pairs
 from mbsvib.equations.posed_scene import follows_poses, of_parts
-from mbsvib.equations.reactions import loop_multipliers
 from mbsvib.equations.scene import scene
 from mbsvib.equations.spin_terms import cross_couplings
-from mbsvib.equations.statics import forces_along, shares, unbalanced_in_words
+from mbsvib.equations.statics import forces_along, loop_multipliers, shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.kinematics.loops import kept_rows, reduce
-from mbsvib.kinematics.relative_motion import arm
+from mbsvib.kinematics.relative_motion import arm, body_motion
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
 

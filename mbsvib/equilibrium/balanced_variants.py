@@ -22,7 +22,7 @@ from mbsvib.equilibrium.path import BALANCED, CLOSED, CONTRACTION, LONGEST, NEWT
 from mbsvib.equilibrium.posed_variants import PLACES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
-from mbsvib.kinematics.coupler_travel import coupler_travel
+from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.pose_kinematics import locked
 from mbsvib.linalg.products import weighted_gram

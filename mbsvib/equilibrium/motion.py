@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.scene import cut_rows
-from mbsvib.kinematics.characteristic_length import size_of
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
-from mbsvib.kinematics.coupler_travel import coupler_travel
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.pose import start
+from mbsvib.kinematics.couplings import coupler_travel
+from mbsvib.kinematics.pose import size_of, start
 from mbsvib.kinematics.pose_kinematics import locked, pose_kinematics
 from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.linalg.dead_points import no_dead_point

@@ -13,7 +13,7 @@ from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
-    from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.loops import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.responses.basis import Basis
     from mbsvib.sparse.equations import SparseEquations

@@ -14,7 +14,7 @@ from mbsvib.common.expected import a_model, names
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
-from mbsvib.equations.base_motion import fixed_in_world
+from mbsvib.equations.ports import fixed_in_world
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 

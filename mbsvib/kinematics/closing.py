@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.coupler_travel import coupler_travel
+from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose_kinematics import locked
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR

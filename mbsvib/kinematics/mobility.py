@@ -16,8 +16,7 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.body_motion import body_motion
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import body_motion, relative_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
 from mbsvib.linalg.rotations import CYCLE
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.loop_group import LoopGroup
-    from mbsvib.kinematics.loops import Cuts, Reduction
+    from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 

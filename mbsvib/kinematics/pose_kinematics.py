@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.kinematics.joint_frames import openings_of, stacked, with_own_axes
+from mbsvib.kinematics.pose import openings_of, stacked, with_own_axes
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.kinematics.tree_motion import tree_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.kinematics.joint_frames import Openings
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.pose import Pose
+    from mbsvib.kinematics.pose import Openings, Pose
     from mbsvib.kinematics.tree_motion import Tree
     from mbsvib.mechanism.topology import Topology
 

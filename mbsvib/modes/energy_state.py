@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.equations.unresisted_motion import (
     completed_basis,
     coordinate_sizes,
     free_motions,
+    independent_coordinates,
     null_pair,
     orthonormal,
     rounding_scale,

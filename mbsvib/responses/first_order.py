@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.massless_null_motion import independent_coordinates
+from mbsvib.equations.unresisted_motion import independent_coordinates
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.responses.general_terms import cleaned
 

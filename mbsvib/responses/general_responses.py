@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.memory import BATCH_BYTES
-from mbsvib.equations.massless_null_motion import independent_coordinates
+from mbsvib.equations.unresisted_motion import independent_coordinates
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.general import rigid_shapes

@@ -24,8 +24,7 @@ from mbsvib.elements.ports import ForceOutput, make_input
 from mbsvib.elements.rotor import Rotor
 from mbsvib.equations.assembly import assembled, linearized
 from mbsvib.equations.expansion import expanded
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-from mbsvib.equations.scene import scene
+from mbsvib.equations.scene import scene, with_maxwell_nodes
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import DEPENDENT_ROWS, ZERO_SUM

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.modes.result import modes
 from mbsvib.responses.basis import RESPONSE_RTOL, Basis
 from mbsvib.sensitivities.loaded_network import loaded_network

@@ -27,7 +27,7 @@ import numpy as np
 
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.products import product
 from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields

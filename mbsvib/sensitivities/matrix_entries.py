@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Body, Input, Output
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

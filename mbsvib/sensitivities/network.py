@@ -17,7 +17,7 @@ from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.maxwell_rows import Node
-from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.kinematics.relative_motion import body_motion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

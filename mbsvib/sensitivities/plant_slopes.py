@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_parameters
-from mbsvib.equations.terms import MATRICES
 from mbsvib.mechanism.changes import to_angular_velocities
 from mbsvib.mechanism.parameters import Parameter
 from mbsvib.responses.basis import Basis

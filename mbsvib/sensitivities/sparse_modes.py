@@ -23,7 +23,7 @@ from scipy.sparse import csc_matrix, csr_array, csr_matrix, eye, vstack
 from scipy.sparse.linalg import splu
 
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import SAME_EIGENVALUE
 from mbsvib.responses.basis import Basis

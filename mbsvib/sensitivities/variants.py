@@ -26,14 +26,13 @@ from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_parameters, along_poses
-from mbsvib.equations.scene import scene
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.scene import scene, with_maxwell_nodes
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
 from mbsvib.sensitivities.applicability import may_move

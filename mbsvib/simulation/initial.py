@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, SingularPoseError, nearest
 from mbsvib.finite_motion.following import DrivenLoops
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.qr import pivoted_qr

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.statement import finite_motion
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.simulation.outputs import measured
 from mbsvib.simulation.reactions import is_reaction
 from mbsvib.simulation.second_order import SecondOrder, second_order

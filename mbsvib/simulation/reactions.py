@@ -14,7 +14,7 @@ import numpy as np
 from mbsvib.elements.ports import ForceOutput
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.reactions import multipliers, opened
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import DETERMINED
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.finite_motion.loops import Loops
-from mbsvib.kinematics.characteristic_length import size_of
+from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.simulation.charts import Chart, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.equations.locked_loops import check_loops
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.sparse.constraints import check_mobility
 from mbsvib.sparse.cuts import short_span

@@ -24,7 +24,7 @@ import numpy as np
 
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import appended, terms
-from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_members
+from mbsvib.kinematics.loops import LoopGroup, check_gap, decided, measures, preference, redundant_members
 from mbsvib.kinematics.mobility import SmallMotion, crossing_axes, jump, rank_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups

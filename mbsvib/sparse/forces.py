@@ -18,9 +18,9 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
-from mbsvib.equations.joint_ends import carries_nothing, joint_ends
+from mbsvib.equations.ports import ground_motion, inertia_of_ground_motion
 from mbsvib.equations.spin_terms import momenta
+from mbsvib.equations.virtual_motions import carries_nothing, joint_ends
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.rank import ZERO_SUM

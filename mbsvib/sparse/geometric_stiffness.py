@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.shift_forms import duals, own_curvatures, shift_hessian, turning, twists_of
+from mbsvib.core.pairs import duals, own_curvatures, shift_hessian, turning, twists_of
 from mbsvib.elements.rows import Rows, columns
 from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.linalg.groups import items_of_groups

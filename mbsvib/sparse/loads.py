@@ -14,10 +14,9 @@ import numpy as np
 
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.joint_ends import joint_ends
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
-from mbsvib.equations.wrench_pairs import WrenchPairs
-from mbsvib.equations.wrenches import applied_wrenches
+from mbsvib.equations.virtual_motions import joint_ends
+from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS

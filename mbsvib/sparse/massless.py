@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.equations import Separation
-from mbsvib.equations.massless_null_motion import Scale
 from mbsvib.equations.massless_separation import separate_massless
-from mbsvib.equations.terms import Terms
+from mbsvib.equations.matrices import Terms
+from mbsvib.equations.unresisted_motion import Scale
 from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 

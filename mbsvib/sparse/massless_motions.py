@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbsvib.equations.massless_null_motion import independent_coordinates, null_space, without_rounding
 from mbsvib.equations.massless_separation import check_gap
+from mbsvib.equations.unresisted_motion import independent_coordinates, null_space, without_rounding
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 from mbsvib.sparse.layout import kinematics

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.elements.shared_rows import carriers
-from mbsvib.equations.controllable_part import selected_ports
 from mbsvib.equations.equations import Removed
+from mbsvib.equations.selection import selected_ports
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.sparse.assembly import linearized

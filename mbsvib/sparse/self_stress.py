@@ -18,11 +18,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.tables import listed
-from mbsvib.equations.joint_ends import point_of
 from mbsvib.equations.self_stress import Undetermined, self_stress
+from mbsvib.equations.virtual_motions import point_of
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
+from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED

@@ -11,8 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.base_motion import inertia_of_ground_motion
-from mbsvib.equations.ports import feedthrough_of_ground, feedthrough_of_motions, force_weights, motion_weights
+from mbsvib.equations.ports import (
+    feedthrough_of_ground,
+    feedthrough_of_motions,
+    force_weights,
+    inertia_of_ground_motion,
+    motion_weights,
+)
 from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.shared_rows import stack

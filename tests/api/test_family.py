@@ -9,7 +9,7 @@ from scipy.io import loadmat
 import mbsvib as mv
 from mbsvib import studies
 from mbsvib.api import lpv as lpv_module
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from tests.api.test_plant_poses import gantry, hanging_crank, loaded_arm, swinging
 from tests.kinematics.test_dead_centre import STRETCHED, rocker
 

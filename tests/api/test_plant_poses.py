@@ -9,7 +9,7 @@ from mpmath import mp
 import mbsvib as mv
 from mbsvib import beams
 from mbsvib.equations import batch_assembly, loaded
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from tests.equilibrium.test_moved import four_bar
 from tests.kinematics.test_dead_centre import rocker
 from tests.superelements.test_loaded import NODES, Reference

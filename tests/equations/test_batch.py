@@ -248,7 +248,7 @@ def test_stiffness_needs_no_kinematics_of_the_variants(monkeypatch):
 
     def counted(coordinates, position):
         shapes.append(coordinates.point.ndim)
-        return mbsvib.kinematics.body_motion.body_motion(coordinates, position)
+        return mbsvib.kinematics.relative_motion.body_motion(coordinates, position)
 
     monkeypatch.setattr(mbsvib.equations.matrices, "body_motion", counted)
     model = library.stewart()

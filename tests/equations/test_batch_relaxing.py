@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equations.batch_assembly import BatchPlan
-from mbsvib.equations.batch_massless import Separating
+from mbsvib.equations.batch_one_by_one import Separating
 from mbsvib.errors import ModelError
 
 FACTOR = mv.Dynamic.of_words({"static": 0.9, "viscous": 1e-4, "weights": [0.8, 0.3], "times": [0.02, 1e-3]})

@@ -9,8 +9,8 @@ import mbsvib as mv
 from mbsvib.elements import bushing
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_values import checked
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_poses
-from mbsvib.equations.terms import MATRICES
 from mbsvib.linalg.products import signed_rows
 from mbsvib.sensitivities.variant_poses import VariantPoses
 from mbsvib.sensitivities.variants import Variants

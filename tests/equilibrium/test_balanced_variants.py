@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib.api.in_equilibrium import batch_in_equilibrium, in_equilibrium
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from tests.equilibrium.test_moved import four_bar
 
 G = 9.81

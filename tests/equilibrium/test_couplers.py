@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equilibrium.motion import posed_model
-from mbsvib.kinematics.coupler_travel import joint_travel
+from mbsvib.kinematics.couplings import joint_travel
 from mbsvib.linalg.rotations import exponential
 from tests.equilibrium.test_moved import four_bar
 from tests.support.sizes import few

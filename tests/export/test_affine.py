@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib_export.affine import affine
 from tests.export.plants import slider, stewart
 

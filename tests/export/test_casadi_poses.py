@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 
 casadi = pytest.importorskip("casadi")
 BOX = {"leg1.slide.z": [-3e-3, 3e-3], "leg4.slide.z": [-2e-3, 4e-3]}

@@ -7,7 +7,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib_export.checking import pole_error
 from mbsvib_export.responses import check_points
 

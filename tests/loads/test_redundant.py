@@ -196,7 +196,7 @@ def test_joints_that_lock_nothing_make_no_difference(method):
 
 def test_states_of_self_stress_are_found_once(monkeypatch):
     model, found = with_all_joint_forces(mv.library.four_bar()), []
-    monkeypatch.setattr("mbsvib.equations.reactions.of_loops",
+    monkeypatch.setattr("mbsvib.equations.statics.of_loops",
                         lambda *scene: found.append(of_loops(*scene)) or found[-1])  # fmt: skip
     assert model.linearize().redundant
     assert [len(states) for states in found] == [1]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import Variants
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from tests.support.random_models import add_random_body, rotation
 
 KINDS = {

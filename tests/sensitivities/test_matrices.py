@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import mbsvib as mv
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from tests.sensitivities.differences import difference
 from tests.support.random_models import planar, seeds, spatial
 from tests.support.sizes import examples

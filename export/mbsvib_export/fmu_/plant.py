@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
