@@ -76,6 +76,9 @@ def statement(
     ``cut``: joints at which loops are to be cut. ``parameters``: names of numbers that become symbols p. ``bases``: as
     for ``finite_motion``.
     """
+    for name in model.hubs:
+        raise ModelError(f"hub '{name}': a prescribed motion is one in the world; drive a revolute joint in place of "
+                         f"the hub.", element=name, field="hub")  # fmt: skip
     for part in model.composed.values():
         raise ModelError(f"{part.family} '{part.name}': bends, which a prescribed motion does not "
                          f"determine; make rigid bodies and springs of it for a cycle, or simulate.",

@@ -65,13 +65,9 @@ def expanded(model: M) -> M:
                           tuple([part.name for part in model.declared_parts]), carriers=carriers)  # fmt: skip
     result = model.with_parts(**groups, composed={}, expansion=expansion)
     if model.hubs:
-        from mbsvib.equations.hubs import turning
+        from mbsvib.equations.hubs import refuse_superelements, turning
 
-        for part in model.superelements.values():
-            raise ModelError(f"superelement '{part.name}' beside hub '{next(iter(model.hubs))}': its matrices contain "
-                             f"neither where its mass moves, by which centrifugal forces act, nor the stiffness of the "
-                             f"tension they make; describe it by beams, bodies and bushings.",
-                             element=part.name)  # fmt: skip
+        refuse_superelements(model)
         result = turning(result, model.beams)
     displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result

@@ -86,7 +86,12 @@ def centrifugal(hub: Any) -> Array:
 def turning(model: M, beams: Mapping[str, Beam]) -> M:
     """Return an expanded mechanism whose hubs are held, with the forces and terms of the frames that turn with them."""
     of, hubs = on_hubs(model), model.hubs
-    _check(model, of)
+    check_steady(model, of)
+    for output in model.outputs.values():
+        if output.element == GROUND:
+            raise ModelError(f"output '{output.name}': the sum of forces on the ground beside hub '{next(iter(hubs))}' "
+                             f"is not available in linear equations; ask for the forces in joints on the hub, or "
+                             f"model.simulate.", element=output.name, field="element")  # fmt: skip
     joints, loads, springs = holding(model), dict(model.loads), dict(model.springs)
     for name, body in model.bodies.items():
         if name not in of or name in hubs or not (body.mass or any(body.inertia)):
@@ -108,6 +113,11 @@ def turning(model: M, beams: Mapping[str, Beam]) -> M:
     assert model.expansion is not None
     expansion = replace(model.expansion, elastic=(*model.expansion.elastic, *elastic), gyroscopic=tuple(gyroscopic))
     return model.with_parts(joints=joints, loads=loads, springs=springs, expansion=expansion)
+
+
+def on_held(model: M) -> M:
+    """Return a mechanism with joints that hold its hubs, if there are any."""
+    return model.with_parts(joints=holding(model)) if model.hubs else model
 
 
 def holding(model: Mechanism) -> dict[str, Joint]:
@@ -258,7 +268,16 @@ def _section_torques(beam: Beam, hub: Any, loads: dict[str, Load]) -> list[Bushi
     return result
 
 
-def _check(model: Mechanism, of: dict[str, str]) -> None:
+def refuse_superelements(model: Mechanism) -> None:
+    """Refuse superelements beside hubs."""
+    for part in model.superelements.values() if model.hubs else ():
+        raise ModelError(f"superelement '{part.name}' beside hub '{next(iter(model.hubs))}': its matrices contain "
+                         f"neither where its mass moves, by which centrifugal forces act, nor the stiffness of the "
+                         f"tension they make; describe it by beams, bodies and bushings.",
+                         element=part.name)  # fmt: skip
+
+
+def check_steady(model: Mechanism, of: dict[str, str]) -> None:
     """Refuse what does not turn along steadily, by the names of the hub and of the part."""
     for group, what in ((model.joints, "joins"), (model.springs, "acts between")):
         for part in group.values():

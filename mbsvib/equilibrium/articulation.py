@@ -12,7 +12,7 @@ from mbsvib.elements.elastic_families import elastic_parts
 from mbsvib.elements.elastic_part import carrier_joints, massless_bodies, stiffness_of_forces, stiffness_rows
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.equations.expansion import expanded, with_elastic_forces
-from mbsvib.equations.hubs import holding
+from mbsvib.equations.hubs import on_held
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -31,7 +31,7 @@ def articulated(model: M) -> M:
     Nodes and internal coordinates become bodies. The parts stay in the model, as their forces depend on displacements.
     Without flexible parts the model is returned as it is.
     """
-    model = _on_held_hubs(model)
+    model = on_held(model)
     if not model.composed:
         return model
     bodies, joints = dict(model.bodies), dict(model.joints)
@@ -43,11 +43,6 @@ def articulated(model: M) -> M:
                 joints[name] = _joint.make(name, "free", elastic.root, node, point, None, None, None, None, None)
         joints |= carrier_joints(elastic.owner, elastic.carriers, elastic.origin, elastic.internal)
     return model.with_parts(bodies=bodies, joints=joints)
-
-
-def _on_held_hubs(model: M) -> M:
-    """The same mechanism with joints that hold its hubs, if there are any."""
-    return model.with_parts(joints=holding(model)) if model.hubs else model
 
 
 def expanded_articulation(model: M) -> M:
@@ -94,7 +89,7 @@ def with_rigid_parts(model: M) -> M:
     Their weight acts as loads, as in ``linearize``. Inputs and outputs, which may refer to elements of beams, are left
     out. Without flexible parts the model is returned as it is.
     """
-    model = _on_held_hubs(model)
+    model = on_held(model)
     if not model.composed:
         return model
     bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads)

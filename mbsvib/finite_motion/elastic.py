@@ -71,10 +71,13 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     else:
         change, speed = ca.SX(span) @ both, ca.SX(span) @ rates
         frame, ground = motion.frames[block.root], motion.frames[GROUND]
-        velocities, fallen = _stations(block, change, speed, frame, motion)
+        origin, spin = motion.velocity(block.root, frame.shift), motion.angular_velocity(block.root)
+        velocities, fallen = _stations(block, change, speed, frame, (origin, spin))
         of_dampers = velocities  # which stand on the ground
         if ground is not REST:
-            of_dampers, _ = _stations(block, change, speed, frame.seen_from(ground), motion)
+            seen = frame.seen_from(ground)
+            twist = motion.rate(seen.shift), angular_velocity(seen, motion.q, motion.qd)
+            of_dampers, _ = _stations(block, change, speed, seen, twist)
         forms = [0.5 * _form(block.mass, velocities), 0.5 * _form(block.damping, of_dampers)]
         potential -= fallen
         momentum = frame.vector(ca.SX(along @ block.mass) @ velocities)
@@ -123,15 +126,15 @@ def _by_element(bending: Bending) -> Expression:
 
 
 def _stations(
-    block: ElasticBlock, change: Expression, speed: Expression, frame: Frame, motion: Kinematics
+    block: ElasticBlock, change: Expression, speed: Expression, frame: Frame, twist: tuple[Expression, Expression]
 ) -> tuple[Expression, Expression]:
     """Velocities of all stations and rates of internal coordinates in the axes of the root, and the work of weights,
-    with the root in this frame.
+    with the root in this frame; ``twist`` is the velocity of what was at the origin, and the angular velocity in the
+    axes of the root.
     """
-    spin = angular_velocity(frame, motion.q, motion.qd)
     number_of = {station: k for k, station in enumerate(block.elastic)}
     parts, fallen = [], ca.SX(0.0)
-    origin = frame.rotation.T @ motion.rate(frame.shift)
+    origin, spin = frame.rotation.T @ twist[0], twist[1]
     for i, point in enumerate(block.points):
         at, v, w, arm = ca.SX(point), ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(block.arms[i])
         start, turned = at, arm

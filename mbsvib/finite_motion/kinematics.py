@@ -42,7 +42,8 @@ class Kinematics:
     them are rotations. ``bases`` (9 b,) are rotation matrices, column by column, on top of which the rotations of the
     joints ``based`` come: those with three free rotations, if asked for, else none. ``elastic`` has the displacements b
     of its interface and its modes z for each beam or superelement. ``cut`` has the coordinates of joints at which loops
-    are cut, by name; they follow from q, angles within half a turn.
+    are cut, by name; they follow from q, angles within half a turn. ``spins`` has the angular velocity (3,) [rad/s] and
+    a point of the axis (3,) [m] of the frame in which a body is described, if that turns.
     """
 
     topology: Topology
@@ -59,6 +60,7 @@ class Kinematics:
     based: tuple[str, ...]
     elastic: Mapping[str, tuple[Expression, Expression]] = field(default_factory=dict)
     cut: Mapping[str, Expression] = field(default_factory=dict)
+    spins: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def no_turns(self) -> Array:
@@ -77,9 +79,19 @@ class Kinematics:
         """Return the time derivative of an expression of the coordinates."""
         return rate(expression, self.q, self.qd)
 
+    def velocity(self, body: str, point: Expression) -> Expression:
+        """Return the velocity (3,) [m/s] of a point of a body, which is there, that of its turning frame included."""
+        if body not in self.spins:
+            return self.rate(point)
+        w, centre = map(ca.SX, self.spins[body])
+        return self.rate(point) + ca.cross(w, point - centre)
+
     def angular_velocity(self, body: str) -> Expression:
-        """Return the angular velocity (3,) [rad/s] of a body in axes that turn with it."""
-        return angular_velocity(self.frames[body], self.q, self.qd)
+        """Return the angular velocity (3,) [rad/s] of a body in axes that turn with it, that of its turning frame
+        included.
+        """
+        own = angular_velocity(self.frames[body], self.q, self.qd)
+        return own + self.frames[body].rotation.T @ ca.SX(self.spins[body][0]) if body in self.spins else own
 
     def relative(self, first: str, second: str) -> Frame:
         """Return the displacement of the second body against the first, in the axes of the first as described."""

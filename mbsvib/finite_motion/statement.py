@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from mbsvib.elements.motion_input import DrivenCoordinate, acting_inputs
+from mbsvib.equations.hubs import on_held, refuse_superelements
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
 from mbsvib.finite_motion.elastic_block import ALL_SIX, ElasticBlock, elastic_blocks, with_interface
 from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
 from mbsvib.finite_motion.forces import base_power, input_power, load_power, moved_end_force
+from mbsvib.finite_motion.hubs import of_frame, spins
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.momentum import of_body, of_rotor
@@ -64,9 +67,8 @@ def finite_motion(
     ModelError
         If a part has no statement in finite motion, by its name, or a parameter cannot be a symbol.
     """
-    for name in model.hubs:
-        raise ModelError(f"hub '{name}': it has no statement in finite motion; let a revolute joint turn instead, "
-                         f"with a rate at the start or driven.", element=name, field="hub")  # fmt: skip
+    refuse_superelements(model)
+    model = on_held(model)
     if model.composed:
         return _flexible(model, parameters, cut, bases, without, tree)
     return _stated(model, (), (), parameters, cut, bases, without, tree=tree)
@@ -85,7 +87,7 @@ def with_virtual_displacements(
     topology, names = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
     inactive = [name for block in statement.blocks for name in block.mode_names if name not in names]
-    plain = with_interfaces(model, statement.blocks) if statement.blocks else model
+    plain = with_interfaces(on_held(model), statement.blocks)
     parameters = statement.motion.numbers.names
     return _stated(plain, statement.blocks, inactive, parameters, cut, bool(statement.motion.based), without, joints)
 
@@ -110,6 +112,7 @@ def _stated(
     loads = {name: load_power(part, model, motion) for name, part in model.loads.items() if name not in without}
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
+    turning = replace(motion, spins=spins(model))
     bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
     acting = acting_inputs(model.inputs, model.springs)
     for part in acting.values():
@@ -128,6 +131,12 @@ def _stated(
     potential |= {name: part.potential for name, part in bends.items()}
     dissipation = {name: part.dissipation for name, part in (parts | bends).items()}
     gyroscopic = sum((rotor_term(part, motion) for part in model.rotors.values()), ca.SX(0.0))
+    if turning.spins:
+        whole = {name: body_energy(body, turning) for name, body in massive.items()}
+        whole |= {name: rotor_term(part, turning) for name, part in model.rotors.items()}
+        whole |= {block.name: elastic_energies(block, *motion.elastic[block.name], turning).kinetic for block in blocks}
+        fields, gyroscopic = of_frame(whole, motion)
+        potential = {name: potential.get(name, 0.0) + fields.get(name, 0.0) for name in (*potential, *fields)}
     numbers.check_taken()
     return FiniteMotion(
         motion, kinetic, gyroscopic, potential, dissipation, loads, inputs, parts,
@@ -160,7 +169,7 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
     T = 1/2 m v . v + 1/2 w . I w
     """
     numbers = motion.numbers
-    v = motion.rate(motion.point(body.name, numbers.vector(body, "position")))
+    v = motion.velocity(body.name, motion.point(body.name, numbers.vector(body, "position")))
     spin = ca.dot(motion.angular_velocity(body.name), of_body(body, motion))
     return 0.5 * numbers.scalar(body, "mass") * ca.dot(v, v) + 0.5 * spin
 
