@@ -5,13 +5,12 @@ from __future__ import annotations
 import platform
 import warnings
 from importlib.metadata import version
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.linear_range import participating
-from mbsvib.certificate.engines import OTHERS, by_exudyn, mass_by_mujoco
+from mbsvib.certificate.engines import by_exudyn, masses_of_tree
 from mbsvib.certificate.radius import accuracy_radius
 from mbsvib.certificate.restated import difference, restated
 from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
@@ -48,8 +47,8 @@ def certify(model: Model, align: float | None = None) -> Certificate:
     derivatives (``accuracy.radius``, relative, a value without a limit: it is a property of the data); the same model
     in mm, ms and g (``units.invariance``, relative); the linear range (``linear.range``, the smallest travel of a
     coordinate [rad, mechanism sizes] where the second-order part of an output is a tenth, without a limit); eigenvalues
-    of another engine (``engine.difference``, relative; exudyn, where it can), and the mass matrix of MuJoCo of trees of
-    hinges and slides (``mass.difference``, over its largest entry).
+    of another engine (``engine.difference``, relative; exudyn, where it can), and the mass matrices of MuJoCo and
+    Pinocchio, where installed, of trees of hinges and slides (``mass.difference``, over its largest entry).
 
     Parameters
     ----------
@@ -221,21 +220,21 @@ class _Run:
                  amplitude=float(known.values[k, j]), unit=known.units[j], output=known.outputs[j])  # fmt: skip
 
     def mass(self, system: System) -> None:
-        """The mass matrix of another engine, which knows no springs."""
-        mass, joints, its_version = mass_by_mujoco(self.model)
-        ours = [name.rpartition(".")[0] for name in system.coordinates]
-        if sorted(ours) != sorted(joints):
-            raise MbsvibError("mujoco has other coordinates")
-        order = [joints.index(name) for name in ours]
-        off = float(np.abs(mass[np.ix_(order, order)] - system.M).max() / np.abs(system.M).max())
-        self.versions["mujoco"] = its_version
-        self.add("mass.difference", off, SAME_MASS, off <= SAME_MASS,
-                 "difference of the mass matrix from that of mujoco, over its largest entry")  # fmt: skip
+        """The mass matrices of other engines, which know no springs."""
+        ours, off = [name.rpartition(".")[0] for name in system.coordinates], {}
+        for engine, (mass, joints, its_version) in masses_of_tree(self.model).items():
+            if sorted(ours) != sorted(joints):
+                raise MbsvibError(f"{engine} has other coordinates")
+            order = [joints.index(name) for name in ours]
+            off[engine] = float(np.abs(mass[np.ix_(order, order)] - system.M).max() / np.abs(system.M).max())
+            self.versions[engine] = its_version
+        most = max(off.values())
+        self.add("mass.difference", most, SAME_MASS, most <= SAME_MASS,
+                 f"difference of the mass matrix from that of {' and '.join(off)}, over its largest entry",
+                 engines=off)  # fmt: skip
 
     def cross_check(self, system: System) -> None:
         """Eigenvalues of another engine."""
-        for name, why in OTHERS.items():
-            self.skipped[name] = why if find_spec(name) is not None else "not installed"
         try:
             found, its_version = by_exudyn(self.model)
         except MbsvibError as error:

@@ -15,14 +15,10 @@ from mbsvib.errors import LeftOutWarning, MbsvibError
 from mbsvib.urdf.saving import save_urdf
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex
-
-# Engines that have no way to take a mechanism of this kind, and why.
-OTHERS = {
-    "pinocchio": "it has no springs and no bushings between bodies",
-}
-
 
 def by_exudyn(model: Model) -> tuple[Complex, str]:
     """Return the eigenvalues that exudyn finds in its own redundant coordinates, by differences, and its version.
@@ -50,22 +46,11 @@ def by_exudyn(model: Model) -> tuple[Complex, str]:
     return result, version("exudyn")
 
 
-def mass_by_mujoco(model: Model) -> tuple[Array, tuple[str, ...], str]:
-    """Return the mass matrix that MuJoCo finds for a tree of joints in the given pose, the joint of each of its rows,
-    and its version.
-
-    Raises MbsvibError where a model has loops, or parts that a URDF file has no words for.
-    """
-    if find_spec("mujoco") is None:
-        raise MbsvibError("mujoco is not installed; pip install mujoco")
-    if model.couplers or model.composed or len(model.joints) > len(model.bodies):
-        raise MbsvibError("mujoco has the inertia of trees of joints without couplers, beams and superelements")
+def _by_mujoco(path: Path) -> tuple[Array, tuple[str, ...]]:
+    """Return the mass matrix of a URDF in its zero pose by MuJoCo, and the joint of each of its rows."""
     import mujoco
 
-    tree = model.with_parts(springs={}, inputs={}, outputs={}, loads={}, rotors={}, gravity=None)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore", LeftOutWarning)
-        engine = mujoco.MjModel.from_xml_path(str(save_urdf(tree, Path(folder) / "tree.urdf")))
+    engine = mujoco.MjModel.from_xml_path(str(path))
     if engine.nv != engine.njnt:
         raise MbsvibError("mujoco has other coordinates of joints with several freedoms")
     data = mujoco.MjData(engine)
@@ -74,4 +59,40 @@ def mass_by_mujoco(model: Model) -> tuple[Array, tuple[str, ...], str]:
     for row, unit in zip(mass, np.eye(engine.nv), strict=True):
         mujoco.mj_mulM(engine, data, row, unit)
     names = [mujoco.mj_id2name(engine, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(engine.njnt)]
-    return mass, tuple(map(str, names)), version("mujoco")
+    return mass, tuple(map(str, names))
+
+
+def _by_pinocchio(path: Path) -> tuple[Array, tuple[str, ...]]:
+    """Return the mass matrix of a URDF in its zero pose by Pinocchio, and the joint of each of its rows."""
+    import pinocchio
+
+    engine = pinocchio.buildModelFromUrdf(str(path))
+    moving = list(engine.names)[1:]
+    if engine.nv != len(moving):
+        raise MbsvibError("pinocchio has other coordinates of joints with several freedoms")
+    upper = np.triu(pinocchio.crba(engine, engine.createData(), pinocchio.neutral(engine)))
+    return upper + np.triu(upper, 1).T, tuple(moving)
+
+
+# Engines that have the inertia of trees of joints, and no springs and bushings: module, package, mass matrix of a URDF.
+OF_TREES: dict[str, tuple[str, Callable[[Path], tuple[Array, tuple[str, ...]]]]] = {
+    "mujoco": ("mujoco", _by_mujoco), "pinocchio": ("pin", _by_pinocchio)}
+
+
+def masses_of_tree(model: Model) -> dict[str, tuple[Array, tuple[str, ...], str]]:
+    """Return the mass matrix that each engine that is installed finds for a tree of joints in the given pose, the joint
+    of each of its rows, and its version.
+
+    Raises MbsvibError where none is installed, or a model has loops, or parts that a URDF file has no words for.
+    """
+    installed = [name for name in OF_TREES if find_spec(name) is not None]
+    if not installed:
+        raise MbsvibError("neither mujoco nor pinocchio is installed; pip install mujoco")
+    if model.couplers or model.composed or len(model.joints) > len(model.bodies):
+        raise MbsvibError(f"{' and '.join(installed)} has the inertia of trees of joints without couplers, beams and "
+                          f"superelements")  # fmt: skip
+    tree = model.with_parts(springs={}, inputs={}, outputs={}, loads={}, rotors={}, gravity=None)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", LeftOutWarning)
+        path = save_urdf(tree, Path(folder) / "tree.urdf")
+        return {name: (*OF_TREES[name][1](path), version(OF_TREES[name][0])) for name in installed}

@@ -210,23 +210,25 @@ def test_what_is_no_model_is_refused():
         mv.certify("stewart")
 
 
-def test_mass_matrices_of_trees_are_compared_with_mujoco():
-    pytest.importorskip("mujoco")
+@pytest.mark.parametrize("engine", engines.OF_TREES)
+def test_mass_matrices_of_trees_are_those_of_other_engines(engine):
+    pytest.importorskip(engine)
     certificate = mv.certify(mv.library.six_link())
     check = value(certificate, "mass.difference")
     assert check.passed
     assert check.value < 1e-14
-    assert "mujoco" in certificate.versions
-    assert "mujoco has the inertia of trees" in mv.certify(mv.library.four_bar()).skipped["mass.difference"]
+    assert engine in certificate.versions
+    assert certificate.content()["mass"]["engines"][engine] <= check.value
+    assert "has the inertia of trees" in mv.certify(mv.library.four_bar()).skipped["mass.difference"]
 
 
 def test_another_mass_fails(monkeypatch):
-    mass_of = engines.mass_by_mujoco
+    mass_of = engines.masses_of_tree
     pytest.importorskip("mujoco")
-    monkeypatch.setattr(certifying, "mass_by_mujoco", lambda model: mass_of(model.with_values({"link3.mass": 1.001})))
+    monkeypatch.setattr(certifying, "masses_of_tree", lambda model: mass_of(model.with_values({"link3.mass": 1.001})))
     assert mv.certify(mv.library.six_link()).content()["failed"] == ["mass.difference"]
 
 
-def test_missing_mujoco_is_named(monkeypatch):
+def test_missing_engines_are_named(monkeypatch):
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
-    assert "mujoco is not installed" in mv.certify(mv.library.two_link()).skipped["mass.difference"]
+    assert "neither mujoco nor pinocchio is installed" in mv.certify(mv.library.two_link()).skipped["mass.difference"]
