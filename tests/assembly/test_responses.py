@@ -57,8 +57,9 @@ def test_condition_is_that_of_the_interface():
     assert len(few.kept) == len(few.condition) == len(few.omega) < len(OMEGA)
 
 
-def test_a_mount_acts_along_directions_with_stiffness_alone():
-    """Two masses on rails behind a spring, closed form, of which one is measured by its acceleration."""
+@pytest.mark.parametrize(("quantity", "order"), [("velocity", 1), ("acceleration", 2)])
+def test_a_mount_acts_along_directions_with_stiffness_alone(quantity, order):
+    """Two masses on rails behind a spring, closed form, of which one is measured by its velocity or acceleration."""
     parts = {}
     for name, mass in (("a", 3.0), ("b", 2.0)):
         model = mv.Model(name)
@@ -69,15 +70,16 @@ def test_a_mount_acts_along_directions_with_stiffness_alone():
     w = OMEGA
     k, c = 5e3, 7.0
     ports = [f"p.{d}" for d in ("x", "y", "z", "rx", "ry", "rz")]
-    acceleration = mv.Measurement(w, parts["a"].frequency_response(w) * -(w**2), ports, ports, quantity="acceleration")
+    rate = (1j * w) ** order
+    measured = mv.Measurement(w, parts["a"].frequency_response(w) * rate, ports, ports, quantity=quantity)
     mount = [k, 0, 0, 0, 0, 0], [c, 0, 0, 0, 0, 0]
-    result = mv.assemble({"a": acceleration, "b": parts["b"]}, [("a.p", "b.p", mount)])
+    result = mv.assemble({"a": measured, "b": parts["b"]}, [("a.p", "b.p", mount)])
     z = k + 1j * w * c
     stiffness = np.array([[z - 3.0 * w**2, -z], [-z, z - 2.0 * w**2]]).transpose(2, 0, 1)
     expected = np.linalg.inv(stiffness)
     np.testing.assert_allclose(result["b.p.x", "b.p.x"].responses[0, 0], expected[:, 1, 1], rtol=1e-12)
-    np.testing.assert_allclose(result["a.p.x", "b.p.x"].responses[0, 0], -(w**2) * expected[:, 0, 1], rtol=1e-12)
-    assert result.quantity[0] == "acceleration"
+    np.testing.assert_allclose(result["a.p.x", "b.p.x"].responses[0, 0], rate * expected[:, 0, 1], rtol=1e-12)
+    assert result.quantity[0] == quantity
 
 
 def rail(name, mass, damping=0.0, stiffness=0.0):

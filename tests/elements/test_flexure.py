@@ -189,6 +189,32 @@ def test_mass_of_a_notch(shape):
     assert_allclose(shifts(None), expected, rtol=0.03)
 
 
+@pytest.mark.parametrize("shape", [NOTCH, ELLIPTIC, FILLETED])
+def test_a_notch_has_its_mass_at_points(shape):
+    """Sums over the points are the consistent mass matrix, and the integrals of all rigid motions."""
+    part = held(shape).beams["f"].element(extent(shape))
+    points, rows = part.mass_points(), part.mass_rows()
+    matrix = np.einsum("n,nij,nik->jk", points.masses, points.moves, points.moves)
+    matrix += np.einsum("ni,nij,nik->jk", points.sections, points.turns, points.turns)
+    assert_allclose(matrix, rows.T @ rows, rtol=1e-12, atol=1e-13 * np.abs(matrix).max())
+    half, b, count = 0.5 * extent(shape), shape["width"], 200000
+    x = half * (2 * np.arange(count) + 1 - count) / count
+    along, deep = shape.get("radius", half), shape.get("depth", shape.get("radius"))
+    share = np.maximum(0.0, np.abs(x) - (half - along)) / along
+    h = shape["thickness"] + 2 * deep * (1 - np.sqrt(1 - share**2))
+    rigid = np.zeros((6, 12))
+    for k, end in enumerate((-half, half)):
+        rigid[:, 6 * k : 6 * k + 6] = np.eye(6)
+        rigid[4, 6 * k + 2], rigid[5, 6 * k + 1] = -end, end
+    assert_allclose(points.turns @ rigid.T, np.broadcast_to(np.eye(6)[3:], (len(points.masses), 3, 6)), atol=1e-12)
+    soft, (at_end, lever) = points.moves[:, 2], part.odd_load
+    for load, force, arm in ((np.ones(len(soft)), 0.5 * part.mass, part.arm), (soft @ rigid[4] / -half, at_end, lever)):
+        assert_allclose((points.masses * load) @ soft[:, [8, 10]], [force, force * arm], rtol=1e-12)
+    w = RHO * b * h * 2 * half / count
+    expected = [w.sum()] * 3 + [w @ (b * b + h * h) / 12, w @ (x * x + h * h / 12), w @ (x * x + b * b / 12)]
+    assert_allclose(rigid @ matrix @ rigid.T, np.diag(expected), rtol=1e-6, atol=1e-9 * max(expected))
+
+
 @pytest.mark.parametrize("part", [flexure.Elliptic(B, T, L, 1e-9), flexure.CornerFilleted(B, T, L, 1e-9 * L)])
 def test_a_notch_without_cuts_is_a_bar(part):
     """All numbers of the integrals come down to those of a constant section."""

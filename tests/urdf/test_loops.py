@@ -275,11 +275,15 @@ def test_tips_of_merged_links(tmp_path):
         mv.load_urdf(path, pose={"a": 0.2}, tip=["crank", "tip_C"])
 
 
-def test_mimics_and_loops(tmp_path):
-    """The rocker follows the crank by -1: a crossed mechanism closes where both agree, or is told."""
-    follows = '<mimic joint="a" multiplier="1" offset="0.02"/>'
+@pytest.mark.parametrize("chain", [False, True])
+def test_mimics_and_loops(tmp_path, chain):
+    """The rocker turns as far as the crank and 0.02 rad more: the loop closes where both agree; also by way of a third.
+    """
+    follows = '<mimic joint="{}" multiplier="{}" offset="{}"/>'
+    more = link("third", 1.0) + joint("s", "revolute", "base", "third", more=follows.format("a", -2, 0.1))
+    follows = follows.format("s", -0.5, 0.07) if chain else follows.format("a", 1, 0.02)
     bearing = '<origin xyz="0.3 0 0" rpy="0 0 0"/><axis xyz="0 1 0"/>'
-    path = write(tmp_path, HINGED.replace(bearing, bearing + follows))
+    path = write(tmp_path, HINGED.replace(bearing, bearing + follows) + more * chain)
     a, _, d = _angles(mv.load_urdf(path))
     assert d == pytest.approx(a + 0.02, abs=1e-11)
 
