@@ -94,10 +94,12 @@ def turning(model: M, beams: Mapping[str, Beam]) -> M:
                              f"model.simulate.", element=output.name, field="element")  # fmt: skip
     joints, loads, springs = holding(model), dict(model.loads), dict(model.springs)
     for name, body in model.bodies.items():
-        if name not in of or name in hubs or not (body.mass or any(body.inertia)):
+        if name not in of or name in hubs:
             continue
         momentum = sum((rotor.inertia * rotor.speed * np.array(rotor.axis) for rotor in model.rotors.values()
                         if rotor.body == name and rotor.inertia is not None), np.zeros(3))  # fmt: skip
+        if not (body.mass or any(body.inertia) or momentum.any()):
+            continue
         load, bushing = _of_body(body, hubs[of[name]], np.asarray(momentum))
         loads[load.name], springs[bushing.name] = load, bushing
     elastic, gyroscopic = [], []

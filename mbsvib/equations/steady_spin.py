@@ -81,13 +81,12 @@ def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Co
     spins = spin_velocities(model)
     rotor_of = {rotor.body: rotor.name for rotor in model.rotors.values() if rotor.inertia is None}
     body_of = {body.name: body for body in bodies}
-    flexible = frozenset() if model.expansion is None else model.expansion.nodes
     for rotor in model.rotors.values():
         body = body_of[rotor.body]
-        if body.name not in flexible and not any(body.inertia):
-            raise ModelError(f"rotor '{rotor.name}': body '{body.name}' has no inertia to carry it; give the body its "
-                             f"inertia, that of the rotor included.", element=rotor.name, field="body")  # fmt: skip
         if rotor.inertia is None:
+            if not any(body.inertia):
+                raise ModelError(f"rotor '{rotor.name}': body '{body.name}' has no inertia that could spin; give the "
+                                 f"rotor or the body one.", element=rotor.name, field="inertia")  # fmt: skip
             _check_symmetric(rotor.name, body, np.array(rotor.axis))
         elif body.name in spins and np.linalg.norm(np.cross(rotor.axis, spins[body.name])) > SLACK * np.linalg.norm(
             spins[body.name]

@@ -146,6 +146,23 @@ def test_batches_and_derivatives_to_the_speed():
     np.testing.assert_allclose(table.frequencies[0][:2], slope, rtol=1e-5)
 
 
+@pytest.mark.parametrize("flange", [False, True])
+def test_rotors_on_nodes_turn_along(flange):
+    """Also on a node, or a flange, without inertia of its own: as on a flange of nearly none."""
+    def modes(carrier):
+        model = mv.Model("shaft")
+        model.add_hub("hub", 5.0, (0, 0, 1))
+        if carrier:
+            model.add_body("flange", *carrier, position=(0, 0, 1))
+        model.add_beam("shaft", "hub", "flange" if carrier else None, {"type": "circle", "radius": 0.01},
+                       {"E": 2e11, "nu": 0.3, "rho": 7800}, (0, 0, 0), (0, 0, 1), elements=2)  # fmt: skip
+        model.add_rotor("spin", "flange" if carrier else "shaft.2", 300.0, (0, 0, 1), 0.02)
+        return model.linearize().modes().frequencies[:4]
+
+    massless = modes((0.0, (0, 0, 0)) if flange else None)
+    np.testing.assert_allclose(massless, modes((1e-9, (1e-12, 1e-12, 1e-12))), rtol=1e-8)
+
+
 def test_equilibrium_with_beams_and_superelements_are_refused():
     with pytest.raises(mv.ModelError, match="hub 'hub'"):
         blade(2.0, 3).equilibrium()

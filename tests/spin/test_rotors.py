@@ -166,6 +166,43 @@ def test_a_disk_on_a_flexible_shaft():
     np.testing.assert_allclose(sum(modes.kinetic_energy.values()), 1.0, rtol=1e-12)
 
 
+def test_a_rotor_without_mass_precesses():
+    """h^2 s^2 + k1 k2 = 0: angular momentum h on two springs, and no inertia across."""
+    model = mv.Model("gyroscope")
+    model.add_body("disk", 0.0, (0, 0, 0), (0, 0, 0.3))
+    model.add_joint("cross", "universal", "ground", "disk", (0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
+    for name, axis, stiffness in (("k1", (1, 0, 0), 40.0), ("k2", (0, 1, 0), 90.0)):
+        model.add_torsion_spring(name, "ground", "disk", axis=axis, stiffness=stiffness)
+    model.add_rotor("spin", "disk", 30.0, (0, 0, 1), inertia=0.02)
+    values = model.linearize().modes().eigenvalues
+    np.testing.assert_allclose(np.sort(values.imag), [-100.0, 100.0], rtol=1e-14)
+    assert not values.real.any()
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_a_massless_flange_carries_a_rotor_as_the_node_it_holds(method):
+    """A rotor on a flange without mass, at the end of a beam or fixed to a body, is one on that node or body."""
+    def modes(flange, beam):
+        model = mv.Model("shaft")
+        carrier = "shaft.2" if beam else "base"
+        if flange:
+            model.add_body("flange", 0.0, (0, 0, 0), (1, 0, 0))
+        if beam:
+            model.add_beam("shaft", "ground", "flange" if flange else None, {"type": "circle", "radius": 0.01},
+                           {"E": 2e11, "nu": 0.3, "rho": 7800}, (0, 0, 0), (1, 0, 0), elements=2)  # fmt: skip
+        else:
+            model.add_body("base", 2.0, (0.1, 0.2, 0.15))
+            model.add_bushing("mount", "ground", "base", (0, 0, 0), (1e4, 1e4, 1e4, 100, 200, 300))
+            if flange:
+                model.add_joint("weld", "fixed", "base", "flange", (1, 0, 0))
+        model.add_rotor("spin", "flange" if flange else carrier, 300.0, (1, 0, 0), inertia=0.02)
+        system = model.linearize(method=method)
+        return (system.modes() if method == "dense" else system.modes(6, near=0.0)).frequencies[:6]
+
+    for beam in (True, False):
+        np.testing.assert_allclose(modes(True, beam), modes(False, beam), rtol=1e-12)
+
+
 def test_rotors_go_along_to_another_pose():
     """A wheel on a hinged arm: its axis turns with the arm."""
     model = mv.Model("arm")
