@@ -86,7 +86,7 @@ def to_exudyn(model: Model, inputs: Mapping[str, Signal] | None = None) -> Any:
         if isinstance(source, Input):
             scene.add_input(source, signals.get(source.name, 0.0))
     for port in plain.outputs.values():
-        if isinstance(port, Output):
+        if isinstance(port, Output) and isinstance(model.outputs[port.name], Output):
             scene.add_output(port)
     scene.mbs.Assemble()
     return scene.mbs
@@ -248,6 +248,8 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
     for name, part in model.springs.items():
         if part.body_positions:
             refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
+        if part.law is None or part.law.energy is not None:
+            refuse(name, f"the force of a {part.family} is not linear; simulate by model.simulate.")
     for kind, group in (("coupler", plain.couplers), ("rotor", plain.rotors), ("rolling wheel", plain.rolling)):
         for name in group:
             refuse(name, f"exudyn has no {kind} like this one; leave it out, or simulate by model.simulate.")
@@ -272,7 +274,7 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             raise ExportError(f"to_exudyn: inputs: '{name}' is no input of '{model.name}'; it has "
                               f"{', '.join(plain.inputs) or 'none'}.")  # fmt: skip
     left_out = [name for name, port in plain.inputs.items() if not isinstance(port, Input)]
-    left_out += [name for name, port in plain.outputs.items() if not isinstance(port, Output)]
+    left_out += [name for name, port in model.outputs.items() if not isinstance(port, Output)]
     if left_out:
         warnings.warn(f"to_exudyn: left out, as exudyn has no base motion and its sensors of forces differ: "
                       f"{', '.join(left_out)}.", LeftOutWarning, stacklevel=3)  # fmt: skip

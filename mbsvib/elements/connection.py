@@ -73,7 +73,9 @@ class Connection(Part):
     @property
     def rest_wrench(self) -> tuple[float, ...]:
         """Wrench (6,) [N, N m] on the second body in the reference pose, at the last of its points, world axes."""
-        return ZERO
+        if self.law is None or self.law.energy is None:
+            return ZERO
+        return tuple((-self.law.at_pose(self)[0]).tolist())
 
     @property
     def cross_coupling(self) -> tuple[Array, Array] | None:

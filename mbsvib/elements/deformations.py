@@ -8,16 +8,22 @@ from second ones.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbsvib.elements.joint_motion import normals
 from mbsvib.linalg import components as c
+from mbsvib.linalg.displacements import Displacement, small
+from mbsvib.linalg.jets import variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mbsvib.common.arrays import Array
     from mbsvib.linalg.components import Component
-    from mbsvib.linalg.displacements import Displacement
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,10 @@ class Law:
     the damping of a spring and a damper in series. ``rotations`` are the components of x that are rotations, which must
     stay below a limit where they have a moment. ``relaxations`` are pairs of a stiffness (d, d) and a time constant: of
     springs in series with dampers along all of the deformation.
+
+    With an ``energy`` V = energy(d, fields) [J] of the deformation d itself, from components of d and the fields of the
+    part by name, the force is -dV/dd in every pose, and stiffness and force at rest have no fields. Then d in a pose is
+    to follow from the fields there, as a length does and an angle since the pose as described does not.
     """
 
     deformation: Callable[[Displacement, Any], list[Component]]
@@ -43,6 +53,49 @@ class Law:
     series: tuple[str, str] | None = None
     rotations: slice | None = None
     relaxations: str | None = None
+    energy: Callable[[list[Component], Any], Component] | None = None
+
+    @property
+    def follows_coefficients(self) -> bool:
+        """Whether the coefficients at rest determine the force in every pose, as ``posed_scene`` takes it.
+        """
+        return self.energy is None and self.deformation in (length, six, twist)
+
+    @property
+    def has_forces_at_rest(self) -> bool:
+        """Whether it has forces without a motion, in the pose as described or another one."""
+        return any((self.energy, self.stiffness, self.preload, self.free, self.series))
+
+    def is_of_fields(self, part: Any) -> bool:
+        """Whether the deformation in another pose is that of the fields of a part in this pose, by trial."""
+        x = Displacement(c.exponential((0.3, -0.2, 0.4)), (0.02, -0.03, 0.01))
+        there, moved = fields_of(part), {"point": x.point, "rotated_vector": x.vector,
+                                         "rotated_axes": partial(c.product, x.rotation)}  # fmt: skip
+        for name, role in part.roles.items():
+            if role.on == "second" and role.moved and getattr(part, name) is not None:
+                move: Any = moved[role.moved]
+                setattr(there, name, move(getattr(part, name)))
+        return np.allclose(self.deformation(x, fields_of(part)), self.deformation(Displacement(), there), 1e-9, 1e-12)
+
+    def at_pose(self, part: Any) -> tuple[Array, Array, Array]:
+        """Return the first derivatives (6,) and the second ones (6, 6) of the energy, and the first ones (d, 6) of the
+        deformation, to the shift and the rotation vector of the second body at the last point of a part, world axes.
+        """
+        values = fields_of(part)
+        point = getattr(part, part.point_fields[-1]) if part.point_fields else (0.0, 0.0, 0.0)
+        x, y, z, rx, ry, rz = variables(np.zeros(6))
+        rotation = small((rx, ry, rz), (0.0, 0.0, 0.0), point).rotation
+        deformed: list[Any] = self.deformation(Displacement(rotation, (x, y, z), point), values)
+        slopes = np.array([value.gradient for value in deformed])
+        if self.energy is None:
+            return np.zeros(6), np.zeros((6, 6)), slopes
+        energy: Any = self.energy(deformed, values)
+        return energy.gradient, energy.hessian, slopes
+
+
+def fields_of(part: Any) -> Any:
+    """Return the fields of a part that have roles, as laws take them."""
+    return SimpleNamespace(**{name: getattr(part, name) for name in part.roles})
 
 
 def length(x: Displacement, j: Any) -> list[Component]:

@@ -34,6 +34,7 @@ from mbsvib.elements import (
     superelement_expansion,
     torsion_spring,
 )
+from mbsvib.elements.by_law import expand as by_law_expand
 from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import MAKERS, Part, defaults
@@ -54,7 +55,7 @@ class Family:
     ``word`` is the name of its call, ``add_WORD``, and its type in the ``section`` of model files. ``make`` checks the
     arguments of the call and returns the part. ``rows`` returns the relative displacements on which connections act,
     ``nodes`` the bodies and joints that a connection needs for its rows; ``expand`` returns the parts that replace a
-    part in the equations.
+    part in the equations, which follow from the ``law`` of one that states an energy, or of an output.
     """
 
     part: type[Part]
@@ -64,6 +65,13 @@ class Family:
     rows: Callable[..., ElementRows] | None = None
     expand: Callable[..., ExpandedPart] | None = None
     nodes: Callable[..., ExpandedPart] | None = None
+
+    @property
+    def expansion(self) -> Callable[..., ExpandedPart] | None:
+        """What returns the parts that replace one of the family; None: it stands for itself."""
+        law = getattr(self.part, "law", None)
+        by_law = law is not None and (law.energy is not None or issubclass(self.part, ports.Signal))
+        return by_law_expand if by_law and self.expand is None else self.expand
 
 
 def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superelement:

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 
 from mbsvib.common.arguments import DIRECTIONS, UNIT6
 from mbsvib.elements.joint_motion import ROD, SCREW, STRAIGHT, Motion
+from mbsvib.errors import ModelError
 
 Six = tuple[float, ...]
 Named = tuple[tuple[str, Six], ...]
@@ -43,13 +44,20 @@ class Kind:
     """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive``.
 
     Otherwise they are components of one rotation vector. ``drawn`` are the numbers of the axes that pictures show;
-    ``motion`` is its finite motion.
+    ``motion`` is its finite motion, one of those of which the engines have the curvature and the axes in other poses.
     """
 
     free: tuple[str, ...]
     successive: bool = False
     drawn: tuple[int, ...] = ()
     motion: Motion = STRAIGHT
+
+    def __post_init__(self) -> None:
+        if self.motion not in (STRAIGHT, SCREW, ROD):
+            raise ModelError(f"a kind of joint that frees {', '.join(self.free)}: motion = {self.motion!r}; expected "
+                             f"STRAIGHT, SCREW or ROD, as geometric stiffness and other poses of another one are not "
+                             f"stated. Make it of several joints, with a body without mass between them.",
+                             field="motion")  # fmt: skip
 
 
 KINDS: dict[str, Kind] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mbsvib.elements.roles import BODY, point, stated
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from mbsvib.elements.deformations import Law
     from mbsvib.elements.placement import Placement
 
 Six = tuple[float, ...]
@@ -30,12 +31,14 @@ class Signal(Part):
     """An input or output.
 
     ``element`` is the name of the element in which an output is measured or whose end an input moves, else None.
-    ``moves_ground`` is True for inputs that are accelerations of the ground.
+    ``moves_ground`` is True for inputs that are accelerations of the ground. An output with a ``law`` is the change of
+    its one deformation between the bodies ``first`` and ``second``.
     """
 
     __slots__ = ()
     element: Any = None
     moves_ground = False
+    law: ClassVar[Law | None] = None
 
     @property
     def unit(self) -> str:

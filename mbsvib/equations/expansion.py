@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.elastic_part import ElasticPart
 
 
-EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
+EXPANSIONS = {family.part: family.expansion for family in FAMILIES if family.expansion is not None}
 _EXPANDED = ("bodies", "joints", "springs", "inputs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 

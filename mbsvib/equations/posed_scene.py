@@ -166,11 +166,15 @@ def _held(user_model: Mechanism, model: Mechanism) -> dict[str, str] | None:
 
 
 def follows_poses(model: Mechanism, scene: Scene) -> bool:
-    """Return whether loops and couplers of a mechanism follow from poses.
+    """Return whether elements, loops and couplers of a mechanism follow from poses.
 
-    They do not where two successive rotations about axes without a fixed angle between them are cut or coupled, and
-    where couplers are curved or couple components of rotation vectors, which differ in each pose.
+    They do not where the coefficients of an element do not determine its force elsewhere, where two successive
+    rotations about axes without a fixed angle between them are cut or coupled, and where couplers are curved or couple
+    components of rotation vectors, which differ in each pose.
     """
+    families = {type(part) for part in model.springs.values()}
+    if not all(family.law is not None and family.law.follows_coefficients for family in families):
+        return False
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
     bent = any(joint.successive and joint.free is not None for joint in scene.topology.joints
                if joint.name in coupled or joint.name in scene.topology.cut_joints)  # fmt: skip

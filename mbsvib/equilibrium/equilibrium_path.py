@@ -18,7 +18,7 @@ from mbsvib.equilibrium.continuation import Passed, led_to
 from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved import cut_elsewhere_of
-from mbsvib.equilibrium.moved_parts import static_model
+from mbsvib.equilibrium.moved_parts import refuse_unstated, static_model
 from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
 from mbsvib.errors import ModelError, nearest
@@ -161,6 +161,7 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     refuse_curved(model.couplers.values(), "which a path leaves; it holds for linear equations.")
     model = with_angles(model, {coordinate: requested})
     articulated_model = static_model(articulated(model))
+    refuse_unstated(model.springs.values())
     first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)
     state = started(first, coordinate)

@@ -14,7 +14,7 @@ from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import PosedModel, posed_model
-from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
+from mbsvib.equilibrium.moved_parts import model_in_pose, refuse_unstated, static_model
 from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
 from mbsvib.equilibrium.preloads import RESIDUAL, without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
@@ -48,6 +48,7 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
         return Equilibrium(model_there, 0, (before.share,), (), _displacements(model, first.pose))
     refuse_curved(model.couplers.values(), "so that no equilibrium elsewhere is looked for. Describe the model in "
                   "balance, or hold this pose by preloads: equilibrium(preload=...).")
+    refuse_unstated(model.springs.values())
     result = descend(first, before) if snap or not _is_held(first) else follow(first, before)
     if result.stopped:
         raise _unreachable(result)

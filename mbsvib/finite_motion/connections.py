@@ -56,9 +56,7 @@ def connected(part: Any, motion: Kinematics) -> Connected:
                          f"of springs, bushings, torsion springs and the like.", element=part.name)  # fmt: skip
     numbers = motion.numbers
     columns = _columns(part, numbers)
-    described: Expression = ca.vertcat(*law.deformation(Displacement(), columns))
-    relative = motion.relative(part.first, part.second).displacement
-    x = ca.vertcat(*law.deformation(relative, columns)) - described
+    x, described = deformed(part, columns, motion)
     k, c, b = (_coefficients(part, field, numbers) for field in (law.stiffness, law.damping, law.inertance))
     rest = _force_at_rest(part, law, numbers, k, described)
     angle = _largest_angle(x, law.rotations, [k, c, rest])
@@ -67,6 +65,12 @@ def connected(part: Any, motion: Kinematics) -> Connected:
         k, c = k * defined, c * defined
     xd = motion.rate(x)
     force, potential = rest + k @ x + c @ xd, 0.5 * ca.dot(x, k @ x) + ca.dot(rest, x)
+    if law.energy is not None:
+        d = ca.SX.sym("d", x.shape[0])
+        stored = law.energy(ca.vertsplit(d), columns)
+        pull, now, before = (ca.substitute(value, d, there) for value, there in (
+            (ca.gradient(stored, d), x + described), (stored, x + described), (stored, described)))  # fmt: skip
+        force, potential = force + pull, potential + now - before
     dissipation, y, rates = 0.5 * ca.dot(xd, c @ xd), ca.SX.zeros(0), ca.SX.zeros(0)
     if law.series is not None and getattr(part, law.series[1]):
         k1, c1 = (numbers.scalar(part, field) for field in law.series)
@@ -88,11 +92,27 @@ def connected(part: Any, motion: Kinematics) -> Connected:
     return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, crossed, (k, c), angle)
 
 
-def _columns(part: Connection, numbers: Numbers) -> Any:
+def change(part: Any, motion: Kinematics) -> Expression:
+    """Return by how much the one deformation of an output with a law has changed since as described."""
+    return deformed(part, _columns(part, motion.numbers), motion)[0]
+
+
+def deformed(part: Any, columns: Any, motion: Kinematics) -> tuple[Expression, Expression]:
+    """Return the change (d,) of the deformation that a part states since as described, and its value then."""
+    described: Expression = ca.vertcat(*part.law.deformation(Displacement(), columns))
+    relative = motion.relative(part.first, part.second).displacement
+    return ca.vertcat(*part.law.deformation(relative, columns)) - described, described
+
+
+def _columns(part: Any, numbers: Numbers) -> Any:
     """The numbers of a part as components: its points, of which some may be symbols, and its axes."""
     points = {field: entries(numbers.vector(part, field)) for field in part.point_fields}
-    axes = {field: getattr(part, field) for field in ("orientation", "axis") if hasattr(part, field)}
-    return SimpleNamespace(**points, **axes)
+    others = {field: getattr(part, field) for field in ("orientation", "axis") if hasattr(part, field)}
+    if part.law.energy is not None or not isinstance(part, Connection):
+        others = {name: getattr(part, name) for name in part.roles if name not in points}
+        others |= {name: numbers.scalar(part, name) for name, role in part.roles.items()
+                   if role.unit is not None and role.suffixes is None}  # fmt: skip
+    return SimpleNamespace(**points, **others)
 
 
 def _force_at_rest(

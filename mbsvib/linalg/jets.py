@@ -66,6 +66,10 @@ class Jet:
         inverse = 1.0 / self.value
         return self._mapped(inverse, -(inverse**2), 2.0 * inverse**3)
 
+    def __pow__(self, n: float) -> Jet:
+        """This jet to the power of a number."""
+        return self._mapped(self.value**n, n * self.value ** (n - 1.0), n * (n - 1.0) * self.value ** (n - 2.0))
+
     def sqrt(self) -> Jet:
         """Square root."""
         root = np.sqrt(self.value)

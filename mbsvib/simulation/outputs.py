@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.equations.expansion import EXPANSIONS
+from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import moved_end_force, velocity
 from mbsvib.finite_motion.frames import rate_in_motion
@@ -96,7 +97,10 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
     outputs: Mapping[str, Any] = model.outputs
     for name, part in outputs.items():
         beam = beam_of(model, part.element)
-        if type(part) in EXPANSIONS and beam is not None:
+        if part.law is not None:
+            value = change(part, motion)
+            signals[name] = _Signal(value, motion.rate(value))
+        elif type(part) in EXPANSIONS and beam is not None:
             value = strain(part, beam, statement)
             signals[name] = _Signal(value, motion.rate(value))
         elif type(part) in EXPANSIONS:

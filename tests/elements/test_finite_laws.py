@@ -23,6 +23,7 @@ from mbsvib.elements import (
 from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.joint_motion import Columns
+from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.linalg import components as c
 from mbsvib.linalg import rotations
@@ -96,6 +97,14 @@ def at_rest(name):
     return np.array([jet.gradient for jet in jets]), np.array([jet.hessian for jet in jets])
 
 
+def direct_parts(part):
+    """What it is in the equations between its two bodies: itself, or those of its stand-ins that have no node."""
+    if has_rows(part):
+        return [part]
+    made = EXPANSIONS[type(part)](part, {}).springs.values()
+    return [item for item in made if {item.first, item.second} == {"a", "b"}]
+
+
 BOTH = [*JOINTS, *CONNECTIONS]
 OPEN = [name for name in BOTH if name != "free"]
 
@@ -143,8 +152,8 @@ def test_first_derivatives_are_the_rows_and_forces_of_the_connection(name):
     def value(field):
         return np.array(0.0 if field is None or getattr(part, field) is None else getattr(part, field)) * np.ones(d)
 
-    if has_rows(part):
-        expected = connection_rows([part], {"a": 0, "b": 1, "s.node": 2})
+    if direct := direct_parts(part):
+        expected = connection_rows(direct, {"a": 0, "b": 1, "s.node": 2})
         expected = expected.take(np.flatnonzero(expected.rows.first + expected.rows.second == 1))
         rows = np.concatenate((expected.rows.force, expected.rows.moment + np.cross(
             expected.rows.point - np.array(POINT)[:, None], expected.rows.force, axis=0))).T  # fmt: skip
@@ -154,6 +163,7 @@ def test_first_derivatives_are_the_rows_and_forces_of_the_connection(name):
             matrix = value(getattr(law, key))
             matrix = matrix if matrix.ndim == 2 else np.diag(matrix)
             np.testing.assert_allclose(slope.T @ matrix @ slope, rows.T @ (coefficient[:, None] * rows), atol=1e-13)
+        assert sum(np.array(item.rest_wrench) for item in direct) == pytest.approx(part.rest_wrench, abs=1e-15)
     described = law.deformation(Displacement(), fields(part))
     rest = value(law.preload) * (-1.0 if law.wrench else 1.0)
     if law.free and getattr(part, law.free) is not None:
@@ -161,6 +171,21 @@ def test_first_derivatives_are_the_rows_and_forces_of_the_connection(name):
     wrench = np.array(part.rest_wrench)
     wrench[3:] += np.cross(np.subtract(part.points[-1], POINT), wrench[:3]) if part.points else 0.0
     np.testing.assert_allclose(-slope.T @ rest, wrench, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", [name for name, part in CONNECTIONS.items() if part.law and part.law.relaxations])
+def test_relaxations_of_a_law_are_the_springs_and_dampers_in_series(name):
+    part = CONNECTIONS[name]
+    made = EXPANSIONS[type(part)](part, {}).springs
+    terms = getattr(part, part.law.relaxations)
+    assert len(made) == 1 + 2 * len(terms)
+    for i, (stiffness, time) in enumerate(terms, 1):
+        for word, factor in (("spring", 1.0), ("damper", time)):
+            item = made[f"s.{i}.{word}"]
+            value = np.array(item.stiffness if word == "spring" else item.damping)
+            expected = factor * np.array(stiffness)
+            np.testing.assert_allclose(value, expected if value.shape == expected.shape else
+                                       [0, 0, 0, 0, 0, *expected] if value.shape == (6,) else expected[0])
 
 
 @pytest.mark.parametrize("name", OPEN)
