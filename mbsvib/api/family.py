@@ -179,7 +179,7 @@ class Family(Batch):
         ModelError
             If there is no such mode.
         """
-        from mbsvib.plots.over_variables import over_variables
+        from mbsvib.plots.studies import over_variables
 
         columns = self.parameters
         varied = {name: np.unique(column) for name, column in columns.items() if np.ptp(column)}

@@ -133,7 +133,7 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
 
     If none are requested, all are drawn if they fit into one figure, and otherwise the first of each.
     """
-    from mbsvib.plots._choice import MOST_PANELS, pick
+    from mbsvib.plots._curves import MOST_PANELS, pick
 
     sources, results = pick(system, "input", inputs or None), pick(system, "output", outputs or None)
     if len(sources) * len(results) <= MOST_PANELS or (inputs and outputs):

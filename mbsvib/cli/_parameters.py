@@ -70,7 +70,7 @@ def _over_ranges(result: Sweep) -> Figure:
     """The natural frequencies of all modes asked for over what varies."""
     import numpy as np
 
-    from mbsvib.plots.over_variables import over_variables
+    from mbsvib.plots.studies import over_variables
 
     label = "natural frequency" if len(result.results) > 1 else "natural frequency of mode 1"
     return over_variables(

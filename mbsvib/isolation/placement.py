@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from mbsvib.isolation.placement_search import search
 from mbsvib.linalg.rank import SAME_FIGURE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
@@ -140,7 +139,7 @@ class Placement(Columnar, Displayed):
         matplotlib.figure.Figure, or ``ax``
             The figure.
         """
-        from mbsvib.plots.placement import placement_figure
+        from mbsvib.plots.studies import placement_figure
 
         sets = [(*one.sensors, *one.actuators) for one in self.sets]
         label = "share of the information [-]" if self.larger else "root of the cost [-]"

@@ -7,32 +7,22 @@ imported by the first figure that is drawn.
 """
 
 from mbsvib.plots._style import STYLE
-from mbsvib.plots.bode import bode
-from mbsvib.plots.campbell import campbell
+from mbsvib.plots.bode import bode, nyquist
 from mbsvib.plots.comparison import comparison
-from mbsvib.plots.cycle import cycle
-from mbsvib.plots.energy import energy
-from mbsvib.plots.front import front
-from mbsvib.plots.grid import time_grid
-from mbsvib.plots.isolation import isolation
-from mbsvib.plots.loop_gain import loop_gain
-from mbsvib.plots.loop_nyquist import loop_nyquist
+from mbsvib.plots.cycle import cycle, periodic
+from mbsvib.plots.isolation import isolation, transmissibility
+from mbsvib.plots.loops import loop_gain, loop_nyquist, sensitivity
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.mode_contributions import mode_contributions
 from mbsvib.plots.mode_strips import mode_strips
-from mbsvib.plots.modes import modes
-from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.modes import energy, modes
 from mbsvib.plots.path import path
-from mbsvib.plots.periodic import periodic
-from mbsvib.plots.pole_zero_map import pole_zero_map
-from mbsvib.plots.root_locus import root_locus
-from mbsvib.plots.sensitivity import sensitivity
+from mbsvib.plots.root_locus import pole_zero_map, root_locus
 from mbsvib.plots.singular_values import singular_values
-from mbsvib.plots.step import step
+from mbsvib.plots.step import step, time_grid
+from mbsvib.plots.studies import campbell, front, trade_off
 from mbsvib.plots.topology import topology
-from mbsvib.plots.trade_off import trade_off
-from mbsvib.plots.transmissibility import transmissibility
 
 __all__ = [
     "STYLE",

@@ -2,6 +2,8 @@
 
 A point between two bodies (on a spring) moves by a share of either: u = (1 - s) u_first(p) + s u_second(q). So the
 picture of any displacement of the bodies is one product, and no drawing needs to know of joints.
+
+Shapes of bodies and springs: bars, plates or hulls between the connection points of a body, and coils.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ import numpy as np
 from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import span
-from mbsvib.plots import _outline as outline
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,6 +28,91 @@ if TYPE_CHECKING:
     from mbsvib.elements.part import Composed, Part
     from mbsvib.equations.equations import Provenance
     from mbsvib.mechanism.mechanism import Mechanism
+
+
+FLAT = 1e-4  # share of the size below which points lie in a line or a plane
+LEAD = 0.14  # share of a spring's length that is straight at either end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Points, polylines (kind and point numbers) and triangles that represent a body."""
+
+    points: Array
+    polylines: tuple[tuple[str, tuple[int, ...]], ...]
+    faces: tuple[tuple[int, int, int], ...] = ()
+
+
+def outline(centre: Array, attachments: Array, size: float) -> Outline:
+    """Return the outline of a body: a bar, a plate or a hull between its connection points.
+
+    ``centre`` (3,): its centre of mass. ``attachments`` (n, 3): where joints and springs hold it, each point once.
+    ``size``: extent of the mechanism [m]. Returns its lines and faces; none where it is held at its centre only.
+    """
+    points = np.concatenate((attachments, centre[None]))
+    if not len(attachments):
+        return Outline(points, ())
+    spread, axes = _principal(attachments)
+    rank = int(np.count_nonzero(spread > FLAT * size))
+    if rank >= 2:
+        ring, faces = _plate(attachments @ axes[:2].T) if rank == 2 else _hull(attachments)
+        off = _distance(centre, attachments, axes, rank) > 0.02 * size
+        corners = sorted({i for polyline in ring for i in polyline}) if off else []
+        polylines: list[tuple[str, tuple[int, ...]]] = [("body", polyline) for polyline in ring]
+        return Outline(points, (*polylines, *(("spoke", (len(attachments), i)) for i in corners)), faces)
+    inline, axes = _principal(points)
+    if np.count_nonzero(inline > FLAT * size) <= 1:
+        return Outline(points, (("body", tuple(np.argsort(points @ axes[0], kind="stable").tolist())),))
+    return Outline(points, tuple([("body", (len(attachments), i)) for i in range(len(attachments))]))
+
+
+def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> tuple[Array, Array]:
+    """Return the points (n, 3) of a coil spring from start to end, and their positions along it, (n,) from 0 to 1."""
+    span = end - start
+    length = float(np.linalg.norm(span))
+    along = span / length
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across /= np.linalg.norm(across)
+    third = np.cross(along, across)
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, turns * per_turn + 1)
+    share = np.linspace(LEAD, 1.0 - LEAD, len(angle))
+    r = min(radius, 0.12 * length) * np.minimum(1.0, np.minimum(angle, angle[-1] - angle) / np.pi)
+    points = start + share[:, None] * span + r[:, None] * (
+        np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * third)  # fmt: skip
+    return np.concatenate((start[None], points, end[None])), np.concatenate(([0.0], share, [1.0]))
+
+
+def _principal(points: Array) -> tuple[Array, Array]:
+    """Extents of points along their principal axes, and these axes as rows."""
+    moved = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(moved, full_matrices=True)
+    return np.ptp(moved @ axes.T, axis=0), axes
+
+
+def _distance(centre: Array, attachments: Array, axes: Array, rank: int) -> float:
+    """Distance of the centre from the plane of the points, 0 inside of a hull."""
+    return abs(float((centre - attachments.mean(axis=0)) @ axes[2])) if rank == 2 else 0.0
+
+
+def _plate(flat: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
+    from scipy.spatial import ConvexHull
+
+    ring = ConvexHull(flat).vertices.tolist()
+    faces = tuple((ring[0], ring[i], ring[i + 1]) for i in range(1, len(ring) - 1))
+    return [(*ring, ring[0])], faces
+
+
+def _hull(attachments: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(attachments)
+    edges = set()
+    for face, neighbours in enumerate(hull.neighbors):
+        for neighbour in neighbours:
+            # edges between triangles of one flat side are not drawn
+            if not np.allclose(hull.equations[face], hull.equations[neighbour], atol=1e-6):
+                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[neighbour].tolist()))))
+    return sorted(edges), tuple((int(i), int(j), int(k)) for i, j, k in hull.simplices)
 
 
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
@@ -197,7 +283,7 @@ class _Builder:
             self.line("damper", part.name, [(part.first, start), (part.second, end)])
             return
         radius = COIL * self.size
-        points, share = outline.coil(np.array(start), np.array(end), radius, TURNS, 12 if fine else 4)
+        points, share = coil(np.array(start), np.array(end), radius, TURNS, 12 if fine else 4)
         first = len(self.rest)
         a, b = self.number[part.first], self.number[part.second]
         for at, s in zip(points, share, strict=True):
@@ -232,7 +318,7 @@ class _Builder:
 
     def body(self, part: Body) -> None:
         centre = np.array(part.position)
-        shape = outline.outline(centre, np.array(self.attachments.get(part.name, ())).reshape(-1, 3), self.size)
+        shape = outline(centre, np.array(self.attachments.get(part.name, ())).reshape(-1, 3), self.size)
         start = len(self.rest)
         for at in shape.points:
             self.point(part.name, at)

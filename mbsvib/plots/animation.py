@@ -1,12 +1,15 @@
-"""Modes in motion, as figures, GIF, MP4 or a page with a player."""
+"""Modes in motion, as figures, GIF, MP4 or a page with a player.
+
+The program that writes MP4: the one on the path, or the one that comes with the package imageio-ffmpeg.
+"""
 
 from __future__ import annotations
 
-import os
 from base64 import b64encode
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +23,7 @@ from mbsvib.plots._scene import DrawnScene, of_system
 from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Iterator
 
     from matplotlib.figure import Figure
@@ -27,6 +31,7 @@ if TYPE_CHECKING:
 
     from mbsvib.equations.equations import Provenance
     from mbsvib.modes import Modes
+
 
 SUFFIXES = (".gif", ".mp4", ".html")
 COLOURS = 96  # of a GIF
@@ -149,8 +154,6 @@ class Animation(Displayed):
 
         from matplotlib import rc_context
 
-        from mbsvib.plots._ffmpeg import program
-
         path = program()
         with style.context(), rc_context({"animation.ffmpeg_path": path}):
             try:
@@ -218,3 +221,19 @@ def in_motion(
     farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
     shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
     return Animation(scene, shape, title, view, int(frames), float(rate))
+
+
+def program() -> str:
+    """Return the path of ffmpeg: of matplotlib's setting and the path first, then that of imageio-ffmpeg."""
+    from matplotlib import rcParams
+
+    path = which(rcParams["animation.ffmpeg_path"])
+    if path is None:
+        try:
+            from imageio_ffmpeg import get_ffmpeg_exe
+
+            path = get_ffmpeg_exe()
+        except (ImportError, RuntimeError) as error:  # RuntimeError: the package brings no program for this machine
+            raise ExportError('MP4 needs the program ffmpeg, which is not found; install it with:  pip install '
+                              '"mbsvib[video]"  or write a .gif or .html.') from error  # fmt: skip
+    return str(path)

@@ -10,8 +10,7 @@ from mbsvib.common.expected import a_system
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
-from mbsvib.plots import _symbols as symbols
-from mbsvib.plots._projection import CORNER, LINES, Picture, triad
+from mbsvib.plots._projection import CORNER, LINES, Picture, legend, triad
 from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
@@ -20,9 +19,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots._curves import System
     from mbsvib.plots._projection import View
     from mbsvib.plots._scene import DrawnScene
-    from mbsvib.plots._system import System
 
 MOST_NAMES = 40
 
@@ -70,7 +69,7 @@ def mechanism(
         picture = Picture(axes, scene, view)
         triad(axes, view)
         axes.set_title(scene.name)
-        symbols.legend(paper, scene)
+        legend(paper, scene)
         if names:
             _write_names(axes, scene, picture.flat(scene.points)[:, :2])
     return paper.result

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._system import System
+    from mbsvib.plots._curves import System
 
     ModeSet: TypeAlias = System | Modes | ArrayLike
 

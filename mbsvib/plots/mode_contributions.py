@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common import units
-from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import curves, shared_grid
+from mbsvib.plots._curves import curves, pairs_of, shared_grid
 from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.selection import Names
-    from mbsvib.plots._system import System
+    from mbsvib.plots._curves import System
 
 MOST, LEAST = 6, 1e-3  # modes with curves of their own, and their least share of the largest response
 
@@ -52,7 +51,7 @@ def mode_contributions(
     ResponseError
         If a name is unknown, there are more than twelve panels, or modes do not add up to the response.
     """
-    panels = choice.pairs(system, outputs, inputs)
+    panels = pairs_of(system, outputs, inputs)
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system], flat, frequencies, span)
     columns = max(map(len, panels))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Complex, Index
     from mbsvib.common.selection import Names
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._system import System
+    from mbsvib.plots._curves import System
 
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.plots._system import System
+    from mbsvib.plots._curves import System
 
 MOST_BODIES = 200  # in a picture
 MOST_NAMES = 12

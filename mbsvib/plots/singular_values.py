@@ -9,9 +9,8 @@ import numpy as np
 from mbsvib.common import units
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.singular_values import singular_values as singular
-from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import Curve, curves, shared_grid
+from mbsvib.plots._curves import MOST_PANELS, Curve, curves, listed, pick, shared_grid
 from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
-    from mbsvib.plots._choice import Systems
-    from mbsvib.plots._system import Linear
+    from mbsvib.plots._curves import Linear, Systems
 
 
 MOST_NAMED, LONGEST_NAMES = 4, 24  # names in a title, and their letters
@@ -71,11 +69,11 @@ def singular_values(
     ResponseError
         If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
-    named = choice.listed(systems, labels)
+    named = listed(systems, labels)
     groups = unit_groups(named[0][1], outputs, inputs)
-    if len(groups) > choice.MOST_PANELS:
+    if len(groups) > MOST_PANELS:
         raise ResponseError(f"singular values: outputs and inputs have {len(groups)} pairs of units, a panel each; a "
-                            f"figure holds at most {choice.MOST_PANELS}: choose, for example, "
+                            f"figure holds at most {MOST_PANELS}: choose, for example, "
                             f"outputs={groups[0].outputs!r}, inputs={groups[0].inputs!r}.")  # fmt: skip
     grid = shared_grid([system for _, system in named], [group[:2] for group in groups], frequencies, span)
     columns = min(len({tuple(group.inputs) for group in groups}), 4)
@@ -90,8 +88,8 @@ def singular_values(
 
 def unit_groups(system: Linear, outputs: Names, inputs: Names) -> list[UnitGroup]:
     """Return the selected outputs and inputs, one group for each pair of units, those of the first output first."""
-    results = _by_unit(choice.pick(system, "output", outputs), system.outputs, system.output_units)
-    sources = _by_unit(choice.pick(system, "input", inputs), system.inputs, system.input_units)
+    results = _by_unit(pick(system, "output", outputs), system.outputs, system.output_units)
+    sources = _by_unit(pick(system, "input", inputs), system.inputs, system.input_units)
     return [UnitGroup(names, ports, units.ratio(result_unit, source_unit))
             for result_unit, names in results.items() for source_unit, ports in sources.items()]  # fmt: skip
 

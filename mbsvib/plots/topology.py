@@ -1,23 +1,88 @@
-"""The topology of a mechanism: its spanning tree, the joints at which loops are cut, springs."""
+"""The topology of a mechanism: its spanning tree, the joints at which loops are cut, springs.
+
+Positions of bodies in a drawing of the topology: ground at the bottom, each body above its parent.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.expected import a_system
+from mbsvib.mechanism.topology import FLOATS
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _style as style
-from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._system import System
+    from mbsvib.elements.part import Part
+    from mbsvib.mechanism.topology import Topology
+    from mbsvib.plots._curves import System
+
+
+def positions(topology: Topology) -> list[tuple[float, int]]:
+    """Return abscissa and level of each body, ground (level 0) last: leaves in a row, parents above their middle."""
+    ground = len(topology.bodies)
+    children: list[list[int]] = [[] for _ in range(ground + 1)]
+    level = [0] * (ground + 1)
+    for branch in topology.branches:
+        children[branch.parent].append(branch.body)
+        level[branch.body] = level[branch.parent] + 1
+    abscissa = [0.0] * (ground + 1)
+    next_column = 0
+    stack = [ground]
+    while stack:  # leaves in depth-first order
+        body = stack.pop()
+        stack += reversed(children[body])
+        if not children[body]:
+            abscissa[body] = next_column
+            next_column += 1
+    for body in [*(branch.body for branch in reversed(topology.branches)), ground]:
+        below = [abscissa[child] for child in children[body]]
+        if below:
+            abscissa[body] = 0.5 * (min(below) + max(below))
+    return list(zip(abscissa, level, strict=True))
+
+
+def laid_out(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
+    """Return bodies and their connections: nodes [name, x, level, floats], edges [kind, name, words, first, second].
+
+    ``parts``: what the mechanism is made of, for its springs and couplers. Returns ``nodes``, ground last, and
+    ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
+    """
+    points = positions(topology)
+    names = (*topology.bodies, "ground")
+    number = {name: i for i, name in enumerate(names)}
+    cut, floating = set(topology.cut), set(topology.floating)
+    nodes = [[name, x, level, i in floating] for i, (name, (x, level)) in enumerate(zip(names, points, strict=True))]
+    edges = [["cut" if k in cut else "tree", joint.name, f"{joint.kind} joint", number[joint.first],
+              number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
+    edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
+              for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
+    elements: list[Any] = list(parts)
+    generated = {name for part in elements if part.symbol == "composed" for name in part.generated_names}
+    for part in elements:
+        if part.symbol in ("spring", "bushing") and part.name not in generated:
+            edges.append(["spring", part.name, part.family, number[part.first], number[part.second]])
+        elif part.symbol == "coupler":
+            coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
+            edges += [["coupler", part.name, part.family, number[a], number[b]]
+                      for a, b in pairwise(coupled_bodies)]  # fmt: skip
+    return {"nodes": nodes, "edges": edges}
+
+
+def _moved(topology: Topology, coordinate: str) -> str:
+    """The outer body of a coordinate, to which a gear belongs."""
+    joint = next(joint for joint in topology.joints if joint.name == coordinate.rpartition(".")[0])
+    return joint.first if joint.second == "ground" else joint.second
 
 
 KINDS = {
@@ -50,7 +115,7 @@ def topology(system: System, *, ax: Given | None = None) -> Figure | Given:
         Joints of the tree black, cut joints red and dashed, springs orange, gears and other couplers green and dotted.
     """
     a_system(system, "topology").provenance.check_mechanism(system.name, "plots.topology")
-    graph = layout.graph(system.provenance.topology, system.provenance.parts)
+    graph = laid_out(system.provenance.topology, system.provenance.parts)
     nodes, edges = graph["nodes"], graph["edges"]
     at = np.array([node[1:3] for node in nodes], dtype=float)
     width, height = np.ptp(at, axis=0)

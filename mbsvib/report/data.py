@@ -12,10 +12,9 @@ from mbsvib.explain.dense import skipped
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.plots import _scene
-from mbsvib.plots import _tree_layout as layout
-from mbsvib.plots._choice import pick
-from mbsvib.plots._curves import NEGLIGIBLE, curves
-from mbsvib.plots.energy import largest, shares
+from mbsvib.plots._curves import NEGLIGIBLE, curves, pick
+from mbsvib.plots.modes import largest, shares
+from mbsvib.plots.topology import laid_out
 from mbsvib.report.comparison import compared_modes, has_geometry, measured_against, noted_differences
 from mbsvib.report.form import COMPARED, form_of
 from mbsvib.report.order import inputs_in_order, outputs_in_order
@@ -52,7 +51,7 @@ def collect(
     if has_scene:
         topology = system.provenance.topology
         structure = {
-            "topology": layout.graph(topology, system.provenance.parts),
+            "topology": laid_out(topology, system.provenance.parts),
             "loops": _loops(system),
             "floating": [topology.bodies[i] for i in topology.floating],
             "redundant": list(system.redundant),

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, in_rows, sheet
-from mbsvib.plots.over_variables import MOST_LINES, bins
+from mbsvib.plots.studies import MOST_LINES, bins
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -17,7 +17,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.labelled import Labelled, dataset
 from mbsvib.errors import ModelError, counted, nearest
-from mbsvib.plots.over_variables import over_variables
+from mbsvib.plots.studies import over_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,7 +17,7 @@ from mbsvib.common.expected import a_model
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import resolved
-from mbsvib.plots.over_variables import MOST_LINES
+from mbsvib.plots.studies import MOST_LINES
 from mbsvib.studies import figures
 from mbsvib.studies.design import design, posed_names
 from mbsvib.studies.evaluation import DesignPoint

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import mbsvib as mv
-from mbsvib.plots._ffmpeg import program
+from mbsvib.plots.animation import program
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_ffmpeg_on_the_path_comes_first(monkeypatch, tmp_path):
 def test_a_program_that_fails_is_told(stewart, monkeypatch, tmp_path):
     (own := tmp_path / "ffmpeg").write_text("#!/bin/sh\nexit 3\n")
     own.chmod(0o755)
-    monkeypatch.setattr("mbsvib.plots._ffmpeg.which", lambda name: str(own))
+    monkeypatch.setattr("mbsvib.plots.animation.which", lambda name: str(own))
     with pytest.raises(mv.ExportError, match="ffmpeg: this program wrote no MP4"):
         stewart.modes().animate(1, tmp_path / "mode.mp4", frames=2)
     assert not (tmp_path / "mode.mp4").exists()
@@ -117,7 +117,7 @@ def test_refusals(stewart, tmp_path, monkeypatch):
         modes.animate(1, tmp_path / "mode.avi")
     with pytest.raises(mv.ExportError, match="cannot be written"):
         modes.animate(1, tmp_path / "no" / "mode.gif", frames=2)
-    monkeypatch.setattr("mbsvib.plots._ffmpeg.which", lambda name: None)
+    monkeypatch.setattr("mbsvib.plots.animation.which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(mv.ExportError, match=r'ffmpeg.*pip install "mbsvib\[video\]"'):
         modes.animate(1, tmp_path / "mode.mp4")

@@ -3,28 +3,28 @@
 import pytest
 
 import mbsvib as mv
-from mbsvib.plots import _choice as choice
 from mbsvib.plots import bode
+from mbsvib.plots._curves import listed, pairs_of
 
 
 def test_all_pairs_make_a_matrix(slider):
-    panels = choice.pairs(slider(), None, None)
+    panels = pairs_of(slider(), None, None)
     assert panels == [[(name, "F"), (name, "ax")] for name in ("x", "v", "a")]
 
 
 def test_a_single_input_fills_rows(slider):
-    assert choice.pairs(slider(), None, "F") == [[("x", "F"), ("v", "F"), ("a", "F")]]
-    assert choice.pairs(slider(), ["x", "v", "x"], "F") == [[("x", "F"), ("v", "F")]]
-    four = choice.pairs(mv.library.build("stewart").linearize(), "r*", ["Fx"])
+    assert pairs_of(slider(), None, "F") == [[("x", "F"), ("v", "F"), ("a", "F")]]
+    assert pairs_of(slider(), ["x", "v", "x"], "F") == [[("x", "F"), ("v", "F")]]
+    four = pairs_of(mv.library.build("stewart").linearize(), "r*", ["Fx"])
     assert [len(row) for row in four] == [3]
-    four = choice.pairs(mv.library.build("stewart").linearize(), ["x", "y", "z", "rx"], "Fx")
+    four = pairs_of(mv.library.build("stewart").linearize(), ["x", "y", "z", "rx"], "Fx")
     assert [len(row) for row in four] == [2, 2]
 
 
 def test_too_many_panels_are_refused_with_an_example():
     system = mv.library.build("stewart").linearize()
     with pytest.raises(mv.ResponseError, match=r"36 panels.*output 'x' and input 'Fx'"):
-        choice.pairs(system, None, None)
+        pairs_of(system, None, None)
 
 
 def test_unknown_names_suggest_the_nearest():
@@ -47,12 +47,12 @@ def test_a_system_without_outputs_says_what_to_do():
 
 def test_labels(slider):
     first, second = slider(), slider(damping=1.0)
-    assert [label for label, _ in choice.listed([first, second], None)] == ["slider (1)", "slider (2)"]
-    assert [label for label, _ in choice.listed([first, second], ["a", "b"])] == ["a", "b"]
+    assert [label for label, _ in listed([first, second], None)] == ["slider (1)", "slider (2)"]
+    assert [label for label, _ in listed([first, second], ["a", "b"])] == ["a", "b"]
     small = mv.library.chain(3).linearize()
-    assert [label for label, _ in choice.listed([small, small.reduced(2)], None)] == [
+    assert [label for label, _ in listed([small, small.reduced(2)], None)] == [
         f"{small.name}, 6 states", f"{small.name}, 2 states"]  # fmt: skip
     with pytest.raises(mv.ResponseError, match="1 labels for 2 systems"):
-        choice.listed([first, second], ["a"])
+        listed([first, second], ["a"])
     with pytest.raises(mv.ResponseError, match="no system"):
-        choice.listed([], None)
+        listed([], None)

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.plots import energy
-from mbsvib.plots.energy import largest
+from mbsvib.plots.modes import largest
 
 
 def drawn(figure):

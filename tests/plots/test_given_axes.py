@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import mbsvib as mv
 from mbsvib import library, plots
 from mbsvib.plots import _sheet
-from mbsvib.plots._figure import LogTexts
+from mbsvib.plots._style import LogTexts
 from tests.plots.test_axes import FIGURES
 from tests.support.public import returned_classes
 
