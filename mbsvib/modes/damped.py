@@ -28,7 +28,7 @@ from mbsvib.modes.classical import (
     quadratic_roots,
     rounding_of_sums,
 )
-from mbsvib.modes.pairs import found_twice, pair_numbers, with_neighbours, within_reach
+from mbsvib.modes.pairs import nearness, pair_numbers, with_neighbours, within_reach
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
@@ -43,6 +43,8 @@ CORRECTION = 1e-4
 SQUARED = 1e-9
 # Vectors in the resolvent are as inexact as those whose errors it bounds: these errors are up to twice as large.
 INEXACT = 2.0
+# An eigenvalue next to one whose vector differs by less was found twice, in place of a near one: 1 / (1 - cosine).
+TWICE = 1e6
 # Rounding of the rigid-body modes as motion of springs, in parts of eps; calibrated on chains with strong dampers.
 RIGID = 16.0
 # A tiny divisor in place of 0, so that quotients become large and not infinite.
@@ -263,6 +265,7 @@ def _rayleigh(
     # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
     residual = improved * (improved * inertia + damping) + elastic
     every, exact_slope = _both(y, complex_count), 2.0 * improved * a + b
+    growth = nearness(improved, y, (inertia, damping), exact_slope)
     share = every.T.dot(residual)
     distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
@@ -273,12 +276,13 @@ def _rayleigh(
     r = slice(basis.rigid)  # damped rigid-body modes, at the eigenvalue 0 with the slope Gamma
     brakes = forms.matrices[1].diagonal()[r, None]
     at_rest = np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
-    uncertainty = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, together), TINY)))
+    ratio = projection / np.maximum(np.maximum(separation, together), TINY)
+    uncertainty = (projection * ratio).T.dot(_both(growth, complex_count))
     uncertainty = INEXACT * (uncertainty + np.add.reduce(np.abs(residual[r] * at_rest)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
     uncertainty += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
     reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
-    reducible[~small] = reducible[found_twice(improved, y)] = 1.0
+    reducible[~small] = reducible[growth > TWICE] = 1.0
     if np.count_nonzero(small) < len(small):
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
     bound = np.maximum(bound, np.where(small, reducible, 0.0))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.pairs import with_neighbours
+from mbsvib.modes.pairs import with_neighbours, within_reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -277,7 +277,10 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     slope = np.abs(eigen.slopes)
     total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0)
     total += INEXACT * move.sum(axis=0) + (back * (angles @ ahead)).sum(axis=0)
-    return np.minimum(with_neighbours(eigen.values, total / speed), 1.0)
+    errors = with_neighbours(eigen.values, total / speed)
+    # what mixes with one that Newton's step has not settled may have the distance to it wrong
+    reach = np.where(errors > CORRECTION, INEXACT * errors * speed, 0.0)
+    return np.minimum(np.maximum(errors, within_reach(eigen.values, np.minimum(errors, 1.0), reach)), 1.0)
 
 
 def _contents(share: Array, gap: Array) -> Array:

@@ -148,7 +148,7 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Eig
 
     Conjugate pairs that are repeated real eigenvalues up to rounding become real, with the parts of their vectors.
     """
-    size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
+    size = TOGETHER * EPS * float(np.abs(a).sum(axis=1).max(initial=0.0))
     torn = (values.imag > 0.0) & (values.imag <= np.minimum(size, NEARLY_REAL * np.abs(values)))
     if torn.any():
         parts = (np.concatenate((v[:, ~torn], v[:, torn].real, v[:, torn].imag), axis=1) for v in (left, right))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -13,8 +15,8 @@ if TYPE_CHECKING:
 
 # A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
 ROUNDED = 1e-9
-# Eigenvalues nearer than this share, with vectors whose angle has a cosine this near 1, are one that was found twice.
-TOGETHER, PARALLEL = 1e-9, 1e-6
+# Eigenvalues that are nearer than this share may have vectors that are mixtures of theirs.
+TOGETHER = 1e-9
 
 
 def natural_frequencies(pairs: Complex) -> Array:
@@ -60,16 +62,22 @@ def within_reach(values: Complex, uncertainty: Array, reach: Array) -> Array:
     return np.asarray(np.where(within, uncertainty[:, None] ** 2, 0.0).max(axis=0))
 
 
-def found_twice(values: Complex, y: Complex) -> Index:
-    """Return the numbers of eigenvalues that were found twice, with the same vector, in place of a near one."""
-    order = np.argsort(np.abs(values), kind="stable")
+def nearness(values: Complex, y: Complex, products: tuple[Complex, Complex], slopes: Complex) -> Array:
+    """Return how much errors grow as the vectors of next eigenvalues are nearly parallel, (n,): 1 / (1 - cosine), 1 for
+    eigenvalues without such a neighbour.
+
+    ``products``: M y and C y; ``slopes``: y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles
+    in (lambda_1 + lambda_2) M + C.
+    """
+    result, order = np.ones(len(values)), np.argsort(np.abs(values), kind="stable")
     near = np.abs(values[order[1:]] - values[order[:-1]]) <= TOGETHER * np.abs(values[order[1:]])
-    if not np.count_nonzero(near):
-        return order[:0]
-    first, second = order[1:][near], order[:-1][near]
-    share = np.abs(np.einsum("ij,ij->j", y[:, first].conj(), y[:, second]))
-    same = share >= (1.0 - PARALLEL) * np.linalg.norm(y[:, first], axis=0) * np.linalg.norm(y[:, second], axis=0)
-    return np.concatenate((first[same], second[same]))
+    if np.count_nonzero(near):
+        first, second = order[1:][near], order[:-1][near]
+        image = (values[first] + values[second]) * products[0][:, second] + products[1][:, second]
+        share, size = np.abs(np.einsum("ij,ij->j", y[:, first], image)), np.sqrt(np.abs(slopes[first] * slopes[second]))
+        growth = size / np.maximum(np.abs(size - share), EPS * np.maximum(size, np.finfo(float).tiny))
+        np.maximum.at(result, np.concatenate((first, second)), np.tile(growth, 2))
+    return result
 
 
 def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:

@@ -149,8 +149,8 @@ def _as_it_is(
     if clean or (coupled and mixed > MIXED):
         return None
     inaccurate = np.flatnonzero(bound > CERTAIN * rtol)
-    bound[inaccurate] = 2.0 * EPS if coupled else \
-        2.0 * EPS + _crossed(bound * square, square)[inaccurate] / square[inaccurate]  # fmt: skip
+    crossed = np.zeros(len(square)) if coupled else _crossed(bound * square, square) / square
+    bound[inaccurate] = 2.0 * EPS + crossed[inaccurate]
     if float(bound.max()) > rtol:
         return None
     phi = shapes[:, inaccurate]

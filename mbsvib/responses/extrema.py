@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.
 NODES = 16
-GAUSS = 12  # points of Gauss' rule on such a panel: an error of 1e-14 of the integrand
 # Interpolated samples of a panel: an extremum between two of them is missed only below 1e-4 of the response.
 SAMPLES = 64
 # A pole with a smaller damping ratio counts as undamped. Panels end at the second number, times its frequency, from it:

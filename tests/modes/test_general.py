@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.modes.energy_state import energy_state
 from mbsvib.modes.general_spectrum import _separated
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import undamped
@@ -91,16 +92,18 @@ def test_spin_that_just_stabilises(beyond):
         assert (off <= modes.errors[0::2] + 1e-15 / np.sqrt(beyond)).all()
 
 
-def test_equal_real_eigenvalues_that_rounding_makes_pairs():
-    """Four relaxations of one rate: as two conjugate pairs they are still four real eigenvalues."""
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_equal_real_eigenvalues_that_rounding_makes_pairs(unit):
+    """Four relaxations of one rate: as two conjugate pairs they are still four real eigenvalues, in any unit of time.
+    """
     t = np.random.default_rng(0).normal(size=(6, 6))
     back, rates = np.linalg.inv(t), np.array([-1.0, -1.0, -1.0, -1.0, -3.0, -7.0])
     pairs = np.array([[1, 1j, 0, 0, 0, 0], [0, 0, 1, 1j, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]).T
     right, left = (v / np.linalg.norm(v, axis=0) for v in (t @ pairs, back.T @ pairs.conj()))
-    a, values = (t * rates) @ back, np.array([-1 + 1e-16j, -1 + 2e-15j, -3, -7])
-    values, left, right = _separated(a, values, left, right)
-    np.testing.assert_allclose(np.sort(values), np.sort(rates), atol=1e-12)
-    np.testing.assert_allclose(a @ right, right * values, atol=1e-12)
+    a, values = (t * rates) @ back, np.array([-1 + 1e-16j, -1 + 2e-13j, -3, -7])
+    values, left, right = _separated(unit * a, unit * values, left, right)
+    np.testing.assert_allclose(np.sort(values), unit * np.sort(rates), rtol=1e-12)
+    np.testing.assert_allclose(a @ right, right * values / unit, atol=1e-12)
     both = left.T @ right
     np.testing.assert_allclose(both, np.diag(np.diag(both)), atol=1e-12)
     # a chain has one vector, and none that are independent
@@ -131,6 +134,44 @@ def test_zeros_are_exact():
     assert len(held.nearest(3).eigenvalues) == 6 - held.nearest(3).first_order.sum()
 
 
+def on_dampers(k, ground):
+    """Masses of 1, 2 and 3 kg in a row with springs k, a massless motion beside them, a damper to ground; a free mass.
+    """
+    model = mv.Model("free")
+    masses = {"a": 1.0, "b": 2.0, "c": 3.0, "n": 0.0, "free": 1.0}
+    for i, (name, mass) in enumerate(masses.items()):
+        model.add_body(name, mass, np.eye(3) * mass, (0, 0, i))
+        model.add_joint(f"rail {name}", "prismatic", "ground", name, axis=(1, 0, 0))
+    for first, second, stiffness, damping in (("ground", "a", 0.0, ground), ("a", "b", k, 0.0), ("b", "c", k, 0.0),
+                                              ("a", "n", 2.0 * k, 0.0), ("n", "b", 0.0, k**0.5)):  # fmt: skip
+        if stiffness or damping:
+            model.add_bushing(f"{first}{second}", first, second, (0, 0, 0), (stiffness, 0, 0, 0, 0, 0),
+                              (damping, 0, 0, 0, 0, 0))  # fmt: skip
+    return model.linearize(), np.array(list(masses.values()))
+
+
+@pytest.mark.parametrize(("k", "ground", "zeros"), [
+    (1e-12, 0.0, 4), (1.0, 0.0, 4), (1e12, 0.0, 4), (1e10, 1.0, 3), (1.0, 1e10, 3)])  # fmt: skip
+def test_chains_of_zeros_are_told_in_any_unit_of_time(k, ground, zeros):
+    """What drifts is a chain of two zeros, what a damper stops one zero: A moves the rates of a chain to its motion."""
+    state = energy_state(on_dampers(k, ground)[0], 1e-12)
+    assert (state.right.shape[1], state.null_count) == (zeros, 2)
+    assert np.count_nonzero(state.nilpotent[:2, 2:].any(axis=0)) == zeros - 2
+    assert not state.nilpotent[2:].any()
+    assert not state.nilpotent[:, :2].any()
+
+
+@pytest.mark.parametrize(("k", "ground"), [(1.0, 1e8), (1e10, 1e10), (1e10, 1e-6)])
+def test_the_damper_to_ground_carries_the_momentum_of_every_mode(k, ground):
+    """lambda sum m phi + c phi_a = 0, where the motion that comes to rest is in no other mode."""
+    system, masses = on_dampers(k, ground)
+    modes = system.modes()
+    moving = modes.pairs[:, 0] != 0.0
+    value, shapes = modes.pairs[moving, 0], modes.shapes[:, moving]
+    size = np.abs(value) * (masses @ np.abs(shapes)) + ground * np.abs(shapes[0])
+    np.testing.assert_array_less(np.abs(value * (masses @ shapes) + ground * shapes[0]), 1e-13 * size)
+
+
 def test_zeros_of_massless_motions_are_no_pairs():
     """A disk that spins about a fixed point comes to rest at any tilt, and so do two bodies without mass on dampers."""
     model = mv.Model("gyroscope")
@@ -147,6 +188,36 @@ def test_zeros_of_massless_motions_are_no_pairs():
     assert modes.rigid == 4
     assert np.count_nonzero(modes.eigenvalues == 0.0) == 6
     np.testing.assert_allclose(modes.natural[-1], 30.0 * 0.8 / 0.5, rtol=1e-13)
+
+
+def behind_a_damper(**values):
+    """A mass of 1 kg on 1 N/m, with 10 N/m behind 10/6 N s/m beside it: (s + 1) (s + 2) (s + 3) = 0."""
+    model = mv.Model("maxwell")
+    for i, name in enumerate(("mass", "node")):
+        model.add_body(name, 1.0 - i, np.eye(3) * (1 - i), (0, 0, i))
+        model.add_joint(f"{name}.rail", "prismatic", "ground", name, axis=(1, 0, 0))
+    model.add_bushing("spring", "ground", "mass", (0, 0, 0), (1.0, 0, 0, 0, 0, 0))
+    model.add_bushing("behind", "mass", "node", (0, 0, 0), (10.0, 0, 0, 0, 0, 0))
+    model.add_bushing("damper", "ground", "node", (0, 0, 0), damping=(10.0 / 6.0, 0, 0, 0, 0, 0))
+    return model.linearize(values=values or None)
+
+
+def test_real_eigenvalues_of_one_shape_are_paired_by_their_ratio():
+    """Of -1, -2 and -3, with the same motion of the mass, the last two are the nearest as a share."""
+    modes = behind_a_damper().modes()
+    np.testing.assert_allclose(modes.pairs, [[-1.0, -1.0], [-2.0, -3.0]], rtol=1e-12)
+    assert modes.first_order.tolist() == [True, False]
+
+
+def test_modes_of_first_order_in_a_batch():
+    """One eigenvalue each, in variants as in a single system: roots of s^3 + 6 s^2 + (k + 10) s + 6 k."""
+    k = np.array([1.0, 1.4, 30.0])
+    modes = behind_a_damper(**{"spring.stiffness.x": k}).modes()
+    assert modes.eigenvalues.shape == (3, 3)
+    for values, stiffness in zip(modes.eigenvalues, k, strict=True):
+        np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(
+            np.roots([1.0, 6.0, stiffness + 10.0, 6.0 * stiffness])), rtol=1e-12)  # fmt: skip
+    assert [variant.first_order.sum() for variant in modes] == [1, 1, 1]
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -180,6 +180,19 @@ def test_correlated_white_noise_has_exact_moments():
         assert budget.error == 0.0
 
 
+def test_bands_of_a_free_mass():
+    """White noise S in a band: x = F / m w^2 has S (f1^-3 - f2^-3) / (3 m^2 (2 pi)^4), a fourfold pole at 0."""
+    model = mv.Model("free")
+    model.add_body("b", M, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(0, 0, 1))
+    model.add_input("F", "b", "z")
+    model.add_output("x", "b", "z")
+    free = model.linearize()
+    for last in (1.5, 3.0, 3.9, 7.5, 400.0):
+        exact = (1.0 - last**-3.0) / (3.0 * M**2 * W**4)
+        np.testing.assert_allclose(free.rms("x", {"F": 1.0}, (1.0, last))["x"] ** 2, exact, rtol=1e-13)
+
+
 @pytest.mark.parametrize("c", [1e-6, 1e-9, 1e-10, 1e-12])
 def test_a_band_around_a_mode_of_next_to_no_damping(c):
     """S / 4 c k but for the tails. Below a damping ratio of 1e-11 a mode counts as undamped: part of it was missing."""
