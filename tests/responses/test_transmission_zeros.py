@@ -51,6 +51,33 @@ def test_collocated_zeros_are_poles_with_the_driven_point_held(n):
     assert (expected <= poles[1:] * (1 + 1e-12)).all()
 
 
+def row(stiffness, damping, held=()):
+    """Masses of 1, 2, 3 and 4 kg in a row from the ground, some of which are held."""
+    model, names = mv.Model("row"), ["ground"]
+    for i in range(4):
+        names.append("ground" if i in held else f"b{i}")
+        if i not in held:
+            model.add_body(f"b{i}", 1.0 + i, (1, 1, 1), (0, 0, i))
+            model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+    for i, (k, c) in enumerate(zip(stiffness, damping, strict=True)):
+        model.add_bushing(f"k{i}", names[i], names[i + 1], (0, 0, i), (k, 0, 0, 0, 0, 0), (c, 0, 0, 0, 0, 0))
+    return model
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [
+    ((1.0, 1e12, 1e3, 1e6), (0.0,) * 4), ((1.0, 1e8, 1e14, 1e2), (0.1, 1e3, 1e6, 1.0))])  # fmt: skip
+def test_zeros_over_decades_keep_their_digits(stiffness, damping):
+    """Those of a driven point are the poles of what is left where it is held: Newton's steps remove up to 7e-11."""
+    model = row(stiffness, damping)
+    model.add_input("F", "b1", "x")
+    model.add_output("x", "b1", "x")
+    zeros = model.linearize().transmission_zeros()
+    expected = row(stiffness, damping, held=(1,)).linearize().modes().eigenvalues
+    assert len(zeros) == len(expected)
+    for value in expected:
+        assert_allclose(np.abs(zeros - value).min() / abs(value), 0.0, atol=1e-14)
+
+
 @pytest.mark.parametrize("n", [2, 5, 14, 20])
 def test_from_end_to_end_there_is_no_zero(n):
     """All 2 n of them are at infinity, a single chain as long as the state: none may come back as finite."""
