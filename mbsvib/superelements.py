@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.abaqus_files import read_abaqus
 from mbsvib.elements.superelement import Superelement
-from mbsvib.elements.superelement_files import Reduced, read_mat, read_op4, read_punch
+from mbsvib.elements.superelement_files import Reduced, read_abaqus, read_mat, read_op4, read_punch
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Second derivatives of what parts state in finite motion, as constants in the axes of the part.
 
 A part states its deformation, its openings or its displacement once (``elements.deformations``,
-``elements.joint_motion``). Second-order jets of these functions at the pose are the same for all parts of a form, and
+``elements.joint_kinds``). Second-order jets of these functions at the pose are the same for all parts of a form, and
 are computed once in a process. A length, as that of a line or of a rod, is the unit: each derivative to a translation
 divides by it. Exponential coordinates (theta, v) of a displacement come in this order.
 """
@@ -16,8 +16,7 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, IDENTITY
 from mbsvib.elements import deformations
-from mbsvib.elements.joint_kinds import subspaces
-from mbsvib.elements.joint_motion import ROD, SCREW, Columns, Motion
+from mbsvib.elements.joint_kinds import ROD, SCREW, Columns, Motion, subspaces
 from mbsvib.linalg import components as c
 from mbsvib.linalg.displacements import small
 from mbsvib.linalg.jets import Jet, variables

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.joint_motion import ROD, STRAIGHT, Motion
+from mbsvib.elements.joint_kinds import ROD, STRAIGHT, Motion
 from mbsvib.kinematics.relative_motion import order_and_paths
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import skew

@@ -13,8 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
-from mbsvib.elements.beam_arguments import check_flags, checked_damping, checked_displacements
-from mbsvib.elements.beam_element import Element, Prismatic
+from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, Part, derived
@@ -28,8 +27,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Placement, Pose
 
 ELEMENTS = 8
 # A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.

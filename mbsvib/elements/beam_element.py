@@ -17,10 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from mbsvib.common import arguments as check
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.joint_kinds import Six
     from mbsvib.elements.material import Material
     from mbsvib.elements.sections import Properties
 
@@ -218,3 +221,28 @@ def gauss(points: int) -> tuple[tuple[float, float], ...]:
     """Return Gauss points and weights on 0..1."""
     x, weight = np.polynomial.legendre.leggauss(points)
     return tuple(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))
+
+
+def check_flags(who: str, shear: Any, second_order: Any) -> None:
+    """Refuse what is neither True nor False."""
+    if type(shear) is not bool:
+        raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
+    if type(second_order) is not bool:
+        raise check.refuse(who, "second_order", second_order, "True (slopes add to the strain) or False (linear)")
+
+
+def checked_displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
+    """Return displacements (nodes, 6) of the nodes of a beam, checked."""
+    expected = f"x y z [m] and rx ry rz [rad] of each of the {nodes} nodes"
+    items = check.listed(value, who, "displacements", expected)
+    if len(items) != nodes:
+        raise check.refuse(who, "displacements", value, expected)
+    return tuple([check.numbers(item, (6,), who, "displacements", expected) for item in items])
+
+
+def checked_damping(who: str, word: str, value: Any) -> float:
+    """Return a coefficient of damping, which is not negative."""
+    result = check.number(value, who, word)
+    if result < 0.0:
+        raise check.refuse(who, word, value, "a number that is not negative")
+    return result

@@ -1,4 +1,4 @@
-"""Connections: elements that act with a force or moment between two bodies."""
+"""Connections: elements that act with a force or moment between two bodies, and how they can carry a preload."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
 from mbsvib.elements.roles import BODY, point
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.deformations import Law
-    from mbsvib.elements.preload_form import PreloadForm
 
 
 ZERO = (0.0,) * 6
@@ -168,3 +168,36 @@ def line_force(tension: float, line: Vector) -> tuple[float, ...]:
     """Return the wrench (6,) [N] of a tension along a unit vector from the first to the second body, on the second."""
     x, y, z = line
     return (-tension * x, -tension * y, -tension * z, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PreloadForm:
+    """Wrenches on the second body that an element can carry as a preload, world axes.
+
+    ``wrenches`` (n, 6) at ``point`` [m] are orthonormal, with moments over the size of the mechanism; ``wrench`` (6,)
+    [N, N m] is the one in the reference pose. ``resolution`` [N] is the force of the smallest displacement that rounded
+    positions resolve. ``arguments`` returns the arguments of the element that change with a preload wrench (6,); None:
+    with no preload.
+    """
+
+    point: Vector
+    wrenches: Array
+    wrench: Array
+    resolution: float
+    arguments: Callable[[Array | None], dict[str, Any]]
+
+
+def along(
+    part: Any, point: Vector, direction: tuple[float, ...], stiffness: float, size: float,
+    arguments: Callable[[float | None], dict[str, Any]],
+) -> PreloadForm | None:  # fmt: skip
+    """Return the form of a preload that is an amount of one wrench (6,), a force or a moment; None without stiffness.
+
+    ``stiffness`` [N/m, N m/rad] is that at rest along the ``direction``, ``size`` that of the mechanism [m].
+    ``arguments`` returns the changed arguments for an amount [N, N m] or None.
+    """
+    six, unit = np.array(direction), 1.0 if any(direction[:3]) else size
+    return PreloadForm(
+        point, unit * six[None], np.array(part.rest_wrench), EPS * abs(stiffness) * size / unit**2,
+        lambda wrench: arguments(None if wrench is None else float(wrench @ six)),
+    ) if stiffness else None  # fmt: skip

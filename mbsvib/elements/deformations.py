@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.joint_motion import normals
+from mbsvib.elements.joint_kinds import normals
 from mbsvib.linalg import components as c
 from mbsvib.linalg.displacements import Displacement, small
 from mbsvib.linalg.jets import variables

@@ -23,7 +23,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import dynamic_factors as forms
-from mbsvib.elements.passive_bound import least_error
+from mbsvib.elements.dynamic_factors import least_error
 from mbsvib.errors import AccuracyWarning, ModelError, counted, nearest
 
 if TYPE_CHECKING:

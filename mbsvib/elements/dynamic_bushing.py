@@ -23,7 +23,7 @@ from mbsvib.elements import joint as _joint
 from mbsvib.elements.bushing import ZERO, Bushing, Matrix6, Six, matrix6
 from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.dynamic import Dynamic
-from mbsvib.elements.maxwell_rows import Node, as_node_joint
+from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
 from mbsvib.elements.relaxing import Relaxing, factor_of
 from mbsvib.elements.roles import STIFFNESS, stated
@@ -32,7 +32,7 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Pose
 
 GROUND = "ground"
 # Eigenvalues of a matrix with ones on its diagonal that are zero, and how far below zero rounding takes them.

@@ -18,14 +18,14 @@ from mbsvib.elements import spring
 from mbsvib.elements.connection import line_between
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.dynamic import Dynamic
-from mbsvib.elements.maxwell_rows import Node, as_node_joint
+from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
 from mbsvib.elements.relaxing import RelaxingAxis, check_axis, factor_of
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
 
 if TYPE_CHECKING:
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Pose
 
 GROUND = "ground"
 

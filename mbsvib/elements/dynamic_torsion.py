@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Pose
     from mbsvib.elements.shared_rows import ExpandedPart
 
 

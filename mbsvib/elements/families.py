@@ -13,7 +13,6 @@ from mbsvib.elements import (
     beam_expansion,
     body,
     bushing,
-    bushing_rows,
     dynamic_bushing,
     dynamic_spring,
     dynamic_torsion,
@@ -23,7 +22,6 @@ from mbsvib.elements import (
     joint,
     load,
     maxwell,
-    maxwell_rows,
     motion_input,
     ports,
     rolling,
@@ -36,13 +34,15 @@ from mbsvib.elements import (
 )
 from mbsvib.elements.by_law import expand as by_law_expand
 from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
-from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import MAKERS, Part, defaults
+from mbsvib.elements.rows import ElementRows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from mbsvib.common.arguments import Vector
     from mbsvib.elements.connection import Connection
+    from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.elements.shared_rows import ExpandedPart
 
 P = TypeVar("P", bound=Part)
@@ -54,8 +54,9 @@ class Family:
 
     ``word`` is the name of its call, ``add_WORD``, and its type in the ``section`` of model files. ``make`` checks the
     arguments of the call and returns the part. ``rows`` returns the relative displacements on which connections act,
-    ``nodes`` the bodies and joints that a connection needs for its rows; ``expand`` returns the parts that replace a
-    part in the equations, which follow from the ``law`` of one that states an energy, or of an output.
+    ``nodes`` the bodies and joints that a connection needs for its rows. ``expand`` returns the parts that replace a
+    part in the equations, which follow from the ``law`` of one that states an energy, or of an output. ``elastic``
+    returns one that bends in the frame of one of its bodies as an elastic part, with its weight under gravity.
     """
 
     part: type[Part]
@@ -65,6 +66,7 @@ class Family:
     rows: Callable[..., ElementRows] | None = None
     expand: Callable[..., ExpandedPart] | None = None
     nodes: Callable[..., ExpandedPart] | None = None
+    elastic: Callable[..., ElasticPart] | None = None
 
     @property
     def expansion(self) -> Callable[..., ExpandedPart] | None:
@@ -82,17 +84,18 @@ def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superel
 FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
     Family(hub.Hub, "hub", "bodies", hub.make),
-    Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand),
-    Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=beam_expansion.expand),
+    Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand,
+           elastic=beam_expansion.elastic_part),
+    Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=beam_expansion.expand,
+           elastic=beam_expansion.elastic_part),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
-           expand=superelement_expansion.expand),
+           expand=superelement_expansion.expand, elastic=superelement_expansion.elastic_part),
     Family(joint.Joint, "joint", "joints", joint.make),
     Family(spring.Spring, "spring", "springs", dynamic_spring.make, rows=spring.rows),
     Family(dynamic_spring.DynamicSpring, "spring", "springs", dynamic_spring.make, expand=dynamic_spring.expand),
-    Family(bushing.Bushing, "bushing", "springs", dynamic_bushing.make, rows=bushing_rows.rows),
+    Family(bushing.Bushing, "bushing", "springs", dynamic_bushing.make, rows=bushing.rows),
     Family(dynamic_bushing.DynamicBushing, "bushing", "springs", dynamic_bushing.make, expand=dynamic_bushing.expand),
-    Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell_rows.rows,
-           nodes=maxwell_rows.nodes),
+    Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell.rows, nodes=maxwell.nodes),
     Family(inerter.Inerter, "inerter", "springs", inerter.make, rows=inerter.rows),
     Family(torsion_spring.TorsionSpring, "torsion_spring", "springs", dynamic_torsion.make,
            expand=torsion_spring.expand),
@@ -112,13 +115,22 @@ FAMILIES = (
     Family(ports.ForceOutput, "force_output", "outputs", ports.make_force_output),
     Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, expand=strain_output.expand),
 )  # fmt: skip
+# What follows from the table, by class.
 MAKERS.update({family.part: family.make for family in FAMILIES if family.make is not None})
+ELASTIC = {family.part: family.elastic for family in FAMILIES if family.elastic is not None}
+EXPANSIONS = {family.part: family.expansion for family in FAMILIES if family.expansion is not None}
+NODES = {family.part: family.nodes for family in FAMILIES if family.nodes is not None}
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 
 
 def has_rows(part: Part) -> bool:
     """Tell whether a part is a connection with rows of its own."""
     return type(part) in _ROWS
+
+
+def elastic_parts(parts: Iterable[Part], gravity: Vector | None) -> list[ElasticPart]:
+    """Return beams, flexures and superelements as elastic parts, with their weight under ``gravity`` [m/s^2]."""
+    return [ELASTIC[type(part)](part, gravity) for part in parts]
 
 
 def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> ElementRows:

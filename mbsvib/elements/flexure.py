@@ -18,8 +18,7 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import beam
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_arguments import check_flags, checked_damping, checked_displacements
-from mbsvib.elements.beam_element import Prismatic
+from mbsvib.elements.beam_element import Prismatic, check_flags, checked_damping, checked_displacements
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam_element import Element
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Placement, Pose
 
 # Neck over the depth of the cuts below which the Gauss points of a notch are too few for 12 digits.
 THINNEST = 1e-3

@@ -17,10 +17,9 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import ENDS, LINE, Connection, check_ends, line_between
 from mbsvib.elements.deformations import Law, length
-from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import derived
 from mbsvib.elements.roles import batched, number
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import ElementRows, columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

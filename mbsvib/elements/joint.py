@@ -11,9 +11,20 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
-from mbsvib.elements.joint_arguments import checked_kind, rod_direction, rotations_of, universal_axes
-from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
-from mbsvib.elements.joint_motion import STRAIGHT, Motion
+from mbsvib.elements.joint_kinds import (
+    KINDS,
+    NEEDS_NO_POINT,
+    STRAIGHT,
+    SUBSPACES,
+    Motion,
+    Named,
+    Six,
+    checked_kind,
+    rod_direction,
+    rotations_of,
+    subspaces,
+    universal_axes,
+)
 from mbsvib.elements.part import Part, derived
 from mbsvib.elements.roles import axes, batched, number, point
 from mbsvib.errors import ModelError, NoWordsError
@@ -23,8 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Placement, Pose
     from mbsvib.elements.roles import ParameterField
 
 # Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.

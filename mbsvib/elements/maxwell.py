@@ -2,11 +2,14 @@
 
 The dynamic stiffness between its points is k0 + k1 c s / (k1 + c s): k0 at low and k0 + k1 at high frequencies, with
 damping in between.
+
+In the equations the element has a massless node between spring and damper, which slides along the line, and rows of
+springs and damper.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import dist
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +17,24 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.elements import joint as _joint
 from mbsvib.elements import spring
-from mbsvib.elements.connection import ENDS, Connection, check_ends, line_between, line_force
+from mbsvib.elements.body import Body
+from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, check_ends, line_between, line_force
 from mbsvib.elements.deformations import Law, length
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.roles import batched, number, point
+from mbsvib.elements.rows import ElementRows, columns
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Pose
+
 
 # Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14
@@ -134,3 +142,53 @@ def make(
             raise ModelError(f"{who}: preload = {preload} needs a static_stiffness, as a damper has no force at rest; "
                              f"give one, or leave preload out.", element=who, field="preload")  # fmt: skip
     return Maxwell(name, first, second, a, b, k, c, k0, preload, line)
+
+
+class Node(Body):
+    """The massless node between a spring and a damper of an element."""
+
+    __slots__ = ()
+    symbol = ""
+
+
+class NodeJoint(Joint):
+    """The joint of a node, such as the one whose coordinate is the deformation of a Maxwell element's damper."""
+
+    __slots__ = ()
+    symbol = ""
+
+
+def as_node_joint(joint: Joint) -> NodeJoint:
+    """Return a joint as one that belongs to an element."""
+    return NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))
+
+
+def nodes(part: Maxwell) -> ExpandedPart:
+    """Return the massless body between spring and damper, and the joint in which it slides along the line."""
+    joint = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
+    return ExpandedPart(bodies={part.node: Node(part.node, 0.0, (0.0,) * 6, part.end)},
+                        joints={part.name: as_node_joint(joint)})
+
+
+def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:
+    """Return the rows of Maxwell elements.
+
+    k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies. The
+    element's force is the sum of those of k1 and k0; the force of c is equal to that of k1.
+
+    ``parts`` are the elements and their numbers among the model's connections. The direction ``unit`` of the damper's
+    row is zero: it adds no force.
+    """
+    tuples = []
+    for i, p in parts:
+        first, second, node = number[p.first], number[p.second], number[p.node]
+        line = (*p.start, *p.line)
+        tuples.append((first, node, i, *line, p.stiffness, 0.0, 1.0))
+        if p.damping:
+            tuples.append((second, node, i, *line, 0.0, p.damping, 0.0))
+        if p.static_stiffness:
+            tuples.append((first, second, i, *line, p.static_stiffness, 0.0, 1.0))
+    table = columns(tuples, 12)
+    result = ElementRows.along_lines(table[:3], table[3:6], table[6:9], table[9], table[10])
+    result.unit[:, 2] = table[11]
+    return result

@@ -17,8 +17,7 @@ from mbsvib.errors import NoWordsError
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Placement, Pose
     from mbsvib.elements.roles import Mask, ParameterField, Role
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.preload_form import PreloadForm
+    from mbsvib.elements.connection import PreloadForm
 
 _LABELS = ("g", "tau")
 

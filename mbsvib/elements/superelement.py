@@ -18,8 +18,7 @@ from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
-    from mbsvib.elements.placement import Placement
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Placement, Pose
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]

@@ -22,10 +22,9 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
-from mbsvib.elements.connection import ENDS, Connection, check_ends
+from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, check_ends
 from mbsvib.elements.deformations import Law, twist
 from mbsvib.elements.part import Part
-from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.roles import axis as line
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.shared_rows import ExpandedPart
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.pose import Pose
+    from mbsvib.elements.placement import Pose
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
 SWING, LARGEST_SWING = 1e-12, 5e-3

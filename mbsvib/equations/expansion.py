@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.elements.families import FAMILIES
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.elastic_part import ElasticPart
 
 
-EXPANSIONS = {family.part: family.expansion for family in FAMILIES if family.expansion is not None}
 _EXPANDED = ("bodies", "joints", "springs", "inputs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
@@ -76,8 +75,8 @@ def expanded(model: M) -> M:
 def _prestressed(result: M, model: M) -> M:
     """The expanded mechanism with the forces in beams and superelements in the loaded pose."""
     from mbsvib.elements.beam_expansion import weights
-    from mbsvib.elements.elastic_families import elastic_parts
     from mbsvib.elements.elastic_part import stiffness_of_forces
+    from mbsvib.elements.families import elastic_parts
     from mbsvib.equations.beam_prestress import bent_lines, element_forces
     from mbsvib.equations.hubs import falls
 

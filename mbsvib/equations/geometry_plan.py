@@ -9,9 +9,8 @@ import numpy as np
 
 from mbsvib.elements.bushing import Bushing, symmetric_part
 from mbsvib.elements.connection import Connection
-from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.families import connection_rows
-from mbsvib.elements.rows import Rows
+from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, joint_axes, with_columns
 from mbsvib.linalg.products import signed_rows

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import BaseMotion, Body, Input, Output
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements.rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism

@@ -18,8 +18,7 @@ import numpy as np
 
 from mbsvib.elements import bushing, torsion_spring
 from mbsvib.elements.deformations import twist
-from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.rows import Rows
+from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.spring import ROUNDING
 from mbsvib.equations.inertia import SpatialInertia
 from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches, has_antisymmetric_forces

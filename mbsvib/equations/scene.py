@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.families import FAMILIES, connection_rows
+from mbsvib.elements.families import NODES, connection_rows
 from mbsvib.elements.rows import Rows, table
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import Ports, ports
@@ -26,14 +26,13 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing, Joint, Spring
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements.rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.topology import Topology
 
-NODES = {family.part: family.nodes for family in FAMILIES if family.nodes is not None}
 M = TypeVar("M", bound=Mechanism)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.connection import Connection
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements.rows import ElementRows
     from mbsvib.mechanism.mechanism import Mechanism
 
     Fields = Mapping[str, Mapping[str, Array]]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.elastic_families import elastic_parts
 from mbsvib.elements.elastic_part import carrier_joints, massless_bodies, stiffness_of_forces, stiffness_rows
+from mbsvib.elements.families import elastic_parts
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.equations.expansion import expanded, with_elastic_forces
 from mbsvib.equations.hubs import on_held

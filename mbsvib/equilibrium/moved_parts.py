@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.part import Part
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.drives import with_drives_held
 from mbsvib.mechanism.mechanism import Mechanism

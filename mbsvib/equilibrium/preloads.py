@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.preload_form import PreloadForm
+    from mbsvib.elements.connection import PreloadForm
 
 M = TypeVar("M", bound=Mechanism)
 

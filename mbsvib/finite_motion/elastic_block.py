@@ -21,8 +21,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.elastic_families import elastic_parts
-from mbsvib.equations.expansion import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, elastic_parts
 from mbsvib.errors import ModelError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import MASSLESS

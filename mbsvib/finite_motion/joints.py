@@ -1,6 +1,6 @@
 """Joints in finite motion: the displacement of the second body against the first, and what a cut joint demands.
 
-All is in world axes of the pose as described, which turn with the first body; ``elements.joint_motion`` states it for
+All is in world axes of the pose as described, which turn with the first body; ``elements.joint_kinds`` states it for
 all kinds.
 """
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.elements.joint_motion import Columns, normals
+from mbsvib.elements.joint_kinds import Columns, normals
 from mbsvib.finite_motion.frames import Frame
 from mbsvib.finite_motion.rotations import Expression, entries, exponential, matrix
 

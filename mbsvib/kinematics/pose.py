@@ -5,7 +5,7 @@ Joints in other poses: the axes with which their directions turn, and how far cu
 The directions of a joint turn with its first body, but for those of joints with axes of their own: of two successive
 free rotations (see ``elements.joint_kinds``) the first axis is fixed in the first body, the other in the second; the
 axes of other two free rotations bisect the angle of both bodies; those of a rod are along it. The openings of a joint
-are those of its family (``elements.joint_motion``). Arrays may have leading axes of poses.
+are those of its family (``elements.joint_kinds``). Arrays may have leading axes of poses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.joint_motion import Columns
+from mbsvib.elements.joint_kinds import Columns
 from mbsvib.linalg.displacements import Displacement
 from mbsvib.linalg.rank import SAME_POINT
 from mbsvib.linalg.rotations import components_first, exponential, frames_along, logarithm, orthonormal, skew

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.joint_motion import Columns, displaced
+from mbsvib.elements.joint_kinds import Columns, displaced
 from mbsvib.kinematics.pose import IDENTITY
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
 from mbsvib.mechanism.topology import FLOATS
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
-    from mbsvib.elements.joint_motion import Motion
+    from mbsvib.elements.joint_kinds import Motion
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology

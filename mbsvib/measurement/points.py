@@ -12,8 +12,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import kind_of
 from mbsvib.elements.body import Body
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.ports import Input, Output
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:

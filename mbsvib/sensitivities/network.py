@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
-from mbsvib.elements.maxwell_rows import Node
+from mbsvib.elements.maxwell import Node
 from mbsvib.kinematics.relative_motion import body_motion
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ import numpy as np
 
 from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Output
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import ZERO_STRESS
 from mbsvib.sensitivities.families import rules_of

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.motion_input import acting_inputs
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import moved_end_force, velocity

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements.rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined

@@ -26,7 +26,7 @@ from mbsvib.sparse.layout import VirtualUnknowns
 if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements.rows import ElementRows
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.draft import SparseDraft

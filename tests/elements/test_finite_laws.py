@@ -20,10 +20,8 @@ from mbsvib.elements import (
     spring,
     torsion_spring,
 )
-from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
-from mbsvib.elements.joint_kinds import KINDS
-from mbsvib.elements.joint_motion import Columns
-from mbsvib.equations.expansion import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, FAMILIES, connection_rows, has_rows
+from mbsvib.elements.joint_kinds import KINDS, Columns
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.linalg import components as c
 from mbsvib.linalg import rotations

@@ -8,9 +8,9 @@ import pytest
 import mbsvib as mv
 from mbsvib.elements import joint_kinds, spring
 from mbsvib.elements.connection import ENDS, Connection
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.roles import number, point, stated
 from mbsvib.elements.shared_rows import ExpandedPart
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.plots._scene import of_model
 
 SIDES = ("left", "right")

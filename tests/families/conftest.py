@@ -5,8 +5,8 @@ import pytest
 import mbsvib as mv
 import mbsvib_export
 from mbsvib.api.model import ADDERS
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.part import MAKERS
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.files import words
 from mbsvib_export.targets import BY_SUFFIX
 from tests.families import distance, magnet, matrix_market, point_on_circle

@@ -14,11 +14,10 @@ import mbsvib as mv
 from mbsvib.elements import by_law, spring
 from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.deformations import Law, length, twist
-from mbsvib.elements.joint_kinds import Kind
-from mbsvib.elements.joint_motion import STRAIGHT, Motion, displaced_on_sphere, open_by
+from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.joint_kinds import STRAIGHT, Kind, Motion, displaced_on_sphere, open_by
 from mbsvib.elements.roles import axis, number, point, stated
 from mbsvib.elements.shared_rows import ExpandedPart
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.linalg import components as c
 from mbsvib.plots._scene import of_model
 from mbsvib_export.targets import BY_SUFFIX

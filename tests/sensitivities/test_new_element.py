@@ -8,9 +8,8 @@ import pytest
 import mbsvib as mv
 from mbsvib.elements import families, spring
 from mbsvib.elements.connection import ENDS, LINE, Connection
-from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.roles import number, stated
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.linalg.differences import slope
 from mbsvib.sensitivities.parameter_group import have_rules
 

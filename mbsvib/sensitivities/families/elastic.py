@@ -19,9 +19,8 @@ import numpy as np
 
 from mbsvib.elements import beam_expansion
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.elastic_families import ELASTIC
+from mbsvib.elements.families import ELASTIC, EXPANSIONS
 from mbsvib.equations.beam_prestress import bent_forms, element_masses, weight_forms
-from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import moved, transformed
 from mbsvib.sensitivities.families.part_slopes import part_slopes

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.families import has_rows
-from mbsvib.equations.expansion import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, has_rows
 from mbsvib.sensitivities.element_matrices import element_matrices
 from mbsvib.sensitivities.families.part_slopes import part_slopes
 from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
