@@ -66,6 +66,19 @@ def test_ends_may_be_exchanged(scene, shape, load):
         assert_allclose(eigenvalues(scene(load, shape, exchanged)), expected, rtol=1e-12)
 
 
+def test_ends_of_bent_flexures_may_be_exchanged():
+    """In the pose to which loads bend and twist them; displacements are small ones in the frame of the first end."""
+    force, torque = 0.1 * np.array(LOADS["all"])
+    values = {f"load.{name}.{d}": six[i] for name, six in (("force", force), ("torque", torque))
+              for i, d in enumerate("xyz")}  # fmt: skip
+
+    def bent(exchanged):
+        model = arm("all", exchanged=exchanged).with_parts(gravity=None).with_values(values)
+        return eigenvalues(model.equilibrium())
+
+    assert_allclose(bent(("left", "right")), bent(()), rtol=3e-7)
+
+
 def test_ends_may_be_exchanged_in_sparse_equations():
     expected = eigenvalues(stage("all"))[:12]
     assert_allclose(eigenvalues(stage("all", exchanged=("left",)), "sparse"), expected, rtol=1e-10)
