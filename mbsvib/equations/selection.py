@@ -56,9 +56,6 @@ def port_fields(system: Any, o: Sequence[int], i: Sequence[int]) -> dict[str, An
     }  # fmt: skip
 
 
-E = TypeVar("E", bound=Equations)
-
-
 def selected_ports(
     names: tuple[str, ...], selection: str | Sequence[str] | None, kind: str, name: str, others: tuple[str, ...] = ()
 ) -> list[int]:
