@@ -250,7 +250,8 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
         if part.law is None or part.law.energy is not None:
             refuse(name, f"the force of a {part.family} is not linear; simulate by model.simulate.")
-    for kind, group in (("coupler", plain.couplers), ("rotor", plain.rotors), ("rolling wheel", plain.rolling)):
+    for kind, group in (("hub", plain.hubs), ("coupler", plain.couplers), ("rotor", plain.rotors),
+                        ("rolling wheel", plain.rolling)):  # fmt: skip
         for name in group:
             refuse(name, f"exudyn has no {kind} like this one; leave it out, or simulate by model.simulate.")
     for name, body in plain.bodies.items():

@@ -50,7 +50,10 @@ def _by_mujoco(path: Path) -> tuple[Array, tuple[str, ...]]:
     """Return the mass matrix of a URDF in its zero pose by MuJoCo, and the joint of each of its rows."""
     import mujoco
 
-    engine = mujoco.MjModel.from_xml_path(str(path))
+    try:
+        engine = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:  # as of bodies without mass
+        raise MbsvibError(f"mujoco: {error}") from error
     if engine.nv != engine.njnt:
         raise MbsvibError("mujoco has other coordinates of joints with several freedoms")
     data = mujoco.MjData(engine)

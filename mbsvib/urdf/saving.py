@@ -179,8 +179,9 @@ def _refused_or_said(
     """Damping and mimics by joint; parts without a place in URDF are refused, ports without one are warned of."""
     damping: dict[str, float] = {}
     mimics: dict[str, tuple[str, float]] = {}
-    homeless = [f"joint '{joint.name}' ({joint.kind})" for joint in model.joints.values() if joint.name not in in_tree
-                and (joint.free is not None or joint.kind not in CLOSING)]  # fmt: skip
+    homeless = [f"hub '{name}'" for name in model.hubs]
+    homeless += [f"joint '{joint.name}' ({joint.kind})" for joint in model.joints.values() if joint.name not in in_tree
+                 and (joint.free is not None or joint.kind not in CLOSING)]  # fmt: skip
     for key, group in model.groups().items():
         for name, part in {} if key in WRITTEN else group.items():
             if not any(fnmatchcase(name, pattern) for pattern in leave) and not _said(part, model, in_tree, damping,

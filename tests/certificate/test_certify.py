@@ -229,6 +229,24 @@ def test_another_mass_fails(monkeypatch):
     assert mv.certify(mv.library.six_link()).content()["failed"] == ["mass.difference"]
 
 
+def test_trees_that_an_engine_refuses_are_skipped():
+    """A body without mass, and a hub, which no URDF can say."""
+    pytest.importorskip("mujoco")
+    model = slider()
+    model.add_body("flange", 0.0, (0, 0, 0), (1, 0, 0))
+    model.add_joint("pin", "revolute", "m", "flange", (1, 0, 0), axis=(0, 0, 1))
+    model.add_torsion_spring("hold", "m", "flange", (0, 0, 1), 5.0)
+    assert mv.certify(model).skipped["mass.difference"].startswith("mujoco")
+    model = mv.Model("pendulum")
+    model.add_hub("hub", 5.0, (0, 0, 1))
+    model.add_body("bob", 2.0, (0.3, 0.3, 0.3), (1.3, 0, 0))
+    model.add_joint("hinge", "revolute", "hub", "bob", (0.4, 0, 0), axis=(0, 1, 0))
+    certificate = mv.certify(model)
+    assert certificate.passed
+    assert "a URDF has no place for hub 'hub'" in certificate.skipped["mass.difference"]
+    assert "hub" in certificate.skipped["engine.difference"]
+
+
 def test_missing_engines_are_named(monkeypatch):
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
     assert "neither mujoco nor pinocchio is installed" in mv.certify(mv.library.two_link()).skipped["mass.difference"]
