@@ -67,7 +67,8 @@ class LoadedMechanism(Mechanism):
         All bodies, beams and flexures turn with it that joints, springs, bushings and these connect with it, not over
         the ground; they are described as they stand at rest in its frame, whose axes are those of the world at one
         moment. Forces, displacements, velocities and accelerations at ports are those in this frame. The hub has no
-        mass of its own and does not give way: what drives it keeps its speed.
+        mass of its own and does not give way: what drives it keeps its speed. ``simulate`` runs in the same frame; the
+        centrifugal potential is part of its potential energy, 0 as described.
 
         Parameters
         ----------
@@ -90,7 +91,7 @@ class LoadedMechanism(Mechanism):
         ModelError
             If the name is taken, the speed is not a number, or the axis is zero. ``linearize`` refuses by name what
             would make the equations vary with time: gravity and loads that do not act along the axis, joints and
-            springs between the ground and what turns, rotation of the ground.
+            springs between the ground and what turns, motion of the ground; and sums of forces on the ground.
         """
         self._check_name(name, "hub")
         return self._keep(self._bodies, _hub.make(name, speed, axis, position))
