@@ -33,19 +33,24 @@ from mbsvib.elements import (
     torsion_spring,
 )
 from mbsvib.elements.by_law import expand as by_law_expand
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
 from mbsvib.elements.part import MAKERS, Part, defaults
 from mbsvib.elements.rows import ElementRows
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from mbsvib.common.arguments import Vector
-    from mbsvib.elements.connection import Connection
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.elements.shared_rows import ExpandedPart
 
 P = TypeVar("P", bound=Part)
+
+
+# Sections of which parts may be replaced in the equations.
+EXPANDED = ("beams", "superelements", "springs", "inputs", "outputs")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +72,14 @@ class Family:
     expand: Callable[..., ExpandedPart] | None = None
     nodes: Callable[..., ExpandedPart] | None = None
     elastic: Callable[..., ElasticPart] | None = None
+
+    def __post_init__(self) -> None:
+        if issubclass(self.part, Connection) and self.rows is None and self.expansion is None:
+            raise ModelError(f"family '{self.word}': nothing says what it is in the equations; give rows, expand, or a "
+                             f"law with an energy.", element=self.word)  # fmt: skip
+        if self.expand is not None and self.section not in EXPANDED:
+            raise ModelError(f"family '{self.word}': parts of the section '{self.section}' are not expanded; expected "
+                             f"one of {', '.join(EXPANDED)}.", element=self.word)  # fmt: skip
 
     @property
     def expansion(self) -> Callable[..., ExpandedPart] | None:
@@ -151,6 +164,10 @@ def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> E
     families: dict[type, list[tuple[int, Connection]]] = {}
     for i, part in enumerate(parts):
         families.setdefault(type(part), []).append((i, part))
+    for family in families.keys() - _ROWS.keys():
+        part = families[family][0][1]
+        raise ModelError(f"{part.family} '{part.name}': its family is not in FAMILIES of elements/families.py, so that "
+                         f"it is nothing in the equations.", element=part.name)  # fmt: skip
     return ElementRows.join([_ROWS[family](members, number) for family, members in families.items()]
                             or [spring.rows([], number)])  # fmt: skip
 

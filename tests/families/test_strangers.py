@@ -14,8 +14,9 @@ import mbsvib as mv
 from mbsvib.elements import by_law, spring
 from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.deformations import Law, length, twist
-from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, Family
 from mbsvib.elements.joint_kinds import STRAIGHT, Kind, Motion, displaced_on_sphere, open_by
+from mbsvib.elements.load import Load
 from mbsvib.elements.roles import axis, number, point, stated
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.linalg import components as c
@@ -263,6 +264,17 @@ def test_an_energy_of_what_no_field_keeps_moves_nowhere(monkeypatch):
     for call in (lambda: model.moved({"hinge.rz": 0.1}), loaded.equilibrium):
         with pytest.raises(mv.ModelError, match="torsion 't': its deformation in another pose does not follow"):
             call()
+
+
+def test_families_that_say_nothing_are_refused():
+    with pytest.raises(mv.ModelError, match="family 'linear': nothing says what it is in the equations"):
+        Family(Linear, "linear", "springs", None)
+    with pytest.raises(mv.ModelError, match="family 'puck': parts of the section 'loads' are not expanded"):
+        Family(Load, "puck", "loads", None, expand=by_law.expand)
+    model = puck().with_parts(springs={"own": Linear("own", "ground", "puck", (0, 0, 0), (0, 0, GAP))})
+    for method in ("dense", "sparse"):
+        with pytest.raises(mv.ModelError, match="linear 'own': its family is not in FAMILIES"):
+            model.linearize(method=method)
 
 
 def test_a_kind_of_joint_with_a_motion_of_its_own_is_refused():
