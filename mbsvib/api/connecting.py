@@ -13,7 +13,9 @@ class Connecting:
     """Linear equations to which controllers can be connected."""
 
     inputs: tuple[str, ...]
+    """Names of the inputs."""
     outputs: tuple[str, ...]
+    """Names of the outputs."""
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """What notebooks complete after ``system[``: pairs of an output and an input."""

@@ -40,7 +40,9 @@ class Driven(Displayed):
     """Equations and how motions act on them."""
 
     ends: Any
+    """Equations whose inputs are displacements and velocities of the moved ends."""
     drives: tuple[Drive, ...]
+    """How each input moves an end."""
 
     @property
     def name(self) -> str:

@@ -40,6 +40,7 @@ class Worst(Columnar, Displayed):
     index: int
     pose: Mapping[str, float]
     value: float
+    """Value of the quantity there."""
 
     def columns(self) -> dict[str, Any]:
         """Return one row: ``index``, ``value``, and the displacements of the coordinates by their names."""

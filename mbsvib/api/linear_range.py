@@ -48,6 +48,7 @@ class LinearRange(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     share: float
     outputs: tuple[str, ...]
     units: tuple[str, ...]

@@ -67,7 +67,9 @@ class LPVSystem(Displayed):
     poses: int
     nominal: System
     polynomial: SparseInterpolant
+    """Polynomials of the entries of M, C, K, B, Cq, Cv, Ca, D."""
     fixed: Mapping[str, float]
+    """Values of the other coordinates of the poses [m, rad]."""
 
     @property
     def name(self) -> str:

@@ -36,8 +36,11 @@ class Energy(Displayed):
     """
 
     parts: tuple[str, ...]
+    """Names of the bodies and elements that have energy."""
     kinetic_by_part: Array = field(repr=False)
+    """Kinetic energy of each (parts, n) [J]."""
     potential_by_part: Array = field(repr=False)
+    """Potential energy of each (parts, n) [J]."""
     dissipated: Array = field(repr=False)
     supplied: Array = field(repr=False)
 
@@ -85,7 +88,7 @@ class Energy(Displayed):
             If no such part holds energy.
         """
         if part not in self.parts:
-            raise ResponseError(f"energy: '{part}' is no part that holds energy.{nearest(part, self.parts)} There are "
+            raise ResponseError(f"energy: '{part}' is not a part with energy.{nearest(part, self.parts)} There are "
                                 f"{', '.join(self.parts)}.")  # fmt: skip
         k = self.parts.index(part)
         return np.asarray(self.kinetic_by_part[k] + self.potential_by_part[k])
@@ -102,8 +105,10 @@ class Run(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     time: Array
     outputs: Mapping[str, Array]
+    """Outputs (n,) by name, in ``output_units``."""
     output_units: Mapping[str, str]
     coordinates: Mapping[str, Array]
     rates: Mapping[str, Array]

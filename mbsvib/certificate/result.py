@@ -27,6 +27,7 @@ class Check(Displayed):
     """
 
     name: str
+    """What is checked."""
     value: float | None
     limit: str
     passed: bool | None
@@ -43,6 +44,7 @@ class Certificate(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     verdict: str
     checks: tuple[Check, ...]
     engine: str | None

@@ -35,7 +35,8 @@ def budget(
         plant = loop if rate is None else loop.sampled(rate, delay)
     elif rate is not None or delay:
         raise shell.UsageProblem("--rate and --delay are those of a controller; give it by --controller FILE.")
-    result = plant.budget(densities_of(noise, plant), outputs or None, band, weighting=weighting)
+    filters: Any = weighting if weighting is None or weighting in ("Wk", "Wd") else _gains_of(weighting)
+    result = plant.budget(densities_of(noise, plant), outputs or None, band, weighting=filters)
     if as_json:
         shell.say_json({
             "name": result.name, "rms": dict(result.rms), "units": dict(result.units), "band": result.band,
@@ -119,9 +120,16 @@ def density_of(word: str, units: set[str]) -> float | Table | Shaped:
                                      ) from None  # fmt: skip
     path = Path(word)
     if not path.is_file():
-        raise shell.UsageProblem(f"'{word}' is no number, no file and no curve; curves: {', '.join(VC)}, NLNM, NHNM, "
+        raise shell.UsageProblem(f"'{word}' is not a number, a file or a curve; curves: {', '.join(VC)}, NLNM, NHNM, "
                                  f"and roads such as ISO-C@20, at 20 m/s.")  # fmt: skip
     return isolation.table(rows_of(path), str(path))
+
+
+def _gains_of(word: str) -> list[tuple[float, float]]:
+    if not Path(word).is_file():
+        raise shell.UsageProblem(f"--weighting '{word}': expected Wk, Wd, or a file of two columns (frequency [Hz], "
+                                 f"gain).")  # fmt: skip
+    return rows_of(Path(word))
 
 
 def rows_of(path: Path) -> list[tuple[float, float]]:
@@ -158,8 +166,8 @@ COMMANDS = {"budget": Command(budget, (
     MODEL, noise_argument(required=True), OUTPUTS,
     option("--band", to="band", metavar=("LOW", "HIGH"), type=number, nargs=2,
            words="First and last frequency [Hz]. Default: all."),
-    option("--weighting", to="weighting", metavar="NAME", choices=("Wk", "Wd"),
-           words="Weighting of ISO 2631-1 of all outputs."),
+    option("--weighting", to="weighting", metavar="NAME", completes="file",
+           words="Filter of all outputs: Wk or Wd of ISO 2631-1, or a file of two columns (frequency [Hz], gain)."),
     CONTROLLERS,
     RATE,
     DELAY,

@@ -67,7 +67,7 @@ def _columns(modes: Modes) -> dict[str, list[Any]]:
         **{key: [None if alone else value for alone, value in zip(single, values.tolist(), strict=True)]
            for key, values in (("real_2", second.real), ("imag_2", second.imag))},
         "relative_error": modes.pair_errors.max(axis=1, initial=0.0).tolist(),
-        "moves_most": list(map(" ".join, modes.strongest())),
+        "largest_motion": list(map(" ".join, modes.strongest())),
     }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
 from mbsvib.cli._controllers import DELAY, FORMATS, RATE, check_delay, read_controller
-from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import ports, system_of
 
 if TYPE_CHECKING:
@@ -22,10 +22,12 @@ def loop(
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Close a loop, u = w + K y: poles, damping and stability margins; exit status 1 if it is unstable."""
-    check_format(file)
+    import numpy as np
+
+    from mbsvib.common.columnar import by_pair
+
+    check_format(file, table=True)
     law, rate = read_controller(controller, sensors, actuators, rate)
-    if rate is not None and file is not None:
-        raise shell.UsageProblem(f"'{file}': Bode plots are of loops in continuous time; leave -o out, or --rate.")
     check_delay(delay, rate)
     plant = system_of(model)
     loop = plant.feedback(law, sensors, actuators, controller.stem)
@@ -43,13 +45,17 @@ def loop(
     else:
         shell.say(str(closed))
         shell.say(str(margins) if margins is not None else f"Unstable: {', '.join(closed.growing)}.")
-    if file is not None and not closed.stable:
-        shell.complain(f"Not written: {shell.shown(file)}, as an unstable loop has no frequency response.")
+    if file is not None and is_table(file):
+        parts = {"open": plant.with_ports(outputs, inputs), "closed": closed.with_ports(outputs, inputs)}
+        omega = parts["closed"].frequency_grid()
+        columns = {f"{label}:{name}": values for label, part in parts.items()
+                   for name, values in by_pair(part.outputs, part.inputs, part.frequency_response(omega)).items()}
+        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **columns}, file, as_json)
     elif file is not None:
         from mbsvib import plots
 
         sources, results, remark = ports(plant, inputs, outputs)
-        deliver(plots.bode([plant, loop], results, sources, labels=["open", "closed"]), file, as_json, remark)
+        deliver(plots.bode([plant, closed], results, sources, labels=["open", "closed"]), file, as_json, remark)
     if not closed.stable:
         raise shell.CheckFailed
 
@@ -63,5 +69,7 @@ COMMANDS = {"loop": Command(loop, (
                  "inputs."),
     option("--actuator", to="actuators", metavar="NAME", action="append", completes="input",
            words="Input of the model that it drives; may be given several times. Default: the names of its outputs."),
-    RATE, DELAY, INPUTS, OUTPUTS, file_argument("Bode plot of open and closed loop, as .png, .pdf or .svg."), JSON,
+    RATE, DELAY, INPUTS, OUTPUTS,
+    file_argument("Frequency responses of open and closed loop: a Bode plot (.png, .pdf, .svg) or a table (.csv)."),
+    JSON,
 ))}  # fmt: skip

@@ -51,6 +51,7 @@ class Periodic(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     coordinates: tuple[str, ...]
     period: float
     M: Array = field(repr=False)

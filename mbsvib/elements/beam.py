@@ -54,7 +54,9 @@ class Beam(Composed):
     a: str | None
     b: str | None
     section: Shape
+    """Cross-section."""
     material: Material
+    """Elastic constants and density."""
     start: Vector | None = None
     end: Vector | None = None
     axis: Vector | None = None
@@ -62,6 +64,7 @@ class Beam(Composed):
     nodes: tuple[Vector, ...] | None = None
     elements: int | None = None
     shear: bool = False
+    """Whether shear deforms it (Timoshenko), or not (Euler and Bernoulli)."""
     y_axis: Vector | tuple[Vector, ...] | None = None
     alpha: float = 0.0
     beta: float = 0.0

@@ -50,6 +50,7 @@ class Dynamic(Displayed):
     """
 
     name: str
+    """Name for tables and messages."""
     _factor: Callable[[Array], Complex] = field(repr=False)
     static: float = 1.0
     viscous: float = 0.0

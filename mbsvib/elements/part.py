@@ -42,6 +42,7 @@ class Part(Completed):
     roles: ClassVar[Mapping[str, Role]] = {}
 
     name: str
+    """Name in the model."""
 
     @property
     def family(self) -> str:

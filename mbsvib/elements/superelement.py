@@ -48,6 +48,7 @@ class Superelement(Composed):
     bodies: tuple[tuple[str, str], ...] = ()
     orientation: Matrix3 = check.IDENTITY
     grounded: bool = False
+    """Whether the ground holds it within, so that K is not zero for rigid motions."""
     displacements: tuple[float, ...] | None = None
     factors: Any = derived()
     rank: tuple[int, int] = derived((0, 0))

@@ -50,6 +50,7 @@ class Alignment:
     """How a joint was aligned: turned by ``angle`` [rad], moved by ``shift`` [m]."""
 
     joint: str
+    """Name of the joint."""
     angle: float
     shift: float
 

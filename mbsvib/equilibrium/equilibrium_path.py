@@ -72,6 +72,7 @@ class EquilibriumPath(Columnar, Displayed, Generic[M]):
 
     coordinate: str
     unit: str
+    """Unit of ``values``, m or rad."""
     values: Array
     forces: Array
     models: tuple[M, ...]

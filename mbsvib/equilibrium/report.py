@@ -43,6 +43,7 @@ class Equilibrium(Columnar, Displayed, Generic[M]):
     """
 
     model: M
+    """The model in its equilibrium, balanced."""
     iterations: int
     residuals: tuple[float, ...]
     load_steps: tuple[float, ...]

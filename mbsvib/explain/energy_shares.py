@@ -41,6 +41,7 @@ class StiffnessShares(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     elements: tuple[str, ...]
     kinds: tuple[str, ...]
     frequencies: Array

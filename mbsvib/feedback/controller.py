@@ -37,10 +37,15 @@ class Controller(LinearVerbs, Displayed):
     """
 
     name: str
+    """Name for tables and figures."""
     A: Array
+    """State matrix (n, n) [1/s]."""
     B: Array
+    """Input matrix (n, inputs)."""
     C: Array
+    """Output matrix (outputs, n)."""
     D: Array
+    """Direct response of outputs to inputs (outputs, inputs)."""
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 

@@ -79,9 +79,13 @@ class Loop(Displayed, ABC):
     kind: ClassVar[str] = "closed loop"
 
     plant: LoopPlant
+    """What the controllers act on."""
     controllers: tuple[Controller, ...]
+    """Controllers, which act in parallel."""
     sensors: tuple[str, ...] = field(repr=False)
+    """Names of the outputs that controllers take."""
     actuators: tuple[str, ...] = field(repr=False)
+    """Names of the inputs that they drive."""
     selection: tuple[tuple[str, ...], tuple[str, ...]] | None = field(default=None, repr=False, kw_only=True)
 
     @property

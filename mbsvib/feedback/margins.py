@@ -47,6 +47,7 @@ class Margins(Columnar, Displayed):
     """
 
     name: str
+    """Name of the controller."""
     actuators: tuple[str, ...]
     modulus: float
     frequency: float
@@ -61,6 +62,7 @@ class Margins(Columnar, Displayed):
     delay_at: Array
     modulus_at: Array
     stable: bool
+    """Whether the loop is stable; an unstable one has no margins."""
 
     @property
     def all_gains(self) -> tuple[float, float]:

@@ -74,9 +74,13 @@ class SampleToSample(Displayed):
     """
 
     A: Array
+    """State matrix (n, n) from one sample to the next."""
     B: Array
+    """Input matrix (n, inputs)."""
     C: Array
+    """Output matrix (outputs, n)."""
     D: Array
+    """Direct response of outputs to inputs (outputs, inputs)."""
     states: tuple[str, ...]
 
 

@@ -51,6 +51,7 @@ class Fit(Columnar, Displayed):
     intervals: Mapping[str, tuple[float, float]]
     covariance: Array
     units: Mapping[str, str]
+    """Units of the values by name."""
     residual_test: ResidualTest
     unidentified: tuple[str, ...]
     converged: bool

@@ -53,7 +53,9 @@ class Collocation(Columnar, Displayed):
     """The report on pairs of actuators and sensors."""
 
     name: str
+    """Name of the model."""
     pairs: tuple[Pair, ...]
+    """One report for each pair."""
 
     def columns(self) -> dict[str, Any]:
         """Return the pairs as columns by name.

@@ -30,6 +30,7 @@ class Design(Columnar, Displayed):
 
     model: Model
     optimum: Optimum
+    """Where the search ended."""
     before: Isolation
     after: Isolation
 
@@ -70,6 +71,7 @@ class Front(Columnar, Displayed):
     """The best ``objective`` (n,) for n bounds on a quantity, its values ``price`` (n,), and the ``designs``."""
 
     labels: tuple[str, str]
+    """Names of objective and price."""
     objective: Array
     price: Array
     bounds: Array

@@ -284,7 +284,7 @@ class Figures(Columnar):
         notes = [f"Index ||T||_F/sqrt({len(directions)}) of accelerations at ({point}) m, rotations times "
                  f"{scene.length:.4g} m; base motion along {' '.join(directions)}.", *scene.notes]  # fmt: skip
         title = f"Isolation of {scene.body} from {scene.base}: {self.name}"
-        return {"title": title, "columns": [("figure", "left"), ("value", "right")], "rows": rows, "notes": notes}
+        return {"title": title, "columns": [("quantity", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
     _index = "frequency_hz"
 

@@ -45,8 +45,10 @@ class Passive(Displayed):
     _engine = "scene"
 
     model: Model
+    """The model that is designed."""
     scene: StudyScene = field(repr=False)
     joints: tuple[str, ...] = ()
+    """Names of the joints whose angles are watched."""
 
     def peak(self, band: tuple[float, float] | None = None) -> Quantity:
         """Return the peak of the Frobenius index of the transmissibility.

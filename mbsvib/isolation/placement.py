@@ -52,14 +52,18 @@ class Placement(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     criterion: str
+    """Name of the criterion."""
     larger: bool
+    """Whether a larger score is better."""
     sets: tuple[PlacedSet, ...]
     everything: PlacedSet
     bound: float
     count: int
     tried: int
     targets: tuple[str, ...] = field(default=(), repr=False)
+    """Labels of the values of each set; none: as its ``values`` name them."""
 
     @property
     def best(self) -> PlacedSet:

@@ -37,6 +37,7 @@ class RootLocus(Columnar, Displayed):
     """
 
     name: str
+    """Name of the controller."""
     gains: Array
     poles: Complex
     zeros: Complex

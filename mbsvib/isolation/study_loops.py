@@ -21,6 +21,7 @@ class StudyFigures(FeedbackLoop):
     """What closed loops of a study answer, in continuous or discrete time."""
 
     plant: Plant
+    """The system with force actuators and sensors in its legs."""
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures of the closed loop.

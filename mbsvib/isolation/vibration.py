@@ -43,6 +43,7 @@ class Vibration(Columnar, Displayed):
     _engine = "exact judged"
 
     study: Figures
+    """Transmissibilities of which it is made."""
     noise: BaseNoise
     band: tuple[float, float] | None
     acceleration: Array

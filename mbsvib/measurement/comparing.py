@@ -72,6 +72,7 @@ class Comparison(Columnar, Displayed):
     _engine = "record shape_outputs"
 
     names: tuple[str, str]
+    """Names of a and b."""
     mac: Array
     pairs: tuple[Pair, ...]
     shape_outputs: tuple[str, ...]
@@ -83,6 +84,7 @@ class Comparison(Columnar, Displayed):
     differences: tuple[Difference, ...]
     responses: tuple[Complex, Complex] = field(repr=False)
     remarks: tuple[str, ...] = ()
+    """What could not be compared, in words."""
 
     def columns(self) -> dict[str, Any]:
         """Return the pairs of modes as columns by name.

@@ -58,8 +58,11 @@ class Matching(Columnar, Displayed):
     """The partner in a model of each output and input of a measurement, in the order of the measurement."""
 
     outputs: tuple[Partner, ...]
+    """Partner of each output."""
     inputs: tuple[Partner, ...]
+    """Partner of each input."""
     refused: tuple[str, ...] = ()  # why channels were left out, where that was allowed
+    """Why channels were left out, where that was allowed."""
 
     @property
     def output_names(self) -> tuple[str, ...]:

@@ -72,10 +72,12 @@ class Parameter(Displayed):
     """
 
     name: str
+    """Name, such as leg1.k.stiffness."""
     part: str
     field: str
     index: tuple[int, ...]
     value: float
+    """Value [unit]."""
     unit: str
     is_pair: bool = False
 

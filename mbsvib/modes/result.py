@@ -65,8 +65,11 @@ class Modes(Columnar, Displayed):
     MOST: ClassVar[str] = "largest motion"
 
     name: str
+    """Name of the model."""
     coordinates: tuple[str, ...]
+    """Names of the minimal coordinates (m,)."""
     bodies: tuple[str, ...]
+    """Names of the bodies."""
     eigenvalues: Complex
     errors: Array
     shapes: Array | Complex

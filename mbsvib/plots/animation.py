@@ -51,6 +51,7 @@ class Animation(Displayed):
     scene: DrawnScene = field(repr=False)
     shape: NDArray[Any] = field(repr=False)
     title: str
+    """Title above the picture."""
     view: View = "3-D"
     frames: int = 30
     rate: float = 20.0

@@ -49,6 +49,7 @@ class Budget(Columnar, Displayed):
     """
 
     name: str
+    """Name of the system or loop."""
     rms: Mapping[str, float]
     contributions: Mapping[str, Mapping[str, float]]
     units: Mapping[str, str]

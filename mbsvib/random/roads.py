@@ -29,6 +29,7 @@ class RoadProfile(Columnar, Displayed):
     """
 
     name: str
+    """Name for figures."""
     waves: Array
     amplitudes: Array
     phases: Array

@@ -152,6 +152,7 @@ class BaseNoise(Displayed):
 
     directions: tuple[str, ...]
     spectra: tuple[Table | Shaped | Density, ...]
+    """One-sided density of each direction [(m/s^2)^2/Hz, (rad/s^2)^2/Hz]."""
     correlation: Complex
 
     @property

@@ -13,7 +13,9 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import positive
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.responses.densities import Shaped, shaped
+from mbsvib.responses.densities import Shaped, shaped, table
+from mbsvib.responses.from_control import is_control, is_transfer_function
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,6 +28,9 @@ _ISO_2631 = {
     "Wk": (0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)),
     "Wd": (0.4, 100.0, 2.0, 2.0, 0.63, None),
 }
+EXPECTED = ("'Wk' or 'Wd', isolation.shaped(numerator, denominator), a stable StateSpace or transfer function of "
+            "python-control with one input and one output, at least two pairs (frequency [Hz], gain above 0) in "
+            "ascending order, or a function of the frequency [Hz]")  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -36,6 +41,7 @@ class Window(Displayed):
     """
 
     time: float
+    """Time T of the average [s]."""
     mean: bool
 
     def __call__(self, f: Array) -> Array:
@@ -244,9 +250,8 @@ def weights(
 ) -> tuple[Weight | None, ...]:
     """Return the filter of each of some outputs of the equations ``name``, None for none.
 
-    ``weighting``: one for all outputs, or a mapping of names or patterns; each "Wk" or "Wd", what ``shaped``,
-    ``moving_average``, ``moving_deviation`` and ``integrated`` make, or a function of frequencies [Hz] that returns
-    gains.
+    ``weighting``: one for all outputs, or a mapping of names or patterns; each ``EXPECTED``, or what
+    ``moving_average``, ``moving_deviation`` and ``integrated`` make.
     """
     if weighting is None:
         return (None,) * len(outputs)
@@ -266,9 +271,23 @@ def weights(
 def _weight(value: Any, name: str) -> Weight:
     if isinstance(value, str):
         return Weight(value, iso_2631(value))
+    if is_control(value) or is_transfer_function(value):
+        value = StateSpace.from_control(value)
+    if isinstance(value, StateSpace):
+        value = _filter_of(value, name)
     if isinstance(value, Shaped):
         return Weight(name, value)
-    if not callable(value):
-        raise ResponseError(f"weighting {name}: {check.shown(value)}; expected 'Wk' or 'Wd', a filter as of "
-                            f"isolation.shaped(numerator, denominator), or a function of the frequency.")  # fmt: skip
-    return Weight(name, function=value)
+    if callable(value):
+        return Weight(name, function=value)
+    try:
+        return Weight(name, function=table(value, f"weighting {name}").at)
+    except ResponseError:
+        raise ResponseError(f"weighting {name}: {check.shown(value)}; expected {EXPECTED}.") from None
+
+
+def _filter_of(space: StateSpace, name: str) -> Shaped:
+    growing = (np.linalg.eigvals(space.A).real >= 0.0).any()
+    if space.D.shape != (1, 1) or growing:
+        fault = "has a pole that does not decay" if growing else f"has the shape {space.D.shape}"
+        raise ResponseError(f"weighting {name}: '{space.name}' {fault}; expected {EXPECTED}.")
+    return Shaped(1.0, space.A, space.B, space.C, float(space.D[0, 0]))

@@ -91,7 +91,8 @@ def reduced_equations(
     craig-bampton: displacements of outputs and of the points where inputs act, and modes with these held
     """
     if method not in METHODS[1:]:
-        raise ResponseError(f"reduced: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}."
+        about = " It is for systems of sparse matrices (System.from_matrices)." if method == "krylov" else ""
+        raise ResponseError(f"reduced: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}.{about}"
                             f"{nearest(str(method), METHODS)}")  # fmt: skip
     _check(system.name, order, error, system.dof, "coordinates")
     if system.massless or system.circulatory is not None:

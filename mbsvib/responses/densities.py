@@ -32,7 +32,9 @@ class Table(Displayed):
 
     frequencies: Array
     values: Array
+    """One-sided densities (n,) at the break-points [unit^2/Hz]."""
     unit: str = ""
+    """Unit of the signal, empty where it may have any."""
 
     filter = None
 
@@ -81,6 +83,7 @@ class Shaped(Displayed):
     c: Array
     d: float
     unit: str = ""
+    """Unit of the signal, empty where it may have any."""
 
     @property
     def filter(self) -> Shaped:

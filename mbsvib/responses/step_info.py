@@ -50,10 +50,15 @@ class StepInfo(Columnar, Displayed):
     """
 
     name: str
+    """Name of the system."""
     outputs: tuple[str, ...]
+    """Names of the outputs."""
     inputs: tuple[str, ...]
+    """Names of the inputs."""
     output_units: tuple[str, ...]
+    """Units of the outputs."""
     input_units: tuple[str, ...]
+    """Units of the inputs."""
     band: float
     final: Array
     rise_time: Array

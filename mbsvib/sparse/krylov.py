@@ -45,7 +45,8 @@ def krylov(system: SparseEquations, order: int, near: float | Sequence[float], f
     ends = np.concatenate((system.input_rows.toarray(), *(rows.toarray() for rows in system.output_rows))).T
     ends = ends[:, ends.any(axis=0)]
     if not ends.shape[1]:
-        raise ResponseError(f"reduced: '{system.name}' has no inputs and outputs, about which method = 'krylov' is.")
+        raise ResponseError(f"reduced: '{system.name}' has no inputs and outputs, about which method = 'krylov' is. "
+                            f"Take method = 'modal'.")  # fmt: skip
     free = _free(system, form)
     speed = quadratic_of(system).speed
     scale = max(2.0 * np.pi * max(frequencies), speed)
@@ -66,7 +67,7 @@ def krylov(system: SparseEquations, order: int, near: float | Sequence[float], f
     size, turn = np.linalg.eigh(0.5 * (mass + mass.T))
     if size[0] <= REPEATED * size[-1]:
         raise ResponseError(f"reduced: method = 'krylov': inputs or outputs of '{system.name}' are at coordinates "
-                            f"without mass, whose motions alone have none; take method='static-corrected'.")
+                            f"without mass, whose motions alone have none; take method = 'static-corrected'.")
     root = turn / np.sqrt(size)
     return projected(system, _rotated(z @ root, given.K, free), free.shape[1], form)
 
@@ -106,7 +107,7 @@ class _Moments:
             self.factor = given.factor(s=s) if s else given.factor()
         except np.linalg.LinAlgError:
             raise ResponseError(f"reduced: method = 'krylov' about {abs(s) / 2 / np.pi:g} Hz, an undamped pole of "
-                                f"'{given.name}'; expected a frequency beside it.") from None  # fmt: skip
+                                f"'{given.name}'. Take a frequency beside it or 'modal'.") from None  # fmt: skip
         self.pairs = np.zeros((2 * len(ends), 0), dtype=complex if s else float)
         self.last = 0
 

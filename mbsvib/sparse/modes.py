@@ -52,6 +52,7 @@ class SomeModes(Modes):
 
     reduced: Equations = field(repr=False, kw_only=True)
     dof: int = field(kw_only=True)
+    """Number of degrees of freedom of the whole system, m."""
     missed: int | None = field(kw_only=True)
     moving: tuple[tuple[str, ...], ...] = field(default=(), kw_only=True)
     """The coordinate with the largest momentum, for each mode of matrices."""

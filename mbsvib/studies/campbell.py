@@ -55,6 +55,7 @@ class Campbell(Columnar, Displayed):
     critical: tuple[CriticalSpeed, ...]
     limits: tuple[float, ...]
     modes: tuple[Modes, ...] = field(repr=False)
+    """Modes at each speed."""
 
     @cached_property
     def frequencies(self) -> Array:

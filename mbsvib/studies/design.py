@@ -191,7 +191,8 @@ def design(
     """
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "
-                           "{'height': {'platform.position.z': 1.0}}")  # fmt: skip
+                           "{'height': {'platform.position.z': 1.0}}, or to objects with values(variables) and "
+                           "rates(variables), such as isolation.platform(model, body).ties")  # fmt: skip
     variables, maps, parameters = tuple(names), {} if ties is None else dict(ties), a_model(model, "study").parameters
     shared = {id(tie) for name, tie in maps.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in maps.items():

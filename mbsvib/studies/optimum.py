@@ -62,6 +62,7 @@ class Optimum(Columnar, Displayed):
     objective: float
     began: float
     label: str
+    """Name of the objective."""
     constraints: Mapping[str, Array]
     observed: Mapping[str, Array]
     violations: Mapping[str, float]
@@ -70,8 +71,11 @@ class Optimum(Columnar, Displayed):
     optimality: float
     success: bool
     message: str
+    """What the solver reported at its end."""
     iterations: int
+    """Number of iterations."""
     evaluations: int
+    """Number of evaluations of the objective."""
     units: Mapping[str, str] = field(repr=False)
     starts: tuple[Descent, ...] = field(repr=False)
     plant: Any = field(default=None, repr=False)

@@ -190,6 +190,7 @@ class Constraint(Displayed):
     """A quantity no less than ``low`` and no more than ``high``; None: no such bound. Equal: it has that value."""
 
     quantity: Quantity
+    """What is bounded."""
     low: float | None
     high: float | None
 

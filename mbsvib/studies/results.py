@@ -93,6 +93,7 @@ class Sweep(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     axes: Mapping[str, Array]
     parameters: Mapping[str, Array]
     shape: tuple[int, ...]

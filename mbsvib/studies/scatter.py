@@ -133,6 +133,7 @@ class Tolerances(Columnar, Displayed):
     _engine = "index labels linear"
 
     name: str
+    """Name of the model."""
     labels: tuple[str, ...]
     nominal: Array
     first: Array
@@ -140,6 +141,7 @@ class Tolerances(Columnar, Displayed):
     shares: Array
     tolerance: Mapping[str, float]
     distribution: str
+    """Distribution of the parameters within their tolerances."""
     sweep: Sweep
     sampled: Array = field(repr=False)
     linear: Array = field(repr=False)

@@ -55,6 +55,7 @@ class TradeOff(Columnar, Displayed):
     """
 
     name: str
+    """Name of the model."""
     labels: Mapping[str, str]
     values: Mapping[str, Array]
     variables: Mapping[str, Array]

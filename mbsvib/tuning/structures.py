@@ -64,7 +64,9 @@ class Tunable(Displayed, ABC):
     __array_ufunc__ = None
 
     inputs: tuple[str, ...]
+    """Names of the sensors."""
     outputs: tuple[str, ...]
+    """Names of the actuators."""
 
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:

@@ -58,6 +58,7 @@ class Design(Columnar, Displayed):
     reached: Mapping[str, bool]
     history: tuple[tuple[float, ...], ...] = field(repr=False)
     by_plant: Mapping[str, tuple[float, ...]] = field(repr=False)
+    """Achieved values of each goal, one for each plant."""
 
     @property
     def success(self) -> bool:

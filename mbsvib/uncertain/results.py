@@ -67,6 +67,7 @@ class RobustStability(_AtValues):
     """
 
     name: str
+    """Name of the system or loop."""
     lower: float
     upper: float
     values: Mapping[str, float]
@@ -103,6 +104,7 @@ class WorstGain(_AtValues):
     """
 
     name: str
+    """Name of the system or loop."""
     lower: float
     upper: float
     values: Mapping[str, float]
@@ -143,6 +145,7 @@ class WorstRms(Columnar, Displayed):
     """
 
     name: str
+    """Name of the system or loop."""
     lower: Mapping[str, float]
     values: Mapping[str, Mapping[str, float]]
     upper: Mapping[str, float]

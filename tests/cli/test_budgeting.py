@@ -39,6 +39,15 @@ def test_curves_are_of_the_quantity_of_the_input(run, word, curve):
         {"road": curve}, "travel", (3.0, 10.0), weighting="Wk").contributions["travel"]  # fmt: skip
 
 
+def test_a_weighting_of_a_file(run, tmp_path):
+    (tmp_path / "gain.txt").write_text("0.1 1\n100 10\n")
+    line = "budget quarter_car --noise road=0.01 --output travel --band 3 10 --json --weighting"
+    rms = mv.library.quarter_car().linearize().rms("travel", {"road": 0.01}, (3.0, 10.0),
+                                                   weighting=lambda f: (f / 0.1) ** (1.0 / 3.0))  # fmt: skip
+    assert json.loads(run(f"{line} gain.txt").stdout)["rms"]["travel"] == pytest.approx(rms["travel"], rel=1e-6)
+    assert "expected Wk, Wd, or a file" in run(f"{line} Wz").stderr
+
+
 def test_controllers_add_their_noise(run, tmp_path):
     """Two static gains -g x: as one spring of 2 g more, whose sensor's noise acts as the force 2 g n."""
     gain = 300.0
@@ -58,7 +67,7 @@ def test_controllers_add_their_noise(run, tmp_path):
 @pytest.mark.parametrize(("line", "words"), [
     ("--noise F", "expected INPUT=VALUE"),
     ("--noise F=1 --noise F=2", "is there already"),
-    ("--noise F=VC-Z", "no curve; curves: VC-A"),
+    ("--noise F=VC-Z", "a file or a curve; curves: VC-A"),
     ("--noise F=VC-C", "one of m/s^2, yet the input has the unit N"),
     ("--noise F=ISO-C@fast", "class of roads and a speed"),
     ("--noise F=1 --rate 100", "give it by --controller"),

@@ -51,7 +51,7 @@ def test_modes_as_json_keep_every_digit(run):
     assert mode["real_1"] == pytest.approx(-2.5, rel=1e-14)
     assert abs(mode["imag_1"]) == pytest.approx(math.sqrt(2500 - 6.25), rel=1e-14)
     assert mode["imag_2"] == -mode["imag_1"]
-    assert mode["moves_most"] == "mass x"
+    assert mode["largest_motion"] == "mass x"
 
 
 def test_modes_as_csv(run):

@@ -51,7 +51,8 @@ def test_a_stable_loop_has_margins_and_a_figure(files, tmp_path):
     sampled = json.loads(files("loop slider.yaml damper.json --rate 1000 --delay 1e-4 --json").stdout)
     assert sampled["discrete"]
     assert sampled["stable"]
-    assert files("loop slider.yaml damper.json --rate 1000 -o sampled.png").exit_code == 2
+    assert files("loop slider.yaml damper.json --rate 1000 -o sampled.png").exit_code == 0
+    assert (tmp_path / "sampled.png").stat().st_size > 10_000
 
 
 def test_an_unstable_loop_fails_and_is_named(files):
@@ -59,10 +60,22 @@ def test_an_unstable_loop_fails_and_is_named(files):
     assert result.exit_code == 1
     assert "Unstable: " in result.stdout
     assert "mode 1" in result.stdout
-    drawn = files("loop slider.yaml law.json -o open-closed.png --json")
-    assert drawn.exit_code == 1
-    assert not json.loads(drawn.stdout)["stable"]
-    assert drawn.stderr == "Not written: open-closed.png, as an unstable loop has no frequency response.\n"
+    written = files("loop slider.yaml law.json -o open-closed.csv --json")
+    assert written.exit_code == 1
+    assert not json.loads(written.stdout)["stable"]
+    assert "No steady vibration has its frequency response" in written.stderr
+
+
+@pytest.mark.parametrize("gain", [GAIN, -GAIN])
+def test_responses_of_both_loops_as_a_table(files, tmp_path, gain):
+    """x / F = 1 / (m s^2 + c s + k), and with the lag of the law, x / w = 1 / (m s^2 + c s + k - K(s))."""
+    (tmp_path / "damper.json").write_text(json.dumps(LAW | NAMES | {"C": [[gain]]}))
+    files("loop slider.yaml damper.json -o loops.csv")
+    table = np.genfromtxt(tmp_path / "loops.csv", delimiter=",", names=True, deletechars="")
+    s = 2j * np.pi * table["frequency_hz"]
+    stiffness, law = np.polyval([2.0, 10.0, 5000.0], s), gain / (LAG * s + 1.0)
+    for label, exact in (("open", 1.0 / stiffness), ("closed", 1.0 / (stiffness - law))):
+        assert_allclose(table[f"{label}:x/F_re"] + 1j * table[f"{label}:x/F_im"], exact, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

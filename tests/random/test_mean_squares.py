@@ -2,6 +2,7 @@
 
 import re
 
+import control
 import mpmath
 import numpy as np
 import pytest
@@ -227,6 +228,8 @@ def test_densities_in_a_band_where_a_mode_is_very_light():
     ({"F": 1.0}, {"weighting": "Wz"}, "ISO 2631"),
     ({"F": 1.0}, {"weighting": {"x": "Wk", "*": "Wd"}}, "has two"),
     ({"F": 1.0}, {"weighting": 3.0}, "expected 'Wk' or 'Wd'"),
+    ({"F": 1.0}, {"weighting": [(1.0, 0.0), (2.0, 1.0)]}, "gain above 0"),
+    ({"F": 1.0}, {"weighting": mv.StateSpace.from_arrays([[1.0]], [[1.0]], [[1.0]], [[0.0]])}, "does not decay"),
 ])  # fmt: skip
 def test_refusals(noise, settings, words):
     with pytest.raises(mv.ResponseError, match=words):
@@ -327,6 +330,16 @@ def test_only_integrals_over_functions_have_an_error(noise, weighting, exact):
     budget = oscillator().linearize().budget({"base": noise}, "x", weighting=weighting)
     assert (budget.error == 0.0) is exact
     assert budget.error < 1e-9
+
+
+@pytest.mark.parametrize("weighting", [
+    mv.StateSpace.from_arrays([[-9.0]], [[1.0]], [[9.0]], [[0.0]]), control.tf([9.0], [1.0, 9.0]),
+    [(f, 9.0 / np.hypot(9.0, 2.0 * np.pi * f)) for f in np.geomspace(0.09, 10.0, 2000)],
+])  # fmt: skip
+def test_filters_in_several_forms_are_one_weighting(weighting):
+    system, band = oscillator().linearize(), (0.1, 9.0)
+    exact = system.rms("x", {"base": 1.0}, band, weighting=isolation.shaped([9.0], [1.0, 9.0]))["x"]
+    assert system.rms("x", {"base": 1.0}, band, weighting=weighting)["x"] == pytest.approx(exact, rel=1e-5)
 
 
 @pytest.mark.parametrize("second", [isolation.shaped([9.0], [1.0, 9.0], 3.0), 2.0, [(0.1, 2.0), (60.0, 0.01)],

@@ -337,7 +337,7 @@ def test_what_a_run_tells(tmp_path, monkeypatch):
         run["absolute"]
     with pytest.raises(mv.ResponseError, match="Did you mean 'z'"):
         run["zz"]
-    with pytest.raises(mv.ResponseError, match="'leg' is no part that holds energy"):
+    with pytest.raises(mv.ResponseError, match="'leg' is not a part with energy"):
         run.energy.of("leg")
     assert repr(run) == "Run('lamp': 5 times to 0.2 s, 1 coordinate, 3 outputs)"
     with pytest.raises(ValueError, match="read-only"):

@@ -306,7 +306,7 @@ for (const [name, colour] of Object.entries(SWATCH)) {
 by("remarks").textContent = modesOf.remarks.join(" ") +
   (data.scene && modesOf.shown < modesOf.rows.length ? ` The first ${modesOf.shown} of ${modesOf.rows.length} modes are shown in motion.` : "");
 by("csv-modes").onclick = () => csv(`${fileName(data.name)}-modes.csv`, [
-  ["mode", "natural_hz", "damped_hz", "damping_ratio", "real_1", "imag_1", "real_2", "imag_2", "relative_error", "moves_most"],
+  ["mode", "natural_hz", "damped_hz", "damping_ratio", "real_1", "imag_1", "real_2", "imag_2", "relative_error", "largest_motion"],
   ...modesOf.rows.map((mode, i) => [i + 1, mode.natural, mode.damped, mode.ratio, ...mode.values.flat(), mode.error, mode.most])]);
 by("csv-shapes").onclick = () => csv(`${fileName(data.name)}-shapes.csv`, shapes());
 if (!data.scene) { document.querySelector(".stage").remove(); by("motion").querySelector(".split").classList.add("single"); by("csv-shapes").remove(); }
