@@ -78,6 +78,8 @@ def figure(results, bodies, path):
     """Draw the work-precision diagram; hollow is what is promised."""
     from matplotlib.figure import Figure
 
+    from mbsvib.plots._style import logarithmic
+
     drawing = Figure(figsize=(7, 4.2), layout="constrained")
     axes = drawing.subplots()
     for decades, mark in zip(results, "osD^v", strict=True):
@@ -92,6 +94,7 @@ def figure(results, bodies, path):
         axes.plot([], [], mark, color="0.5", label=f"{decades} decades")
     axes.set(xlabel="CPU time [ms]", ylabel="largest relative error of a frequency", title=f"Chains of {bodies} bodies")
     axes.grid(alpha=0.3)
+    logarithmic(axes.xaxis)
     drawing.legend(fontsize="small", loc="outside right center")
     drawing.savefig(path, dpi=110)
 

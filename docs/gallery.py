@@ -58,10 +58,11 @@ def draw(path: Path, folder: Path) -> Path:
 
     from mbsvib.errors import MbsvibError
     from mbsvib.plots import STYLE
-    from mbsvib.plots._style import WIDEST
+    from mbsvib.plots._style import WIDEST, logarithmic
 
     mpl.use("agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import LogLocator
 
     plt.show = lambda *_, **__: None
     plt.close("all")
@@ -77,6 +78,9 @@ def draw(path: Path, folder: Path) -> Path:
     figure = plt.figure(plt.get_fignums()[0])
     width, height = figure.get_size_inches()
     figure.set_size_inches(min(width, WIDEST), height)  # so that texts have 7 pt on the page
+    for axis in [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]:
+        if isinstance(axis.get_major_locator(), LogLocator):
+            logarithmic(axis)
     figure.savefig(picture, dpi=100)
     plt.close("all")
     return picture

@@ -67,7 +67,7 @@ def draw():
               label="imaginary part")  # fmt: skip
     left.axhline(0.0, color="0.5", linewidth=0.8)
     left.set(xlabel="speed [m/s]", ylabel="eigenvalue [1/s]", ylim=(-10.0, 10.0), title="Benchmark bicycle")
-    left.legend(loc="lower left")
+    left.legend(loc="lower right")
     right.plot(t, lean[0], label="hands off")
     right.plot(t, lean[1], label=f"torque {GAIN:g} N m s/rad times rate of lean")
     right.set(xlabel="time [s]", ylabel="lean [deg]", ylim=(-3.0, 3.0), title=f"Push from the side at {SLOW:g} m/s")

@@ -62,7 +62,7 @@ def draw():
     left.legend(loc="upper center")
     for way, name in zip(answer.outputs, ("along", "height"), strict=True):
         middle.plot(1e3 * time, 1e3 * way, label=name)
-    middle.set_ylabel("body from its place [mm]")
+    middle.set_ylabel("displacement of the body [mm]")
     for torque, hip in zip(torques, HIPS, strict=True):
         right.plot(1e3 * time, torque, label=hip.replace("_", " "))
     right.set_ylabel("torque of the motor [N m]")

@@ -77,7 +77,7 @@ def draw():
     axes.loglog(stiffnesses, active, "s-", label="with the best gain of each")
     axes.loglog(first, one_by_one.objective, "kX", markersize=10, label=f"mount first: {one_by_one.objective:.2f}")
     axes.loglog(best, together.objective, "k*", markersize=13, label=f"both at once: {together.objective:.2f}")
-    axes.set(xlabel="stiffness of the mount [N/m]", ylabel="cost, in parts of what is allowed [-]")
+    axes.set(xlabel="stiffness of the mount [N/m]", ylabel="cost / allowed cost [1]")
     axes.set_yticks([2, 5, 10, 20, 50], ["2", "5", "10", "20", "50"])
     axes.minorticks_off()
     axes.legend()

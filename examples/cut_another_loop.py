@@ -41,18 +41,19 @@ def draw():
     """Mass matrices in their own coordinates, above frequencies that do not know about them."""
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(2, len(systems), figsize=(13, 5.5), layout="constrained", height_ratios=(3, 2))
+    figure, panels = plt.subplots(2, len(systems), figsize=(8.6, 4.0), layout="constrained", height_ratios=(3, 2))
     for (name, system), above, below in zip(systems.items(), *panels, strict=True):
         size = np.sqrt(np.diag(system.M))
         image = above.imshow(system.M / np.outer(size, size), cmap="RdBu_r", vmin=-1, vmax=1)
-        above.set_title(name, fontsize=10)
+        above.set_title(name, fontsize=9)
         above.set_xticks(range(6), system.coordinates, rotation=90, fontsize=7)
-        above.set_yticks(range(6), system.coordinates, fontsize=7)
+        above.set_yticks([])
         below.stem(range(1, 7), system.modes().frequencies)
-        below.set(xlabel="mode", ylabel="frequency [Hz]" if above is panels[0, 0] else "", ylim=(0, 1400))
+        below.set(xlabel="mode", ylabel="frequency [Hz]" if above is panels[0, 0] else "", ylim=(0, 1400),
+                  yticks=(0, 500, 1000), yticklabels=("0", "500", "1000") if above is panels[0, 0] else ())
         below.set_xticks(range(1, 7))
         below.grid(alpha=0.3)
-    figure.colorbar(image, ax=list(panels[0]), label="mass matrix, scaled to a unit diagonal [1]")
+    figure.colorbar(image, ax=list(panels[0]), label="mass, unit diagonal [1]")
     figure.suptitle("One platform, five ways to cut its loops")
     return figure
 

@@ -72,7 +72,7 @@ def draw():
     for k, (label, values) in enumerate(rms.items()):
         left.bar(np.arange(3) + 0.27 * (k - 1), 1e6 * np.array(values), 0.25, label=label)
     left.set_xticks(range(3), list(POSES))
-    left.set(ylabel="rms of the tool's vibration [um]", ylim=(0, 1.3e6 * max(rms["passive"])))
+    left.set(ylabel="rms of the tool's vibration [µm]", ylim=(0, 1.3e6 * max(rms["passive"])))
     left.legend()
     right.bar(range(1, 7), gains, color="C2", label="tuned for all poses")
     right.axhline(at_home.values["all legs.gain"], color="C1", label="tuned at home")

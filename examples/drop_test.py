@@ -60,7 +60,7 @@ def draw():
         for (mass, shares), mark in zip(group.items(), "vo", strict=True):
             panel.plot(x, shares, f"{mark}-", label=f"arms of {1e3 * mass:g} g")
     axes[0].set_ylabel("energy left after 1 s [1]")
-    for panel, words in zip(axes, ("mass of an arm [g]", "length of an arm [mm]", "damping beta [us]"), strict=True):
+    for panel, words in zip(axes, ("mass of an arm [g]", "length of an arm [mm]", "damping beta [µs]"), strict=True):
         panel.set(xlabel=words, ylim=(0.0, 1.05))
         panel.legend(fontsize=8)
 

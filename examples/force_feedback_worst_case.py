@@ -48,7 +48,7 @@ def draw():
     left.semilogx(GAINS, [case.upper for case in worst.values()], "s-", label="worst case, proven")
     left.semilogx(GAINS, [case.lower for case in worst.values()], "k+", markersize=12, label="worst case, reached")
     left.axhline(ALLOWED, color="0.5", linestyle="--", label="allowed")
-    left.set(xlabel="gain of force feedback [1/s]", ylabel="largest transmissibility, vertical [-]", ylim=(0.0, None))
+    left.set(xlabel="gain of force feedback [1/s]", ylabel="largest transmissibility, vertical [1]", ylim=(0.0, None))
     left.set_xticks(GAINS, [f"{gain:.0f}" for gain in GAINS])
     left.minorticks_off()
     left.legend()
@@ -62,7 +62,7 @@ def draw():
     right.loglog(f, transmissibility(loop.nominal), "k", label="nominal")
     right.loglog(f, transmissibility(there), "C3", label="worst values")
     right.axhline(bound.upper, color="C3", linestyle=":", label=f"proven: at most {bound.upper:.3f}")
-    right.set(xlabel="frequency [Hz]", ylabel=f"transmissibility at {enough:.0f} 1/s [-]", ylim=(0.08, 3.0))
+    right.set(xlabel="frequency [Hz]", ylabel=f"transmissibility at {enough:.0f} 1/s [1]", ylim=(0.08, 3.0))
     right.legend(loc="lower left")
     plt.show()
 

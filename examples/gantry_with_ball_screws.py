@@ -77,7 +77,7 @@ def draw():
         axes.grid(alpha=0.3)
         axes.legend()
     panels[0].set(title="From the torque of the motor of x", ylabel="travel / torque [m/(N m)]")
-    panels[1].set(title="Loops closed at the tool", ylabel="loop gain [-]")
+    panels[1].set(title="Loops closed at the tool", ylabel="loop gain [1]")
     panels[1].axhline(1.0, color="black", linewidth=0.8)
     return figure
 

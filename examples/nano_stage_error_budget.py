@@ -60,12 +60,12 @@ def draw():
     for name, values in curves.items():
         left.loglog(gains, 1e6 * np.array(values), label=name, linewidth=2.5 if name == "all" else 1.5)
     left.plot(best, 1e6 * after.rms["z"], "ko", label=f"best gain {best:.0f} 1/s")
-    left.set(xlabel="gain of force feedback [1/s]", ylabel="rms of the error z [um]", ylim=(1e-3, 2))
+    left.set(xlabel="gain of force feedback [1/s]", ylabel="rms of the error z [µm]", ylim=(1e-3, 2))
     left.legend()
     f = np.geomspace(0.5, 200.0, 600)
     for name, budget in (("passive", before), ("active", after)):
-        right.loglog(f, 1e6 * budget.cumulative(f)[0], label=f"{name}: {1e6 * budget.rms['z']:.2f} um")
-    right.set(xlabel="frequency [Hz]", ylabel="cumulative rms of the error z [um]")
+        right.loglog(f, 1e6 * budget.cumulative(f)[0], label=f"{name}: {1e6 * budget.rms['z']:.2f} µm")
+    right.set(xlabel="frequency [Hz]", ylabel="cumulative rms of the error z [µm]")
     right.legend()
     plt.show()
 

@@ -76,7 +76,7 @@ def draw():
     left.minorticks_off()
     right.barh(names, slopes)
     right.axvline(0.0, color="k", lw=0.8)
-    right.set(xlabel="change of the first mode by 10 um [Hz]", title=f"first mode: {modes.frequencies[0]:.0f} Hz")
+    right.set(xlabel="change of the first mode by 10 µm [Hz]", title=f"first mode: {modes.frequencies[0]:.0f} Hz")
     return figure
 
 

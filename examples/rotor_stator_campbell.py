@@ -45,10 +45,10 @@ def draw():
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
     for mode in range(data.whirl.shape[1]):
-        left.plot(speeds, data.frequencies[:, mode], "C0" if data.whirl[-1, mode] > 0.5 else "C7")
+        left.plot(speeds, data.frequencies[:, mode], "C0" if data.whirl[-1, mode] > 0.5 else "0.6")
     left.plot(speeds, speeds / (2 * np.pi), "C3--", label="unbalance")
     left.plot([p.speed for p in forward], [p.frequency for p in forward], "C3o", label="critical speed")
-    left.set(xlabel="speed [rad/s]", ylabel="frequency [Hz]", ylim=(0.0, 1.2), title="Whirls; forward ones blue")
+    left.set(xlabel="speed [rad/s]", ylabel="frequency [Hz]", ylim=(0.0, 1.2), title="Forward whirl: blue")
     right.semilogy(speeds[1:], force, "C0")
     right.set(xlabel="speed [rad/s]", ylabel="bearing force [N/N]", title="Unbalance")
     for axes in (left, right):

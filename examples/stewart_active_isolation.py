@@ -60,7 +60,9 @@ def draw():
     for column in locus.modes:
         path = locus.poles[:, column] / (2 * np.pi)
         left.plot(path.real, abs(path.imag), ".-", markersize=2)
-    left.plot(locus.zeros.real / (2 * np.pi), abs(locus.zeros.imag) / (2 * np.pi), "ko", mfc="none")
+    left.plot(locus.zeros.real / (2 * np.pi), abs(locus.zeros.imag) / (2 * np.pi), "ko", mfc="none",
+              label="zeros")
+    left.legend()
     left.set(xlim=(-1500, 50), ylim=(0, 1500), xlabel="real part [1/s]", ylabel="damped frequency [Hz]")
     for name, study in studies.items():
         right.loglog(study.frequencies, study.index, label=name)

@@ -53,8 +53,8 @@ def draw():
         left.loglog(study.frequencies, study.index, label=name)
     left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")
     left.legend()
-    right.loglog(front.price, 1e3 * front.objective, "o-")
-    right.set(xlabel="compliance of the payload [m/N]", ylabel="vibration of the payload, rms [mm/s^2]")
+    right.plot(1e6 * front.price, 1e3 * front.objective, "o-")
+    right.set(xlabel="compliance of the payload [µm/N]", ylabel="vibration of the payload, rms [mm/s²]")
     plt.show()
 
 

@@ -33,7 +33,7 @@ assert found.within("frequency 3 [Hz]", 890.0, 915.0) > 0.998
 
 
 def draw():
-    """Samples and first order of a pair, and how far it parts."""
+    """Samples and first order of a pair, and their difference."""
     import matplotlib.pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
@@ -47,7 +47,7 @@ def draw():
     edges = np.linspace(0.0, np.quantile(apart, 0.999), 60)
     right.hist(apart, edges, color="0.7", label="samples")
     right.hist(found.linear[:, 1] - found.linear[:, 0], edges, histtype="step", color="C3", label="first order")
-    right.set(xlabel="modes 1 and 2 are apart by [Hz]", ylabel="number of platforms", title="A pair that parts repels")
+    right.set(xlabel="difference of modes 1 and 2 [Hz]", ylabel="number of platforms", title="Split modes repel")
     right.legend()
     return figure
 

@@ -272,7 +272,7 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(source.source, f"coordinate '{source.element}' is driven, which exudyn would leave free.")
     for name in signals:
         if name not in plain.inputs:
-            raise ExportError(f"to_exudyn: inputs: '{name}' is no input of '{model.name}'; it has "
+            raise ExportError(f"to_exudyn: inputs: '{name}' is not an input of '{model.name}'; it has "
                               f"{', '.join(plain.inputs) or 'none'}.")  # fmt: skip
     left_out = [name for name, port in plain.inputs.items() if not isinstance(port, Input)]
     left_out += [name for name, port in model.outputs.items() if not isinstance(port, Output)]

@@ -248,7 +248,7 @@ class _Texts:
 
     def text(self, value: Any) -> str:
         if not isinstance(value, str):
-            raise ValueError("a name is no text")
+            raise ValueError("a name is not a text")
         return self.origin.get(value, value)
 
     def all(self, cells: NDArray[Any]) -> tuple[str, ...]:

@@ -110,7 +110,7 @@ def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
 def _array(content: bytes, subject: str) -> Any:
     start = _START.match(content)
     if not start:
-        raise ContentError(f"{subject} is no array of numpy's format 1.0 or 2.0")
+        raise ContentError(f"{subject} is not an array of numpy's format 1.0 or 2.0")
     width = 2 if start[1] == b"\1" else 4
     begin = start.end() + width
     end = begin + int.from_bytes(content[start.end() : begin], "little")

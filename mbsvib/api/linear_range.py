@@ -70,7 +70,7 @@ class LinearRange(Columnar, Displayed):
         dict
             Title, columns, rows, and notes on what is no finite amplitude.
         """
-        notes = ["With a margin for terms of third and higher order, which are left out; it is no proven bound."
+        notes = ["With a margin for terms of third and higher order, which are left out; it is not a proven bound."
                  if self.conservative else "Estimates, no lower bounds: terms of third and higher order are left out; "
                  "conservative=True leaves a margin for them."]  # fmt: skip
         notes += [note for note, some in (

@@ -146,8 +146,8 @@ class Run(Columnar, Displayed):
             return self.outputs[name]
         if name in self.trace.measured.refused:
             raise ResponseError(f"{self.trace.measured.refused[name]}; linearize() has it for small motions.")
-        raise ResponseError(f"run of '{self.name}': '{name}' is no output.{nearest(str(name), self.outputs)} It has "
-                            f"{', '.join(self.outputs) or 'none'}.")  # fmt: skip
+        raise ResponseError(f"run of '{self.name}': '{name}' is not an output.{nearest(str(name), self.outputs)} It "
+                            f"has {', '.join(self.outputs) or 'none'}.")  # fmt: skip
 
     def __len__(self) -> int:
         """Return the number of times."""

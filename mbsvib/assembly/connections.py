@@ -91,7 +91,7 @@ def part_of(name: Any, given: Any, positions: Mapping[str, Any] | None = None) -
                     for port, place in (positions or {}).items()}  # fmt: skip
     for port in given_places:
         if port not in ordered:
-            raise ModelError(f"{WHO}: positions has '{name}.{port}', which is no port of '{name}'."
+            raise ModelError(f"{WHO}: positions has '{name}.{port}', which is not a port of '{name}'."
                              f"{nearest(port, list(ordered))}", element=f"{name}.{port}")  # fmt: skip
     return Part(name, linear, ordered, model_places(linear), given_places)
 

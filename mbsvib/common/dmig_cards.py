@@ -173,5 +173,5 @@ def _add_points(reading: _Reading, fields: list[str]) -> None:
 def _label(point: str, component: str) -> Label:
     label = nastran_integer(point), nastran_integer(component)
     if not 0 < label[0] <= _MOST_POINTS or not 0 <= label[1] <= 6:
-        raise ValueError(f"{label} is no point with a component from 0 to 6")
+        raise ValueError(f"{label} is not a point with a component from 0 to 6")
     return label

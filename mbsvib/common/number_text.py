@@ -19,7 +19,7 @@ def real(text: str) -> float:
     """Return the finite decimal number that a text is, blanks around it aside; ValueError if it is none."""
     word = text.strip(_BLANKS)
     if not _REAL.fullmatch(word):
-        raise ValueError(f"{word[:_SHOWN]!r} is no number")
+        raise ValueError(f"{word[:_SHOWN]!r} is not a number")
     value = float(word)
     if not math.isfinite(value):
         raise ValueError(f"{word[:_SHOWN]!r} exceeds the range of numbers")
@@ -30,7 +30,7 @@ def integer(text: str) -> int:
     """Return the integer that a text is, blanks around it aside; ValueError if it is none."""
     word = text.strip(_BLANKS)
     if not _INTEGER.fullmatch(word):
-        raise ValueError(f"{word[:_SHOWN]!r} is no integer")
+        raise ValueError(f"{word[:_SHOWN]!r} is not an integer")
     return int(word)
 
 

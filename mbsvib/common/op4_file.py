@@ -93,7 +93,7 @@ class _Text:
         try:
             lines = raw.decode("ascii").splitlines()
         except UnicodeDecodeError as error:
-            raise ContentError(f"the byte 0x{raw[error.start]:02x} is no character of a text file") from error
+            raise ContentError(f"the byte 0x{raw[error.start]:02x} is not a character of a text file") from error
         while lines and not lines[-1].strip():
             lines.pop()
         return cls(lines)
@@ -188,7 +188,7 @@ class _Binary:
             length = struct.unpack(f"{order}I", raw[:4])[0]
             if length in (_SHORT_HEADER, _LONG_HEADER):
                 return cls(memoryview(raw), order, 4 if length == _SHORT_HEADER else 8)
-        raise ContentError("its first record is no header of a matrix")
+        raise ContentError("its first record is not a header of a matrix")
 
     def more(self) -> bool:
         return self.at < len(self.raw)

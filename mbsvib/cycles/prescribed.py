@@ -96,8 +96,9 @@ def _samples(values: Any, name: str) -> Array:
 def _check_drive(model: Mechanism, name: Any) -> None:
     known = [f"{joint.name}.{direction}" for joint in model.joints.values() for direction, _ in joint.freedom]
     if not isinstance(name, str) or name not in known:
-        raise ModelError(f"cycle: {name!r} is no joint coordinate of model '{model.name}'.{nearest(str(name), known)} "
-                         f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
+        raise ModelError(f"cycle: {name!r} is not a joint coordinate of model '{model.name}'."
+                         f"{nearest(str(name), known)} It has {', '.join(known[:8])}"
+                         f"{', ...' if len(known) > 8 else ''}.",
                          element=str(name), field="drive")  # fmt: skip
     joint = model.joints[name.rpartition(".")[0]]
     if turns(name) and joint.turns_by_vector:

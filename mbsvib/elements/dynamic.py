@@ -118,7 +118,7 @@ class Dynamic(Displayed):
         known = ("static", "viscous", "weights", "times")
         for word in words:
             if word not in known:
-                raise ModelError(f"{WHO}: {word!r} is no word of it; expected some of {', '.join(known)}."
+                raise ModelError(f"{WHO}: {word!r} is not a word of it; expected some of {', '.join(known)}."
                                  f"{nearest(str(word), known)}", field="dynamic")  # fmt: skip
         plain = Dynamic.prony(words.get("weights", ()), words.get("times", ()))
         static, viscous = (float(_vector([words.get(word, default)], word, 0.0)[0]) for word, default in (

@@ -221,7 +221,7 @@ def make(
         if orientation is not None:
             raise ModelError(f"{who}: both orientation and axis are given; give one of them.",
                              element=who, field="axis")  # fmt: skip
-        axis = check.vector(axis, who, "axis")
+        axis = check.vector(axis, who, "axis", "a direction (x, y, z), such as (0, 0, 1)")
     if kind == "distance":
         for field, value in (("axis", axis), ("orientation", orientation)):
             if value is not None:

@@ -28,7 +28,7 @@ class Material:
             if value is not None and value <= 0.0:
                 raise check.refuse("material", key, value, "a positive number")
         if (self.nu is None) == (self.G is None):
-            raise check.refuse("material", "nu", self.nu, "either nu (Poisson's ratio) or G (shear modulus), not both")
+            raise check.refuse("material", "nu", self.nu, "one of nu (Poisson's ratio) and G (shear modulus)")
         if self.nu is not None and not -1.0 < self.nu <= 0.5:
             raise check.refuse("material", "nu", self.nu, "Poisson's ratio, above -1 and up to 0.5")
 

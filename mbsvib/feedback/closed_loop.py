@@ -284,7 +284,7 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
     system = plant.system
     for law in controllers:
         if not isinstance(law, Controller):
-            raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
+            raise ResponseError(f"closed loop: {type(law).__name__} is not a controller; expected what force_feedback, "
                                 f"skyhook, controller, ... return.")  # fmt: skip
         for kind, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:

@@ -28,7 +28,7 @@ class Numbers:
         known = model.parameters
         for name in parameters:
             if name not in known:
-                raise ModelError(f"parameters: {name!r} is no parameter of model '{model.name}'."
+                raise ModelError(f"parameters: {name!r} is not a parameter of model '{model.name}'."
                                  f"{nearest(str(name), known)}", element=str(name), field="parameters")  # fmt: skip
         if len(set(parameters)) != len(parameters):
             raise ModelError(f"parameters = {list(parameters)}: a name is given twice; give each once.",

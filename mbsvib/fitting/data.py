@@ -221,7 +221,7 @@ def conditioned(data: Any) -> list[tuple[dict[str, float], Any]]:
     for item in several:
         values, measured = item if isinstance(item, tuple) and len(item) == 2 else ({}, item)
         if not isinstance(measured, (Measurement, Records, MeasuredModes)) or not hasattr(values, "items"):
-            raise ResponseError(f"fit: data has {shown(item)}; expected a Measurement, Records, MeasuredModes, or a "
+            raise ResponseError(f"fit: data = {shown(item)}; expected a Measurement, Records, MeasuredModes, or a "
                                 f"pair of values and one of these, ({{'payload.mass': 12.0}}, measurement).")
         result.append(({str(key): check.number(value, "fit", str(key)) for key, value in values.items()}, measured))
     return result

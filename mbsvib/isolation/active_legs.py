@@ -78,7 +78,7 @@ def _hits(model: Model, name: str, known: list[str]) -> list[str]:
         raise ModelError(f"actuated: leg '{name}' is a bushing, which has no line; say in which of its directions the "
                          f"actuator acts: {', '.join(f'{name}.{axis}' for axis in AXES)}.",
                          element=name, field="legs")  # fmt: skip
-    raise ModelError(f"actuated: leg '{name}' is no line spring, Maxwell element, prismatic joint or direction of a "
+    raise ModelError(f"actuated: leg '{name}' is not a line spring, Maxwell element, prismatic joint or direction of a "
                      f"bushing of model '{model.name}'.{nearest(name, known)} It has {', '.join(known) or 'none'}.",
                      element=name, field="legs")  # fmt: skip
 

@@ -146,7 +146,7 @@ class Placement(Columnar, Displayed):
         from mbsvib.plots.studies import placement_figure
 
         sets = [(*one.sensors, *one.actuators) for one in self.sets]
-        label = "share of the information [-]" if self.larger else "root of the cost [-]"
+        label = "share of the information [1]" if self.larger else "root of the cost [1]"
         return placement_figure(self.name, f"by {self.criterion}", sets, [one.score for one in self.sets], self.bound,
                                 label, (*self.everything.sensors, *self.everything.actuators), ax)  # fmt: skip
 

@@ -220,7 +220,7 @@ def lqg(
     plant: Plant, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
     performance: Sequence[str] = ACCELERATIONS,
 ) -> Controller:  # fmt: skip
-    """Return the controller that keeps the mean square of the body's acceleration plus that of forces least.
+    """Return the controller that minimises the mean square of the body's acceleration plus that of forces.
 
     minimise E[z^T z + effort u^T u] under white acceleration of the base in all directions and white noise of sensors
 
@@ -263,7 +263,7 @@ def hinf(
     plant: Plant, sensors: Sequence[str], effort: float, noise: float = 1e-3,
     performance: Sequence[str] = ACCELERATIONS, relaxation: float = 1.0,
 ) -> tuple[Controller, float]:  # fmt: skip
-    """Return the controller that keeps the largest response to base and sensor noise least.
+    """Return the controller that minimises the largest response to base and sensor noise.
 
     minimise the H-infinity norm from (base acceleration, noise n) to (z, effort u)
 

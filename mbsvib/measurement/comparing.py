@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.errors import ResponseError, counted
+from mbsvib.errors import ResponseError, an, counted
 from mbsvib.linalg.matching import NEXT, mac, subspace_mac
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.differences import Difference, differences
@@ -232,8 +232,8 @@ def _linear(value: Any, name: str) -> Any:
     if kind == "model":
         return value.linearize()
     hint = " Take a part of its modes, system.reduced(20)." if kind == "sparse system" else ""
-    raise ResponseError(f"compare: {name} is a {kind or type(value).__name__}; expected a Model, System, StateSpace, "
-                        f"ClosedLoop, Measurement or MeasuredModes.{hint}")  # fmt: skip
+    raise ResponseError(f"compare: {name} is {an(kind or type(value).__name__)}; expected a Model, System, "
+                        f"StateSpace, ClosedLoop, Measurement or MeasuredModes.{hint}")  # fmt: skip
 
 
 def _is_measured(side: Any) -> bool:

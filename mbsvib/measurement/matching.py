@@ -234,11 +234,11 @@ def _partner(
         fits = [other for other, there in near.items() if _fits(place, there, limits)]
         fits = [other for other in fits if place and near[other].body == place.body] or fits
         if not fits:
-            return f"The measured {kind} '{wanted}' has no partner.{_nearest(wanted, place, near, candidates)}"
+            return f"the measured {kind} '{wanted}' has no partner.{_nearest(wanted, place, near, candidates)}"
         found, rivals = _clearest(measured, {other: near[other] for other in fits}, candidates, limits)
         how = "place"
         if rivals:
-            return (f"The measured {kind} '{wanted}' may be each of several."
+            return (f"the measured {kind} '{wanted}' may be each of several."
                     f"{_nearest(wanted, place, rivals, candidates)} Give a smaller distance=.")  # fmt: skip
     other_unit, there = candidates[found]
     distance = angle = None
@@ -247,12 +247,12 @@ def _partner(
         distance, angle = place.distance(there), _angle(place, there)
         sign = -1 if place.cosine(there) < 0.0 else 1
         if not _fits(place, there, limits):
-            return (f"The measured {kind} '{name}' and '{found}' of the model have one name, but are "
+            return (f"the measured {kind} '{name}' and '{found}' of the model have one name, but are "
                     f"{1e3 * distance:.3g} mm and {np.degrees(angle):.3g} deg apart (limits {1e3 * limits[0]:g} mm, "
                     f"{np.degrees(limits[1]):.3g} deg).")  # fmt: skip
     order = _derivatives(unit, quantity, other_unit)
     if order is None:
-        return (f"The measured {kind} '{name}' has the unit {unit or 'of ' + an(quantity)}, and '{found}' of the model "
+        return (f"the measured {kind} '{name}' has the unit {unit or 'of ' + an(quantity)}, and '{found}' of the model "
                 f"{other_unit}.{'' if unit in _KINDS or not unit else ' Convert the data to SI units.'}")  # fmt: skip
     return Partner(name, found, how, sign, order, unit, other_unit, distance, angle)
 

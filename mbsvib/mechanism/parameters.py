@@ -213,4 +213,4 @@ def _hint(name: str, parts: Iterable[str]) -> str:
     if owner is None:
         return ("Parameters are named PART.mass, .inertia.xx, .position.x, .orientation.rx, .stiffness, .stiffness.x, "
                 ".damping, .start.x, .end.x, .pitch, .preload, .free_length, .force.x or .torque.x.")  # fmt: skip
-    return f"See [name for name in model.parameters if name.startswith('{owner}.')]."
+    return f"model.parameters.matching('{owner}.*') lists those of '{owner}'."

@@ -226,7 +226,7 @@ def add_ports(scene: Scene, patterns: Sequence[str]) -> None:
     names.pop(None, None)
     for pattern in patterns:
         if pattern != "*" and not any(fnmatchcase(name, pattern) for name in names):
-            raise ModelError(f"sites: {pattern!r} is no site of {file.path}.{nearest(str(pattern), names)}",
+            raise ModelError(f"sites: {pattern!r} is not a site of {file.path}.{nearest(str(pattern), names)}",
                              element=str(pattern), field="sites")  # fmt: skip
         if pattern in names and scene.bodies[int(m.site_bodyid[names[pattern]])] == GROUND:
             raise ModelError(f"sites: '{pattern}' is fixed to the ground; name a site that moves.", element=pattern,

@@ -144,7 +144,7 @@ def _leave(file: Compiled, leave: Iterable[str]) -> None:
         hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if fnmatchcase(name, pattern)]
         if not hits:
             known = [name for kind in LEAVABLE for name in file.names(kind)]
-            raise ModelError(f"{file.path}: leave: {pattern!r} is no actuator, tendon or equality constraint."
+            raise ModelError(f"{file.path}: leave: {pattern!r} is not an actuator, tendon or equality constraint."
                              f"{nearest(str(pattern), known)}", element=str(pattern), field="leave")  # fmt: skip
         for kind, i in hits:
             if kind == "equality":

@@ -81,7 +81,7 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
             continue
         path = tendons[target] if of_tendons else joint_path(scene, target)
         if path is None or path.ends:
-            raise file.refuse("equality", i, f"its tendon '{file.name('tendon', target)}' is no fixed one.")
+            raise file.refuse("equality", i, f"its tendon '{file.name('tendon', target)}' is not a fixed one.")
         for coordinate, value in sums(scene, path, factor).items():
             terms[coordinate] = terms.get(coordinate, 0.0) + value
         if k and second_derivative is not None:

@@ -72,9 +72,9 @@ def decaying_part(space: Any, question: str, answer: str) -> Separation:
         words = [f"{pole_words(group.pole)}{_origin(space, group)}" for group in shown]
         which = f"the poles {'; '.join(word.removeprefix('the pole ') for word in words)} do" if len(words) > 1 else \
             f"{words[0]} does"
-        raise ResponseError(f"{question}: {which} not decay, and '{space.outputs[o]}' shows what '{space.inputs[i]}' "
-                            f"does to it, so that {answer}. Give it damping, change the controller, or choose other "
-                            f"outputs or inputs.")  # fmt: skip
+        raise ResponseError(f"{question}: {which} not decay and appears in the response of '{space.outputs[o]}' to "
+                            f"'{space.inputs[i]}', so that {answer}. Give it damping, change the controller, or choose "
+                            f"other outputs or inputs.")  # fmt: skip
     for group in parts.lasting:
         pole, errors = group.pole, group.part.errors[0]
         if (group.part.poles.real > errors).any():

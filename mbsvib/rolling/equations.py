@@ -213,7 +213,7 @@ class _Reduced:
         system, names = self.system, self.system.coordinates
         for name in self.independent:
             if name not in names:
-                raise ModelError(f"linearize: independent = {name!r} is no coordinate of model '{self.model.name}'; "
+                raise ModelError(f"linearize: independent = {name!r} is not a coordinate of model '{self.model.name}'; "
                                  f"it has {', '.join(names)}.", element=name, field="independent")  # fmt: skip
         spins = set()
         for wheel, state in zip(self.model.rolling.values(), self.contacts, strict=True):

@@ -181,7 +181,7 @@ class Variants:
         provenance = self.system.provenance
         if provenance.origin is None:
             raise ModelError(
-                f"sensitivities of '{self.system.name}': it is no system as model.linearize() returns it, so that "
+                f"sensitivities of '{self.system.name}': it is not a system as model.linearize() returns it, so that "
                 f"nothing tells what all of its parameters do; ask that one.", element=self.system.name,
             )  # fmt: skip
         return provenance.origin

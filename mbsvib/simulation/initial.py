@@ -42,7 +42,7 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
     fixed, cut, following = [], run.statement.motion.cut, {}
     for name, value in displaced.items():
         if name not in run.names and name not in cut:
-            raise ModelError(f"simulate: '{name}' is no coordinate of the spanning tree of model '{run.model.name}'."
+            raise ModelError(f"simulate: '{name}' is not a coordinate of the spanning tree of model '{run.model.name}'."
                              f"{nearest(str(name), run.names)} It has {', '.join(run.names[:12])}.",
                              element=str(name), field="initial")  # fmt: skip
         pair = (value, 0.0) if np.ndim(value) == 0 else value

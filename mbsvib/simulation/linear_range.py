@@ -46,7 +46,7 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     names = statement.motion.names
     unknown = [name for name in system.coordinates if name not in names]
     if unknown:
-        raise ModelError(f"linear_range: '{unknown[0]}' is no coordinate of finite motion; linearize with others as "
+        raise ModelError(f"linear_range: '{unknown[0]}' is not a coordinate of finite motion; linearize with others as "
                          f"independent=[...]. It has {', '.join(names[:8])}.")  # fmt: skip
     motions = {name: part for name, part in model.outputs.items() if not is_reaction(model, part)}
     outputs = measured(model.with_parts(outputs=motions), statement)

@@ -85,7 +85,7 @@ def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:
         raise check.refuse("simulate", "inputs", inputs, "a mapping of inputs to samples or functions, {'F': f}")
     for name in inputs:
         if name not in names:
-            raise ModelError(f"simulate: '{name}' is no input of the model.{nearest(str(name), names)} It has "
+            raise ModelError(f"simulate: '{name}' is not an input of the model.{nearest(str(name), names)} It has "
                              f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
     functions = {name: value for name, value in inputs.items() if callable(value)}
     breaks = _breaks(functions, t)

@@ -112,9 +112,9 @@ def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
     result = tuple(as_names(without, "simulate", "without", ModelError))
     for name in result:
         if name not in model.loads:
-            raise ModelError(f"simulate: '{name}' is no load of model '{model.name}'.{nearest(str(name), model.loads)} "
-                             f"It has {', '.join(model.loads) or 'none'}.", element=str(name),
-                             field="without")  # fmt: skip
+            raise ModelError(f"simulate: '{name}' is not a load of model '{model.name}'."
+                             f"{nearest(str(name), model.loads)} It has {', '.join(model.loads) or 'none'}.",
+                             element=str(name), field="without")  # fmt: skip
     return result
 
 

@@ -198,8 +198,8 @@ class DesignPoint:
         if not self.rates:
             return np.zeros((1, 0))
         if self.plant is None:
-            raise ModelError(f"gradient: '{self.system.name}' is no continuous loop around a system; expected one, or "
-                             f"plant= of a study, which takes differences.", field="system")  # fmt: skip
+            raise ModelError(f"gradient: '{self.system.name}' is not a continuous loop around a system; expected one, "
+                             f"or plant= of a study, which takes differences.", field="system")  # fmt: skip
         return np.asarray(self.plant.differences.of(function)).T
 
     def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:

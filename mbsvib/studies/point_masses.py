@@ -117,7 +117,7 @@ def with_counterweights(model: M, weights: Mapping[str, Any]) -> M:
 
 def _body(model: Model, name: Any, who: str) -> Body:
     if name not in model.bodies:
-        raise ModelError(f"{who}: '{name}' is no body of model '{model.name}'.{nearest(str(name), model.bodies)}",
+        raise ModelError(f"{who}: '{name}' is not a body of model '{model.name}'.{nearest(str(name), model.bodies)}",
                          element=str(name), field="bodies")  # fmt: skip
     return model.bodies[name]
 

@@ -81,9 +81,9 @@ class Record:
             if "result" in entry:
                 outcome = {label: _decoded(value) for label, value in outcome.items()}
             elif not isinstance(outcome, str):
-                raise ContentError("an error that is no text")
+                raise ContentError("an error that is not a text")
         except (ContentError, AttributeError, ValueError, KeyError, TypeError, OverflowError) as error:
-            reason = error if isinstance(error, ContentError) else "a result that is no array of numbers"
+            reason = error if isinstance(error, ContentError) else "a result that is not an array of numbers"
             raise ModelError(f"{self.path}, line {number}: this is not a line of a record: {reason}. Remove the line "
                              f"to compute its point again, or give another file.", field="file") from error  # fmt: skip
         self.known[point] = outcome

@@ -201,7 +201,7 @@ def _with(value: Value, start: Any, bounds: Any, kind: str) -> Value:
 
 
 def _names(given: tuple[str, ...], known: Sequence[str] | None, kind: str) -> tuple[str, ...]:
-    return given if known is None else tuple([known[k] for k in selected(given, known, kind, "the plant")])
+    return given if known is None else tuple([known[k] for k in selected(given, known, kind, "plant")])
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -217,7 +217,7 @@ def _initial(problem: Problem, initial: Mapping[str, float] | None) -> Array:
     t = problem.unknowns.start.copy()
     for name, value in (initial or {}).items():
         if name not in problem.names:
-            raise ModelError(f"tune: initial has '{name}', which is no value of this problem."
+            raise ModelError(f"tune: initial has '{name}', which is not a value of this problem."
                              f"{nearest(str(name), problem.names)}", element=str(name), field="initial")  # fmt: skip
         k = problem.names.index(name)
         share = check.number(value, "tune", f"initial of '{name}'") / problem.unknowns.size[k]

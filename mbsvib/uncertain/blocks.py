@@ -86,8 +86,8 @@ def _limits(name: str, nominal: float, value: Any) -> tuple[float, float, float]
         if not 0.0 < half < np.inf:
             raise check.refuse("uncertain", name, value, expected)
         if nominal == 0.0:
-            raise ModelError(f"uncertain: '{name}' is 0, of which no share is a width; give (lower, upper).",
-                             element=name)  # fmt: skip
+            raise ModelError(f"uncertain: '{name}' is 0, so that a relative width means nothing; give "
+                             f"(lower, upper).", element=name)  # fmt: skip
         return nominal, nominal - half * abs(nominal), nominal + half * abs(nominal)
     low, high = check.numbers(value, (2,), "uncertain", name, expected)
     if not low < nominal < high:

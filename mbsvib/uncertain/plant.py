@@ -86,7 +86,7 @@ class UncertainPlant(Displayed):
         chosen = {str(name): check.number(value, "at", str(name)) for name, value in (values or {}).items()}
         for name in chosen:
             if name not in self.blocks:
-                raise ModelError(f"at: '{name}' is no uncertain parameter of '{self.name}'."
+                raise ModelError(f"at: '{name}' is not an uncertain parameter of '{self.name}'."
                                  f"{nearest(name, self.blocks)} These are: {', '.join(list(self.blocks)[:8])}.",
                                  element=name)  # fmt: skip
         result = _vary(self._origin, chosen) if chosen else self._origin

@@ -81,8 +81,8 @@ def _loop(robot: Robot, pair: Any, kind: Any, path: str | PathLike[str]) -> Loop
     links = []
     for frame in map(str, pair):
         if frame not in robot.links and frame not in robot.joints:
-            raise ModelError(f"{path}: closed_loop: '{frame}' is no link.{nearest(frame, robot.links)}", element=frame,
-                             field="closed_loop")  # fmt: skip
+            raise ModelError(f"{path}: closed_loop: '{frame}' is not a link.{nearest(frame, robot.links)}",
+                             element=frame, field="closed_loop")  # fmt: skip
         links.append(frame if frame in robot.links else robot.joints[frame].child)
     if str(kind).lower() not in TYPES:
         raise ModelError(f"{path}: type of {links} = {kind!r}; expected 6d or 3d.", element=links[0], field="type")
@@ -92,7 +92,7 @@ def _loop(robot: Robot, pair: Any, kind: Any, path: str | PathLike[str]) -> Loop
 
 def _known(name: Any, joints: dict[str, Any], path: str | PathLike[str], key: str) -> Any:
     if name not in joints:
-        raise ModelError(f"{path}: {key}: {name!r} is no joint.{nearest(str(name), joints)}", element=str(name),
+        raise ModelError(f"{path}: {key}: {name!r} is not a joint.{nearest(str(name), joints)}", element=str(name),
                          field=key)  # fmt: skip
     return joints[name]
 

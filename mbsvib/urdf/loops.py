@@ -103,7 +103,7 @@ class Reader:
         name, who = self._name(element)
         axis = self.numbers(element.find(tag), "xyz", AXIS, 3, who, name)
         if not axis.any():
-            raise ModelError(f"{who}: {tag} = (0, 0, 0) is no direction.", element=name, field=tag)
+            raise ModelError(f"{who}: {tag} = (0, 0, 0) is not a direction.", element=name, field=tag)
         return np.asarray(axis / np.linalg.norm(axis))
 
     def _end(self, element: Element, role: str) -> tuple[Element, str]:
@@ -121,7 +121,7 @@ class Reader:
             link = end.get("name")
             self.taken.append(f"name= of <{tag}> of '{name}' as link=")
         if link not in self.links:
-            raise ModelError(f"{who}: {role} = {link!r} is no link.{nearest(link or '', self.links)}", element=name,
+            raise ModelError(f"{who}: {role} = {link!r} is not a link.{nearest(link or '', self.links)}", element=name,
                              field=role)  # fmt: skip
         return end, str(link)
 

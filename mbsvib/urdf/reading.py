@@ -83,7 +83,7 @@ def read(path: str | PathLike[str]) -> Robot:
     independent = [name for name, element in elements.items() if element.get("independent") in ("true", "1")]
     for motor in motors:
         if motor.joint not in joints:
-            raise ModelError(f"{path}: transmission of '{motor.name}': {motor.joint!r} is no joint."
+            raise ModelError(f"{path}: transmission of '{motor.name}': {motor.joint!r} is not a joint."
                              f"{nearest(motor.joint, joints)}", element=motor.name, field="joint")  # fmt: skip
         joint = joints[motor.joint]
         joints[motor.joint] = replace(joint, armature=joint.armature + motor.inertia * motor.ratio**2)
@@ -104,7 +104,7 @@ def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> 
         factor, offset = factor * leader.mimic.factor, offset + factor * leader.mimic.offset
         target = leader.mimic.joint
         if target not in joints:
-            raise ModelError(f"{path}: joint '{leader.name}': mimics '{target}', which is no joint."
+            raise ModelError(f"{path}: joint '{leader.name}': mimics '{target}', which is not a joint."
                              f"{nearest(target, joints)}", element=leader.name, field="mimic")  # fmt: skip
         if target in chain:
             raise ModelError(f"{path}: joint '{joint.name}': mimics itself in the end.",
@@ -194,14 +194,14 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path
         end = element.find(role)
         link = "" if end is None else end.get("link", "")
         if link not in links:
-            raise ModelError(f"{who}: {role} = {link!r} is no link.{nearest(link, links)}", element=name, field=role)
+            raise ModelError(f"{who}: {role} = {link!r} is not a link.{nearest(link, links)}", element=name, field=role)
         ends.append(link)
     origin, axes = _frame(element.find("origin"), who, name)
     axis_element = element.find("axis")
     axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who, name)
     if not np.any(axis):
         if kind in ("revolute", "continuous", "prismatic", "planar"):
-            raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
+            raise ModelError(f"{who}: axis = (0, 0, 0) is not a direction.", element=name, field="axis")
         axis = AXIS  # of a kind that has none
     damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who, name)[0])
                          for key in ("damping", "friction"))  # fmt: skip
@@ -245,7 +245,7 @@ def _frame(element: ElementTree.Element | None, who: str, name: str) -> tuple[Ar
         quaternion = _numbers(element, "quat_xyzw", None, 4, who, name)
         length = float(np.linalg.norm(quaternion[:3]))
         if not quaternion.any():
-            raise ModelError(f"{who}: quat_xyzw = (0, 0, 0, 0) is no rotation.", element=name, field="quat_xyzw")
+            raise ModelError(f"{who}: quat_xyzw = (0, 0, 0, 0) is not a rotation.", element=name, field="quat_xyzw")
         turn = 2.0 * atan2(length, quaternion[3]) / (length or 1.0) * quaternion[:3]
         return at, np.array(check.exponential(tuple(turn)))
     roll, pitch, yaw = _numbers(element, "rpy", "0 0 0", 3, who, name)

@@ -242,7 +242,7 @@ def _six(values: Array, directions: tuple[int, ...]) -> Array:
 
 def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: Frames) -> None:
     if tip not in frames:
-        raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, frames)}", element=tip, field="tip")
+        raise ModelError(f"tip = {tip!r} is not a link.{nearest(tip, frames)}", element=tip, field="tip")
     body = groups[tip].name
     if body == GROUND:
         raise ModelError(f"tip = {tip!r} is fixed to the ground; name a link that moves.", element=tip, field="tip")
@@ -266,5 +266,5 @@ def _known(field: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
     for name in by_joint:
         if name not in moving and (name != ALL or field == "pose"):
-            raise ModelError(f"{field}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
+            raise ModelError(f"{field}: {name!r} is not a joint that moves.{nearest(str(name), moving)} There are "
                              f"{', '.join(moving)}.", element=str(name), field=field)  # fmt: skip

@@ -188,7 +188,7 @@ def _refused_or_said(
                                                                                       mimics):  # fmt: skip
                 homeless.append(f"{type(part).__name__.lower()} '{name}'")
     if homeless:
-        raise ModelError(f"save_urdf: a URDF has no place for {listed(homeless)}. Leave out what is no joint by "
+        raise ModelError(f"save_urdf: a URDF has no place for {listed(homeless)}. Leave out what is not a joint by "
                          f"leave=, with names or patterns.", element=model.name, field="leave")  # fmt: skip
     ports = {f"{name}.{word}" for name in in_tree if model.joints[name].kind in OWN
              for word in OWN[model.joints[name].kind][2:]}  # fmt: skip

@@ -166,7 +166,7 @@ def test_what_sparse_parts_cannot_be_joined_with_is_named():
     rubber = mv.Dynamic.prony([0.5], [0.01])
     with pytest.raises(ModelError, match=r"base\.tip to payload\.root is joined by a Dynamic"):
         mv.assemble({"base": plain, "payload": one}, [("base.tip", "payload.root", ((1e5,) * 6, rubber))])
-    with pytest.raises(ModelError, match=r"positions has 'payload\.rot', which is no port"):
+    with pytest.raises(ModelError, match=r"positions has 'payload\.rot', which is not a port"):
         mv.assemble({"base": plain, "payload": one}, RIGID, positions={"payload.rot": (0, 0, 0)})
     with pytest.raises(ModelError, match=r"positions has 'other\.p', which belongs to none of base, payload"):
         mv.assemble({"base": plain, "payload": one}, RIGID, positions={"other.p": (0, 0, 0)})

@@ -23,7 +23,7 @@ def test_chosen_legs_get_actuators():
 
 
 @pytest.mark.parametrize(("args", "message"), [
-    ([*FEEDBACK, "--legs", "legg1.k"], "leg 'legg1.k' is no line spring.*Did you mean 'leg1.k'"),
+    ([*FEEDBACK, "--legs", "legg1.k"], "leg 'legg1.k' is not a line spring.*Did you mean 'leg1.k'"),
     (["isolation", "stewart_isolator", "platform", "--legs", "leg1.k"], "--legs leg1.k: legs get actuators for"),
 ])  # fmt: skip
 def test_legs_that_are_none_are_refused(args, message):

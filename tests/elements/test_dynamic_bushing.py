@@ -314,7 +314,7 @@ def _mount(**words):
     (lambda: _mount(stiffness=(-1e3, 0, 0, 0, 0, 0)), "'mount': stiffness = .*without negative eigenvalues"),
     (lambda: _mount(stiffness=np.diag(SIX) + np.triu(np.ones((6, 6)), 1)), "'mount': stiffness = .*symmetric"),
     (lambda: _mount(dynamic_stiffness=(0,) * 6), "'mount': dynamic_stiffness = .*not zero"),
-    (lambda: _mount(dynamic={"weights": [1.0], "times": [1.0], "statc": 1.0}), "'statc' is no word of it.*static"),
+    (lambda: _mount(dynamic={"weights": [1.0], "times": [1.0], "statc": 1.0}), "'statc' is not a word of it.*static"),
 ])  # fmt: skip
 def test_what_no_mount_is_is_refused(make, words):
     with pytest.raises(ModelError, match=f"(?s){words}"):

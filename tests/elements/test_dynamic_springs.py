@@ -199,7 +199,7 @@ def test_a_relaxation_of_no_weight_has_no_state(kind):
     ({"dynamic": 0.1}, "dynamic = 0.1; expected an mv.Dynamic"),
     ({"dynamic": FACTOR, "stiffness": -K}, "stiffness = -6000 .*above 0"),
     ({"dynamic": FACTOR, "stiffness": 0.0, "damping": 1.0}, "stiffness = 0 .*above 0"),
-    ({"dynamic": {"weights": [1.0], "times": [1.0], "statc": 1.0}}, "'statc' is no word of it.*static"),
+    ({"dynamic": {"weights": [1.0], "times": [1.0], "statc": 1.0}}, "'statc' is not a word of it.*static"),
 ])  # fmt: skip
 def test_what_no_spring_is_is_refused(words, text):
     model = mv.Model("m")

@@ -85,11 +85,11 @@ def test_cards_that_are_none(tmp_path):
     text = path.read_text(encoding="ascii")
     for wrong, message in (
         (text.replace("BAAX  ", "ABAX  "), "ABAX"), (text[:300], "not understood"), ("", "missing"),
-        (text[: text.index("DMIG    KAAX")], "as its comments say"), (text.replace("D+0", "D+x"), "is no number"),
+        (text[: text.index("DMIG    KAAX")], "as its comments say"), (text.replace("D+0", "D+x"), "is not a number"),
         (text[: len(text) - 100], "as its comments say|not understood"),
         (text.replace("THRU       6", "THRU 9999999"), "9999999 scalar points; expected"),
         (text.replace("THRU       6", "THRU       0"), "from 1 to 0"),
-        (text.replace(f"*       {1:>16}{0:>16}", f"*       {-1:>16}{0:>16}", 1), "is no point"),
+        (text.replace(f"*       {1:>16}{0:>16}", f"*       {-1:>16}{0:>16}", 1), "is not a point"),
     ):  # fmt: skip
         path.write_text(wrong, encoding="ascii")
         with pytest.raises(mv.ExportError, match=rf"x\.pch: no file with cards of to_dmig.*({message})"):
@@ -131,8 +131,8 @@ def test_matrices_of_loads_and_complex_ones_beside_are_passed_over():
     (HEAD + HEAD, "KAAX is there twice"), (HEAD.replace("0", "1", 1), "no header of the matrix KAAX"),
     (HEAD + "DMIG,KAAX,1,0,,1,0,1.0\n+,1,0,2.0", "entry of .* is there twice"),
     (HEAD + "DMIG,KAAX,1,0,,2,0,1.0\nDMIG,KAAX,2,0,,1,0,1.0", "entry of .* is there twice"),
-    (HEAD + "DMIG,KAAX,1,7,,1,0,1.0", "is no point with a component"),
-    (HEAD + "DMIG,KAAX,1,0,,1,0,inf", "'INF' is no number"),
+    (HEAD + "DMIG,KAAX,1,7,,1,0,1.0", "is not a point with a component"),
+    (HEAD + "DMIG,KAAX,1,0,,1,0,inf", "'INF' is not a number"),
 ])  # fmt: skip
 def test_cards_that_are_not_understood(text, message):
     with pytest.raises(ContentError, match=rf"line \d: the card is not understood: .*{message}"):

@@ -147,7 +147,7 @@ def test_what_exudyn_has_nothing_for_is_refused_by_name():
     ):  # fmt: skip
         with pytest.raises(mv.ExportError, match=words):
             mx.to_exudyn(model)
-    with pytest.raises(mv.ExportError, match="'torque' is no input of 'pendulum'; it has M, F"):
+    with pytest.raises(mv.ExportError, match="'torque' is not an input of 'pendulum'; it has M, F"):
         mx.to_exudyn(pendulum(), {"torque": 1.0})
     with pytest.raises(mv.ExportError, match="expected a Model"):
         mx.to_exudyn(pendulum().linearize())

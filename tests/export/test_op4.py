@@ -149,14 +149,14 @@ def test_texts_of_other_writers_are_read(text):
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    ("nothing of the kind\n" * 3, "line 1: .*is no integer"),
+    ("nothing of the kind\n" * 3, "line 1: .*is not an integer"),
     (header(99_999_999, 99_999_999), "expected a reduced matrix"),
     (header(-1, 1), "of 1 x -1 entries"),
     (header(kind=7), "expected types 1 to 4"),
     (header() + f"{1:8}{1:8}{99_999_999:8}\n", "99999999 numbers are to follow; 0 lines are left"),
     (header() + f"{1:8}{1:8}{2:8}\n{1.0:24.16E}{1.0:24.16E}\n", "2 numbers from row 1 of column 1"),
     (header() + f"{1:8}{-1:8}{1:8}\n{1.0:24.16E}\n", "begin no column"),
-    (header() + f"{1:8}{1:8}{1:8}\n{'nan':>24}\n", "'nan' is no number"),
+    (header() + f"{1:8}{1:8}{1:8}\n{'nan':>24}\n", "'nan' is not a number"),
     (header() + f"{1:8}{1:8}{1:8}\n{'1.0+999':>24}\n", "exceeds the range"),
     (header() + f"{1:8}{0:8}{5:8}\n{65536:11}\n", "a string of 0 words"),
     (header() + f"{1:8}{1:8}{1:8}\n{1.0:24.16E}\n", "it ends within a matrix"),

@@ -251,7 +251,7 @@ def test_table_and_figure():
     figure = result.plot()
     used = {name for one in result.sets for name in (*one.sensors, *one.actuators)}
     assert {label.get_text() for label in figure.axes[1].get_yticklabels()} == used
-    assert figure.axes[0].get_ylabel().endswith("[-]")
+    assert figure.axes[0].get_ylabel().endswith("[1]")
 
 
 RMS: dict[str, Any] = CASES["rms"]

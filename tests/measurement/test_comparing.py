@@ -152,7 +152,7 @@ def test_a_common_name_of_another_kind_is_told():
     renamed.add_input("F", "m", "z")
     result = mv.compare(chain(), renamed)
     assert result.outputs == ("z0",)
-    assert "The measured output 'z1' has the unit m/s, and 'z1' of the model rad." in str(result)
+    assert "the measured output 'z1' has the unit m/s, and 'z1' of the model rad." in str(result)
 
 
 def test_differences_are_told_part_by_part():

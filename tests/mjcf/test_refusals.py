@@ -51,7 +51,7 @@ def sites(words):
            '</tendon>').replace("<worldbody>", '<worldbody><site name="g" pos="0 .4 0"/>'),
      "tendon 't': its length 0.4 is where it goes slack"),
     (sites('<tendon><spatial name="t"><site site="e"/><site site="o"/></spatial></tendon><equality><tendon name="c" '
-           'tendon1="t"/></equality>'), "equality 'c': its tendon 't' is no fixed one"),
+           'tendon1="t"/></equality>'), "equality 'c': its tendon 't' is not a fixed one"),
     ("<worldbody><body><joint/></body></worldbody>", "MuJoCo refuses it"),
     ("<worldbodi/>", "MuJoCo refuses it"),
 ])  # fmt: skip
@@ -105,7 +105,7 @@ def test_faulty_arguments_are_told(tmp_path, monkeypatch):
     path = write(tmp_path, GANTRY)
     for words, message in (({"pose": {"swin": 1.0}}, "Did you mean 'swing'"), ({"pose": {"swing": (1, 2)}}, "a number"),
                         ({"stiffness": {"swin": 1.0}}, "no hinge"), ({"damping": (1, 2)}, "one number, or six"),
-                        ({"sites": ["tip"]}, "'tip' is no site"), ({"gravity": 3.0}, "gravity")):  # fmt: skip
+                        ({"sites": ["tip"]}, "'tip' is not a site"), ({"gravity": 3.0}, "gravity")):  # fmt: skip
         with pytest.raises(mv.ModelError, match=message):
             mv.load_mjcf(path, **words)
     ball = write(tmp_path, world(body('<joint name="ball" type="ball"/>' + ROD), '<site name="o"/>'))

@@ -60,7 +60,7 @@ def test_an_integrator_in_any_states_is_refused(seed):
     n = 9
     space = turned(np.diag(-np.arange(float(n))), np.ones((n, 1)), np.ones((1, n)), seed)
     for question in (space.h2_norm, space.hinf_norm, space.step_info):
-        with pytest.raises(mv.ResponseError, match=r"the pole 0 1/s does not decay, and 'y1' shows what 'u1' does"):
+        with pytest.raises(mv.ResponseError, match=r"0 1/s does not decay and appears in the response of 'y1' to 'u1'"):
             question()
     with pytest.raises(mv.ResponseError, match=r"omega\[1\] = 0 rad/s is a pole"):
         space.frequency_response([1.0, 0.0])

@@ -140,7 +140,7 @@ def test_speeds_that_are_asked_for_are_states():
     assert system.states[-3:] == ("d(rear_axle.rz)/dt", "d(frame.rx)/dt", "d(frame.rz)/dt")
     values = system.poles()
     assert off(ordered(values[values != 0.0]), eigenvalues(5)) < ACCURACY
-    with pytest.raises(mv.ModelError, match=r"'steer.z' is no coordinate"):
+    with pytest.raises(mv.ModelError, match=r"'steer.z' is not a coordinate"):
         bicycle().linearize(independent=["steer.z"])
     with pytest.raises(mv.ModelError, match=r"speed of 'frame.rz' follows from the others"):
         bicycle().linearize(independent=["frame.rx", "frame.rz", "frame.x", "steer.rz"])

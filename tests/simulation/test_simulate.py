@@ -270,13 +270,13 @@ def flat_toggle():
 REFUSED = [
     (lambda m: m.simulate([0.0]), "t = .*two or more times in ascending order"),
     (lambda m: m.simulate([0.0, 1.0, 0.5]), "ascending order"),
-    (lambda m: m.simulate([0.0, 1.0], {"G": 1.0}), "'G' is no input"),
+    (lambda m: m.simulate([0.0, 1.0], {"G": 1.0}), "'G' is not an input"),
     (lambda m: m.simulate([0.0, 1.0], {"F": [1.0, 2.0, 3.0]}), "2 samples, one for each time"),
     (lambda m: m.simulate([0.0, 1.0], {"F": lambda t: np.nan}), "input 'F' is not finite at t = 0 s"),
     (lambda m: m.simulate([0.0, 1.0], [1.0]), "a mapping of inputs"),
     (lambda m: m.simulate([0.0, 1.0], initial={"hing.rz": 1.0}), "Did you mean 'hinge.rz'"),
     (lambda m: m.simulate([0.0, 1.0], initial=1.0), "a mapping of joint coordinates"),
-    (lambda m: m.simulate([0.0, 1.0], without="wind"), "'wind' is no load"),
+    (lambda m: m.simulate([0.0, 1.0], without="wind"), "'wind' is not a load"),
     (lambda m: m.simulate([0.0, 1.0], tolerance=0.0), "tolerance = 0"),
 ]
 

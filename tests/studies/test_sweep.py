@@ -206,14 +206,14 @@ def damaged(lines):
     yield b"3", "expected a point"
     yield b'"point"', "expected a point"
     yield line[:-1] + b', "error": "x"}', "expected a point"
-    yield b'{"point": 2, "error": 3}', "an error that is no text"
+    yield b'{"point": 2, "error": 3}', "an error that is not a text"
     yield line + other, "Extra data"
     yield b"[" * 100_000, "nested too deep"
     yield b"\xff" + line, "utf-8"
     for value in (b"1", b"[1]", b'{"poles": "abc"}', b'{"poles": [1, [2]]}', b'{"poles": {"real": [1, 2]}}',
                   b'{"poles": {"real": [1, 2], "imag": [1]}}', b'{"poles": {"real": ["1"], "imag": [1]}}',
                   b'{"poles": null}', b'{"poles": {}}'):  # fmt: skip
-        yield b'{"point": 2, "result": ' + value + b"}", "a result that is no array of numbers"
+        yield b'{"point": 2, "result": ' + value + b"}", "a result that is not an array of numbers"
 
 
 @pytest.mark.slow

@@ -304,7 +304,7 @@ def test_samples_and_copies():
     ({"leg9.k.stiffness": 0.1}, "no parameter 'leg9"),
     ({"leg1.k.stiffness": -0.1}, "half its width"),
     ({"leg1.k.stiffness": (2e6, 3e6)}, "is not within its limits"),
-    ({"platform.inertia.xy": 0.1}, "is 0, of which no share"),
+    ({"platform.inertia.xy": 0.1}, "is 0, so that a relative width"),
     ({"leg1.k.end.x": (-1.0, 1.0)}, "is no straight line"),
     ({"leg1*": 0.1, "*.stiffness": 0.1}, "two patterns match|is 0, of which"),
     ({"platform.mass": (-1.0, 12.0)}, "platform.mass"),

@@ -71,7 +71,7 @@ def test_loops_of_every_kind_are_closed(tmp_path, kind):
 
 
 def test_rotations_that_are_none_are_refused(tmp_path):
-    for quaternion, words in (("0 0 0 0", r"quat_xyzw = \(0, 0, 0, 0\) is no rotation"), ("0 0 0", "expected 4")):
+    for quaternion, words in (("0 0 0 0", r"quat_xyzw = \(0, 0, 0, 0\) is not a rotation"), ("0 0 0", "expected 4")):
         turned = joint("j", "revolute", "base", "b").replace('rpy="0 0 0"', f'quat_xyzw="{quaternion}"')
         with pytest.raises(mv.ModelError, match=words):
             mv.load_urdf(write(tmp_path, link("base") + link("b", 1.0) + turned))

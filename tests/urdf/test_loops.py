@@ -98,10 +98,10 @@ def test_joints_that_are_marked_independent_are_told_of(tmp_path):
     (LOOP.replace("revolute", "floating"), "loop 'tip': type = 'floating'"),
     (LOOP.replace(' type="revolute"', ""), "loop 'tip': type = None"),
     (LOOP.replace(' name="tip"', ""), "a <loop> has no name"),
-    (LOOP.replace('link="coupler"', 'link="couple"'), "predecessor = 'couple' is no link.* Did you mean 'coupler'"),
+    (LOOP.replace('link="coupler"', 'link="couple"'), "predecessor = 'couple' is not a link.* Did you mean 'coupler'"),
     (LOOP.replace("predecessor", "parent"), "<parent> is not understood"),
     (LOOP.replace("</loop>", "<ratio value='2'/></loop>"), "<ratio> is not understood"),
-    (LOOP.replace("0 1 0", "0 0 0"), "axis = \\(0, 0, 0\\) is no direction"),
+    (LOOP.replace("0 1 0", "0 0 0"), "axis = \\(0, 0, 0\\) is not a direction"),
     (LOOP.replace("0.35 0 0", "0.35 nan 0"), "xyz = '0.35 nan 0'; expected 3 finite numbers"),
     (LOOP.replace("0.35 0 0", "${l} 0 0"), "macro of xacro"),
     (LOOP + LOOP, "two loops have the name 'tip'"),
@@ -118,15 +118,15 @@ def test_what_is_not_understood_is_refused_by_name(tmp_path, words, message):
 
 
 @pytest.mark.parametrize(("yaml", "message"), [
-    ("closed_loop: [[tip_A, tip_C]]\n", "'tip_C' is no link.* Did you mean 'tip_"),
+    ("closed_loop: [[tip_A, tip_C]]\n", "'tip_C' is not a link.* Did you mean 'tip_"),
     ("closed_loop: [[tip_A]]\n", "expected two names of frames"),
     ("closed_loop: 7\n", "closed_loop = 7; expected a list"),
     ("closed_loop: [[tip_A, tip_B]]\ntype: [5d]\n", "'5d'; expected 6d or 3d"),
     ("closed_loop: [[tip_A, tip_B]]\ntype: []\n", "expected a list with an entry for each of closed_loop"),
     ("closed_loop: []\njoint_name: [b]\njoint_type: [BALL]\n", "joint_type of 'b' = 'BALL'"),
     ("closed_loop: []\njoint_name: [b]\njoint_type: [UJOINT_XX]\n", "'UJOINT_XX'"),
-    ("closed_loop: []\njoint_name: [k]\njoint_type: [FIXED]\n", "joint_name: 'k' is no joint"),
-    ("closed_loop: []\nname_mot: [k]\n", "name_mot: 'k' is no joint"),
+    ("closed_loop: []\njoint_name: [k]\njoint_type: [FIXED]\n", "joint_name: 'k' is not a joint"),
+    ("closed_loop: []\nname_mot: [k]\n", "name_mot: 'k' is not a joint"),
     ("closed_loop: []\nname_mot: [a]\narmature: [-1]\n", "armature: -1; expected a number that is not negative"),
     ("type: [6d]\n", "has no list closed_loop"),
     ("[1, 2\n", "line"),
@@ -233,7 +233,7 @@ def test_rotors_and_motors(tmp_path, kind, effort, motion, more, inertia):
     np.testing.assert_allclose(system.M, [[inertia + 400 * 0.01]], rtol=1e-12)
     static = system.frequency_response([0.0], outputs=[f"j.{motion}"], inputs=[f"j.{effort}", f"m.{effort}"])[0, :, 0]
     np.testing.assert_allclose(static, (1 / 5.0, 20 / 5.0), rtol=1e-12)
-    with pytest.raises(mv.ModelError, match="transmission of 'm': 'k' is no joint"):
+    with pytest.raises(mv.ModelError, match="transmission of 'm': 'k' is not a joint"):
         mv.load_urdf(write(tmp_path, path.read_text().split('">', 1)[1].replace("</robot>", "")
                            .replace('<joint name="j"/>', '<joint name="k"/>')))  # fmt: skip
     for word, value in (("20", "0"), ("0.01", "-1"), ("20", "twenty")):
@@ -271,7 +271,7 @@ def test_tips_of_merged_links(tmp_path):
     assert "tip_A" not in model.bodies
     np.testing.assert_allclose(model.inputs["tip_A.Fx"].position, model.joints["tip"].position, atol=1e-12)
     assert {"tip_A.rz", "crank.x"} <= set(model.outputs)
-    with pytest.raises(mv.ModelError, match="tip = 'tip_C' is no link"):
+    with pytest.raises(mv.ModelError, match="tip = 'tip_C' is not a link"):
         mv.load_urdf(path, pose={"a": 0.2}, tip=["crank", "tip_C"])
 
 

@@ -229,7 +229,7 @@ def test_gears_carry_the_weight():
     (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 0"), "no direction"),
     (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 one"), "3 finite numbers"),
     (link("a") + link("b") + joint("j", "fixed", "a", "b") + joint("k", "fixed", "a", "b"), "a URDF is a tree"),
-    (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="x"/>'), "which is no joint"),
+    (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="x"/>'), "which is not a joint"),
     (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="j"/>'), "mimics itself"),
     (link("a") + link("b", -1.0) + joint("j", "revolute", "a", "b"), "mass"),
     (link("a") + link("b", 1.0).replace('value="1.0"', "") + joint("j", "revolute", "a", "b"),
@@ -292,7 +292,7 @@ def test_faulty_arguments_are_told(tmp_path):
         mv.load_urdf(ARM, stiffness={"flange": 1.0})
     with pytest.raises(mv.ModelError, match="one number, or six"):
         mv.load_urdf(ARM, stiffness=(1.0, 2.0))
-    with pytest.raises(mv.ModelError, match="is no link"):
+    with pytest.raises(mv.ModelError, match="is not a link"):
         mv.load_urdf(ARM, tip="hand")
     with pytest.raises(mv.ModelError, match="fixed to the ground"):
         mv.load_urdf(ARM, tip="base")

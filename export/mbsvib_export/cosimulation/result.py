@@ -116,7 +116,7 @@ class CosimulationCheck(Columnar, Displayed):
             ))  # fmt: skip
         notes = ["Connected: " + "; ".join(self.connections) + ".",
                  "Error: largest difference of an output from the closed loop as one system, relative to the largest "
-                 "value of this output; it comes from exchanging signals at steps only, and is no part of passed.",
+                 "value of this output; it comes from exchanging signals at steps only, and does not count for passed.",
                  "Passed: steps up to H are stable, and each FMU agrees with its reference."]  # fmt: skip
         if any(master.method == "slopes" for master in self.masters):
             notes.append("slopes: the master extrapolates inputs linearly over a step.")
