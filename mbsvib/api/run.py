@@ -100,8 +100,8 @@ class Run(Columnar, Displayed):
 
     ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints by
     name, displacements from the pose as described [m, rad]: of the spanning tree, then of joints at which loops are cut
-    (but for rods, and rotation vectors of the latter); ``energy`` tells energies. ``complete``
-    tells whether it came to the last time that was asked for, or to an event.
+    (but for rods, and rotation vectors of the latter); ``energy`` has the energies. ``complete``
+    is false if it was interrupted before the last time and before an event.
     """
 
     name: str

@@ -69,7 +69,7 @@ class Simulated(Mechanism):
         SingularPoseError
             If the run starts in a singular pose of rigid loops, or at a dead centre of what is displaced.
         SimulationError
-            If a step cannot be taken; it tells time, coordinate and reason, and its ``run`` holds what was reached.
+            If a step cannot be taken; it states time, coordinate and reason, and its ``run`` holds what was reached.
 
         Warns
         -----

@@ -209,7 +209,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
 
         Everything that systems offer works on it, time responses, state space and exports included. What higher modes
-        contribute to a response is missing, as ``truncation_error`` tells; its static part may be put into D.
+        contribute to a response is missing, see ``truncation_error``; its static part may be put into D.
 
         Parameters
         ----------
@@ -229,8 +229,8 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         error : float, optional
             Of matrices: largest error instead of an order, for displacement outputs and C = alpha M + beta K. The
             models of matrices have a bound of it, ``error_bound``, from the static compliance that the modes left out
-            have, and their least damping; it is infinite where no bound is known. ``truncation_error`` tells the error
-            of a given order.
+            have, and their least damping; it is infinite where no bound is known. ``truncation_error`` has the error of
+            a given order.
 
         Returns
         -------

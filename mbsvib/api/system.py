@@ -319,7 +319,7 @@ class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, S
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped.
 
-        Of systems with few degrees of freedom it tells outputs whose ``linear_range`` is small, too.
+        Of systems with few degrees of freedom it also names outputs whose ``linear_range`` is small.
         """
         from mbsvib.api.linear_range import explained
         from mbsvib.explain.dense import explain

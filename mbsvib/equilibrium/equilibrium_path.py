@@ -65,9 +65,9 @@ class EquilibriumPath(Columnar, Displayed, Generic[M]):
 
     ``values`` (n,) [m, rad] are displacements of the ``coordinate`` from the reference pose, ``forces`` (n,) [N, N m]
     the generalized forces that hold it, on the second body of the joint. ``models`` are the models there; each has the
-    holding force as a preload. ``stable_held`` (n,) tells whether the other coordinates are stable while a drive holds
+    holding force as a preload. ``stable_held`` (n,) states whether the other coordinates are stable while a drive holds
     this one; ``points`` are the special points passed. ``curve`` (k, 2) are coordinate and force of all steps in
-    order, with the values and special points, and ``curve_stable`` (k,) tells where the stiffness is positive.
+    order, with the values and special points, and ``curve_stable`` (k,) states where the stiffness is positive.
     """
 
     coordinate: str

@@ -196,7 +196,7 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         Parameters
         ----------
         rate : float
-            Samples a second [Hz].
+            Sampling rate [Hz].
         delay : float
             Between measuring and acting [s].
 

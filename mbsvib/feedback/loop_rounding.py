@@ -62,8 +62,8 @@ def at_poles(s: Complex, of_a: Spectrum) -> NDArray[np.bool_]:
 def refuse_poles(pole: NDArray[np.bool_], w: Array, name: str) -> None:
     """Refuse a response at poles of a loop: some of the angular frequencies ``w`` (n,) [rad/s]."""
     if pole.any():
-        raise ResponseError(f"frequency_response: {w[int(pole.argmax())]:g} rad/s cannot be told from a pole of "
-                            f"'{name}' by rounding; leave this frequency out.")  # fmt: skip
+        raise ResponseError(f"frequency_response: {w[int(pole.argmax())]:g} rad/s equals a pole of "
+                            f"'{name}' within rounding; leave this frequency out.")  # fmt: skip
 
 
 def blended(value: Complex, error: Array, closed: Closed) -> Complex:

@@ -300,8 +300,8 @@ class Passive(Displayed):
 
     def _rms_by_leg(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
         if not outputs:
-            raise ModelError(f"passive: model '{self.model.name}' has no leg, spring or damper of which strokes and "
-                             f"forces could be told.", field="legs")  # fmt: skip
+            raise ModelError(f"passive: model '{self.model.name}' has no leg, spring or damper whose strokes and "
+                             f"forces could be computed.", field="legs")  # fmt: skip
         result = self._squares(label, outputs, spectra, band) ** 0.5
         result.label = label
         return result

@@ -248,9 +248,8 @@ def placement(
     found = search(criterion, (len(sides[0]), len(sides[1])), scene.chosen, best, most)
     if not np.isfinite(found.losses[0]):
         what = " and ".join(f"{n} {kind}" for n, kind in zip(scene.chosen, ("sensors", "actuators"), strict=True) if n)
-        reason = "makes the figure finite" if rms is not None else f"tells {', '.join(everything.values)} apart"
-        raise ResponseError(f"placement: no set of {what} {reason}; expected more of them, or less that is asked of "
-                            f"them.")  # fmt: skip
+        reason = "makes the cost finite" if rms is not None else f"distinguishes {', '.join(everything.values)}"
+        raise ResponseError(f"placement: no set of {what} {reason}; allow more of them, or require less.")  # fmt: skip
     bound = score_of(max(found.bound, 0.0) if not larger else found.bound, larger)
     return Placement(system.name, words, larger, tuple(map(placed, found.sets)), everything, bound, found.number,
                      found.tried, targets)  # fmt: skip

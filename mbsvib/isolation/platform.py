@@ -143,7 +143,7 @@ def platform(
     neighbours, paired so that they are nearest; the angle turns the complete ring. A leg is a line spring, a rod, or a
     chain of bodies with a joint that slides along it: what is below that goes with the base, what is above with the
     platform, and all turns with the leg. The platform's mass stays where it is, and so do inputs and outputs: a warning
-    tells of those along legs.
+    names those along legs.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def structured_singular_values(
         if m.ndim == 3 and members <= set(real) and np.iscomplex(points[:, at][:, :, at]).any():
             raise ResponseError(
                 f"{caller}: blocks {sorted(members)} are all real, so that mu is 0 at almost all frequencies, also of "
-                f"loops that become unstable: a grid tells nothing. Give complex_share=0.01, with which each real "
+                f"loops that become unstable: a grid shows nothing. Give complex_share=0.01, with which each real "
                 f"parameter is by 1 % of its range complex; or take them as complex.")  # fmt: skip
         real_blocks = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
         np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], real_blocks), out=result)

@@ -36,7 +36,7 @@ class Vibration(Columnar, Displayed):
     """Root mean squares while the base is shaken by ``noise``, over ``band`` [Hz] or all frequencies (None).
 
     ``acceleration`` (6,) [m/s^2, rad/s^2] is that of the body, absolute, at the reference point; ``stroke`` [m] and
-    ``force`` [N] those of each leg or spring. ``exact`` tells whether they are moments of white noise through filters
+    ``force`` [N] those of each leg or spring. ``exact`` states whether they are moments of white noise through filters
     or integrals over frequency; both are accurate to rounding.
     """
 

@@ -57,7 +57,7 @@ def mode_strips(
     bodies : str or sequence of str, optional
         Names or patterns; default: all. A system without bodies has its coordinates in their place.
     radius : float, optional
-        Length [m] that multiplies rotations; default: the radius of gyration of what moves, as the legend tells.
+        Length [m] that multiplies rotations; default: the radius of gyration of what moves, as the legend states.
     page : int
         Number of the page, from 1.
     ax : Axes or sequence of Axes, optional

@@ -59,8 +59,7 @@ def root_locus(
     matplotlib.figure.Figure, or ``ax``
         Upper half of the plane of poles in Hz; crosses are open loops, circles zeros, dots the best gain of the least
         damped vibration; faint rays have one damping ratio. The axis
-        tells how many modes are outside, the legend the least damping of what vibrates without the controller and at
-        the best gain.
+        states how many modes are outside, the legend the smallest damping without the controller and at the best gain.
 
     Raises
     ------

@@ -207,7 +207,7 @@ def step(
     matplotlib.figure.Figure, or ``ax``
         One panel for each pair of input and output; a dashed line is the static response, where there is one. For a
         single system that settles, marks show rise (10 % to 90 % of the final value), peak and settling (the band of
-        2 %), as ``system.step_info()`` tells them.
+        2 %), as of ``system.step_info()``.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class RandomVerbs:
         """Return the root mean squares of outputs under noise.
 
         Exact moments (Lyapunov equations) where noise is filtered white noise and no band is given, else integrals of
-        the densities that are exact to rounding, for functions to a bound that ``budget`` tells.
+        the densities that are exact to rounding, for functions to a bound that ``budget`` states.
 
         Parameters
         ----------

@@ -49,7 +49,7 @@ def html(
         Names of those whose responses are shown; default: all.
     compare : Model, System, StateSpace, ClosedLoop, Controller, Measurement or MeasuredModes, optional
         Another design, or what was measured: its modes in pairs with those of ``source``, its curves over these, and
-        the differences that ``mv.compare`` tells.
+        the differences of ``mv.compare``.
     names : (str, str), optional
         What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
 
@@ -101,7 +101,7 @@ def write(
         Names of those whose responses are shown; default: all.
     compare : Model, System, StateSpace, ClosedLoop, Controller, Measurement or MeasuredModes, optional
         Another design, or what was measured: its modes in pairs with those of ``source``, its curves over these, and
-        the differences that ``mv.compare`` tells.
+        the differences of ``mv.compare``.
     names : (str, str), optional
         What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
 

@@ -182,7 +182,7 @@ class Variants:
         if provenance.origin is None:
             raise ModelError(
                 f"sensitivities of '{self.system.name}': it is not a system as model.linearize() returns it, so that "
-                f"nothing tells what all of its parameters do; ask that one.", element=self.system.name,
+                f"the effect of its parameters is not known; take that system.", element=self.system.name,
             )  # fmt: skip
         return provenance.origin
 

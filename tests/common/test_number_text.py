@@ -41,7 +41,7 @@ def test_urdf(tmp_path, text):
 
 @pytest.mark.parametrize("text", ["1_0", "１０", "1_0.5"])
 def test_files_of_lines(text):
-    with pytest.raises(ContentError, match=r"is no (integer|number)"):
+    with pytest.raises(ContentError, match=r"is not (an integer|a number)"):
         next(data_sets(f"    -1\n  {text}\n    -1\n".encode()))
 
 

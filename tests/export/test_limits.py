@@ -74,7 +74,7 @@ def test_arrays_that_unpack_to_gigabytes(tmp_path):
     (npy((1,), "|O", bytes(8)), "no header of an array"),
     (npy((1,), "<c16", bytes(16)), "no header of an array"),
     (npy((1,), "<f8", bytes(16)), "has 16 bytes for 1 entries"),
-    (b"\x93NUMPY\x03\x00" + bytes(100), "no array of numpy's format"),
+    (b"\x93NUMPY\x03\x00" + bytes(100), "not an array of numpy's format"),
 ], ids=range(8))  # fmt: skip
 def test_headers_of_arrays(content, message, tmp_path):
     path = mx.to_npz(slider(), tmp_path / "x.npz")

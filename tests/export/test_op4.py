@@ -181,7 +181,7 @@ def test_binary_files_that_are_refused(tmp_path):
         (raw[:4] + b"\xff\xff\xff\x7f" * 2 + raw[12:], "expected a reduced matrix"),
         (raw[:column] + b"\x15" + raw[column + 1 :], "its lengths differ|a record of"),
         (raw[: column + 12] + b"\x09" + raw[column + 13 :], "a column that begins with"),
-        (b"\x19" + raw[1:], "no header of a matrix"),
+        (b"\x19" + raw[1:], "not a header of a matrix"),
     ):  # fmt: skip
         with pytest.raises(ContentError, match=message):
             read_op4_file(content)

@@ -169,7 +169,7 @@ def taken():
 
 REFUSALS = [
     (lambda: isolation.actuated(bushed(), "payload", "mount"), r"'mount' is a bushing.*mount\.x, mount\.y, mount\.z"),
-    (lambda: isolation.actuated(bushed(), "payload", "mount.w"), r"leg 'mount\.w' is no .*It has guide, mount\.x"),
+    (lambda: isolation.actuated(bushed(), "payload", "mount.w"), r"leg 'mount\.w' is not .*It has guide, mount\.x"),
     (lambda: isolation.actuated(bushed(), "payload", []), "no line spring beside which"),
     (lambda: isolation.actuated(bushed(), "payload", "b*"), r"leg 'b\*' is not a line spring"),
     (lambda: isolation.actuated(taken(), "payload"), r"input 'load\.z'"),

@@ -190,7 +190,7 @@ def test_initial_values_begin_the_search():
     start = problem.values(problem.unknowns.values(problem.unknowns.begin(None))[0])
     assert all(values[name] == pytest.approx(start[name]) for name in start if name not in given)
     assert start["k2.damping"] == pytest.approx(0.2)
-    for wrong, words in (({"F/v.tau": -1.0}, "a positive number"), ({"F/v.kq": 1.0}, "no value of this problem")):
+    for wrong, words in (({"F/v.tau": -1.0}, "a positive number"), ({"F/v.kq": 1.0}, "not a value of this problem")):
         with pytest.raises(ModelError, match=words):
             _initial(problem, wrong)
 

@@ -226,7 +226,7 @@ def test_gears_carry_the_weight():
     (link("a") + link("a"), "'a' is there twice"),
     (link("a") + link("b") + joint("j", "hinge", "a", "b"), "type = 'hinge'"),
     (link("base") + link("b") + joint("j", "fixed", "bas", "b"), "Did you mean 'base'"),
-    (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 0"), "no direction"),
+    (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 0"), "not a direction"),
     (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 one"), "3 finite numbers"),
     (link("a") + link("b") + joint("j", "fixed", "a", "b") + joint("k", "fixed", "a", "b"), "a URDF is a tree"),
     (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="x"/>'), "which is not a joint"),
@@ -288,7 +288,7 @@ def test_ports_act_along_the_axis(robot, kind, effort, motion):
 def test_faulty_arguments_are_told(tmp_path):
     with pytest.raises(mv.ModelError, match="Did you mean 'elbow'"):
         mv.load_urdf(ARM, pose={"elbo": 1.0})
-    with pytest.raises(mv.ModelError, match="no joint that moves"):
+    with pytest.raises(mv.ModelError, match="not a joint that moves"):
         mv.load_urdf(ARM, stiffness={"flange": 1.0})
     with pytest.raises(mv.ModelError, match="one number, or six"):
         mv.load_urdf(ARM, stiffness=(1.0, 2.0))
