@@ -130,7 +130,7 @@ def test_questions_that_have_no_answer():
     cycle = library.hoeken().cycle("crank.rz", [0.0, 1.0], speed=1.0)
     with pytest.raises(mv.ModelError, match=r"quantity = 'forse'.*Did you mean 'force'"):
         cycle.rms("forse")
-    with pytest.raises(mv.ModelError, match=r"no parameter|not a parameter"):
+    with pytest.raises(mv.ModelError, match=r"no parameter"):
         cycle.sensitivities("crank.mass")
     with pytest.raises(mv.ModelError, match=r"'link1.orientation.rx' cannot be a symbol"):
         cycle.sensitivities("link1.orientation.rx")

@@ -102,7 +102,7 @@ if (modesOf.rows.length) {
   const errors = modesOf.rows.map((mode) => Math.max(mode.error || 0, 1e-17));
   Plotly.newPlot("errors", [{type: "scatter", mode: "markers", x: errors.map((_, i) => i + 1), y: errors, marker: {color: BLUE, size: errors.length > 80 ? 4 : 7},
     hovertemplate: "mode %{x}: %{y:.1e}<extra></extra>"}], layout({margin: {l: 80, r: 18, t: 14, b: 50}, xaxis: modeAxis("errors", errors.length),
-    yaxis: axis("relative error [–]", {type: "log", exponentformat: "power", dtick: 2,
+    yaxis: axis("relative error [1]", {type: "log", exponentformat: "power", dtick: 2,
       range: [-17.2, Math.max(-9.5, Math.ceil(Math.log10(Math.max(...errors))) + 0.5)]})}), CONFIG);
 } else {
   empty("errors", "There are no eigenvalues.");

@@ -75,7 +75,7 @@ function drawBode() {
   const narrow = by("bode").clientWidth < 560;
   Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
-    title: {text: `${plain(input)} → ${plain(output)}`, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    title: {text: `${plain(input)} → ${plain(output)}`, x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", minor: MINOR, ...ticks(low, high)}),
     yaxis: axis(decibel ? `magnitude [dB${unit === "1" ? "" : ` re 1 ${plain(unit)}`}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power", ...(decibel ? {} : decades(traces))}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
@@ -113,7 +113,7 @@ function drawStep() {
             hovertemplate: `%{x:.6g} s<br>%{y:.6g} ${plain(outputUnit)}<extra></extra>`};
   }), layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54}, hovermode: "closest",
-    title: {text: `Step of 1 ${plain(inputUnit)}`, x: 0, xref: "paper", xanchor: "left", y: 0.98, yanchor: "top", font: {size: 14.5, color: INK}},
+    title: {text: `Step of 1 ${plain(inputUnit)}`, x: 0.01, xref: "container", xanchor: "left", y: 0.98, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("time [s]", {range: times, exponentformat: "power"}), yaxis: axis(`response [${plain(outputUnit)}]`, {exponentformat: "power"})}), CONFIG);
 }
 
@@ -134,7 +134,7 @@ function drawMeasured() {
     hovertemplate: `<b>${plain(labels[k])}</b><br>%{x:.6g} Hz<br>${shape}<extra></extra>`})));
   Plotly.react("measured-plot", traces, layout({showlegend: true, legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     hovermode: "closest", margin: {l: 90, r: 12, t: 40, b: 54},
-    title: {text: plain(name), x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    title: {text: plain(name), x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("frequency [Hz]", {type: "log", anchor: "y2", ...ticks(x[0] || x[1], x[x.length - 1])}),
     yaxis: axis(unit ? `magnitude [${plain(unit)}]` : "magnitude", {type: "log", domain: [0.4, 1], exponentformat: "power", ...decades(traces)}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], dtick: 90, range: [-190, 190]})}), CONFIG);
