@@ -17,10 +17,6 @@ class Connecting:
     outputs: tuple[str, ...]
     """Names of the outputs."""
 
-    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
-        """What notebooks complete after ``system[``: pairs of an output and an input."""
-        return [(output, port) for output in self.outputs for port in self.inputs]
-
     # Any stands for a SampledLoop: the type of a controller does not tell whether it is discrete
 
     def feedback(

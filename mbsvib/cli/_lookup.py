@@ -58,7 +58,7 @@ def _model_of(source: ModelFile) -> Model:
         files = [str(path.parent / file.name) for file in _models_in_folder(path) if file.stem == path.name]
         hint = f" Did you mean '{files[0]}'?" if files else nearest(word, library.models())
         raise UsageProblem(
-            f"there is no model '{word}': it is no file that ends in {', '.join(SUFFIXES)}, and no built-in name."
+            f"there is no model '{word}': it is not a file that ends in {', '.join(SUFFIXES)}, nor a built-in name."
             f"{hint} Built in: {', '.join(library.models())}."
         ) from error
 

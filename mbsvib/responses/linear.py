@@ -21,9 +21,15 @@ class PortedVerbs:
 
     if TYPE_CHECKING:
         name: Any
+        outputs: Any
+        inputs: Any
 
         def _with_ports(self, outputs: Names, inputs: Names) -> Self:
             """The equations with some outputs and inputs."""
+
+    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+        """What notebooks complete after ``system[``: pairs of an output and an input."""
+        return [(output, port) for output in self.outputs for port in self.inputs]
 
     def __getitem__(self, key: Any) -> Self:
         """Return the equations with some of their outputs and inputs, ``system[outputs, inputs]``.

@@ -94,8 +94,10 @@ def test_modules_list_their_public_names(module):
     assert sorted(dir(module)) == sorted(module.__all__)
 
 
-def test_brackets_complete_names_of_signals():
-    system = mv.library.quarter_car().linearize()
+@pytest.mark.parametrize("close", [lambda system: system, lambda system: system.feedback([[-1.0]], "travel", "road"),
+                                   lambda system: system.state_space()])  # fmt: skip
+def test_brackets_complete_names_of_signals(close):
+    system = close(mv.library.quarter_car().linearize())
     completions = system._ipython_key_completions_()
     assert len(completions) == len(system.outputs) * len(system.inputs)
     for output, port in completions:
