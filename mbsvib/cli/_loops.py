@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
@@ -46,7 +46,8 @@ def loop(
         shell.say(str(closed))
         shell.say(str(margins) if margins is not None else f"Unstable: {', '.join(closed.growing)}.")
     if file is not None and is_table(file):
-        parts = {"open": plant.with_ports(outputs, inputs), "closed": closed.with_ports(outputs, inputs)}
+        both: dict[str, Any] = {"open": plant, "closed": closed}
+        parts = {label: one.with_ports(outputs, inputs) for label, one in both.items()}
         omega = parts["closed"].frequency_grid()
         columns = {f"{label}:{name}": values for label, part in parts.items()
                    for name, values in by_pair(part.outputs, part.inputs, part.frequency_response(omega)).items()}

@@ -21,13 +21,11 @@ class PortedVerbs:
 
     if TYPE_CHECKING:
         name: Any
-        outputs: Any
-        inputs: Any
 
         def _with_ports(self, outputs: Names, inputs: Names) -> Self:
             """The equations with some outputs and inputs."""
 
-    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
+    def _ipython_key_completions_(self: Any) -> list[tuple[str, str]]:
         """What notebooks complete after ``system[``: pairs of an output and an input."""
         return [(output, port) for output in self.outputs for port in self.inputs]
 
