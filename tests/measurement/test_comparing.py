@@ -174,7 +174,7 @@ def test_responses_that_are_zero_by_symmetry():
 def test_what_cannot_be_compared():
     with pytest.raises(mv.ResponseError, match=r"no common output \(mass: x, y, z; chain: z0, z1, z2\)"):
         mv.compare(point_mass(1.0, 2.0, 3.0), chain())
-    with pytest.raises(mv.ResponseError, match="b is a int; expected a Model"):
+    with pytest.raises(mv.ResponseError, match="b is an int; expected a Model"):
         mv.compare(chain(), 3)
 
 
