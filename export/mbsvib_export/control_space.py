@@ -103,7 +103,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
                        _names_of_states([self, other], appended.nstates), _joined([self, other]))  # fmt: skip
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
-        """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does.
+        """Return the closed loop with ``other`` in the feedback path, as ``control.feedback`` does.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def hinfsyn(
     plant: control.StateSpace, nmeas: int, ncon: int
 ) -> tuple[NamedStateSpace, NamedStateSpace, float, Array]:  # fmt: skip
-    """Return the controller u = K y that keeps the H-infinity norm of a plant least, as ``control.hinfsyn`` does.
+    """Return the controller u = K y that minimises the H-infinity norm of a plant, as ``control.hinfsyn`` does.
 
     (z, y) = P (w, u):  minimise over stabilising K the norm of P11 + P12 K (1 - P22 K)^-1 P21
 
@@ -55,7 +55,7 @@ def hinfsyn(
 
 
 def h2syn(plant: control.StateSpace, nmeas: int, ncon: int) -> NamedStateSpace:
-    """Return the controller u = K y that keeps the H2 norm of a plant least, as ``control.h2syn`` does.
+    """Return the controller u = K y that minimises the H2 norm of a plant, as ``control.h2syn`` does.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ def to_transfer_function(
     G(s) = gain prod(s - zero) / prod(s - pole)
 
     Polynomials of many or far-apart poles lose digits: the frequency response of the result is compared with that of
-    the system on its frequency grid, and a worse one is not handed out. Prefer ``to_control`` wherever it is taken.
+    the system on its frequency grid, and an inaccurate one is refused. Prefer ``to_control`` wherever it is taken.
 
     Parameters
     ----------

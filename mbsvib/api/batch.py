@@ -61,8 +61,8 @@ class Batch(BatchEquations, Displayed):
         Parameters
         ----------
         rtol : float, optional
-            Required relative accuracy of every eigenvalue, default 1e-10. Variants whose error estimate stays larger
-            are warned of by index (AccuracyWarning).
+            Required relative accuracy of every eigenvalue, default 1e-10. A warning (AccuracyWarning) states the
+            indices of variants whose error estimate stays larger.
 
         Returns
         -------

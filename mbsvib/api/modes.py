@@ -48,7 +48,7 @@ class Modes(result.Modes):
         self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,
         view: str | Sequence[float] = "3-D", frames: int = 30, rate: float = 20.0,
     ) -> Animation:  # fmt: skip
-        """Return a mode in motion, which shows itself in Jupyter, and write it to a file if one is named.
+        """Return a mode in motion, shown in Jupyter, and write it to a file if a ``path`` is given.
 
         Parameters
         ----------
@@ -57,7 +57,7 @@ class Modes(result.Modes):
         path : str or path-like, optional
             A file that ends in .gif, .mp4 (needs ffmpeg: ``pip install "mbsvib[video]"``) or .html.
         amplitude : float
-            How far the farthest point goes, as a share of the mechanism's size.
+            Largest displacement of a point, as a share of the mechanism's size.
         view : str or sequence of 2 float
             From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
         frames : int

@@ -27,7 +27,7 @@ class ReducibleSpace:
         Parameters
         ----------
         order : int, optional
-            Number of states; those that do not decay are kept, unless no output shows what inputs do to them.
+            Number of states; those that do not decay are kept if they are controllable and observable.
         error : float, optional
             Largest error instead of an order, output by input in SI units.
         method : str

@@ -183,7 +183,8 @@ class Run(Columnar, Displayed):
         Parameters
         ----------
         name : str
-            Name of a coordinate (``"elbow.rz"``) or of an output; forces and accelerations are told once an interval.
+            Name of a coordinate (``"elbow.rz"``) or of an output; forces and accelerations are checked once an
+            interval.
         value : float
             The value [m, rad, or the unit of the output].
 

@@ -64,8 +64,8 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         near : float
             The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest, rigid-body modes first.
         rtol : float, optional
-            Required relative accuracy of every eigenvalue. They are as accurate as possible; those whose error estimate
-            is larger are warned of by number (AccuracyWarning).
+            Required relative accuracy of every eigenvalue. They are as accurate as possible; a warning
+            (AccuracyWarning) states the numbers of modes whose error estimate is larger.
 
         Returns
         -------

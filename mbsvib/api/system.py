@@ -114,7 +114,7 @@ class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, S
             The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest.
         rtol : float, optional
             Required relative accuracy of every eigenvalue, default 1e-12; more accurate and slower methods are taken
-            as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
+            as far as needed. A warning (AccuracyWarning) states the numbers of modes whose error estimate is larger.
         confidence : Fit, optional
             The fit that the system is of: natural frequencies then have ``frequency_intervals`` (n, 2) [Hz] of 95 %.
 

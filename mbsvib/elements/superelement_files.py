@@ -212,7 +212,7 @@ def read_abaqus(
 ) -> Reduced:
     """Read sparse matrices from text files of Abaqus, NAME_STIF1.mtx and NAME_MASS1.mtx.
 
-    They come of a step with ``*MATRIX GENERATE, STIFFNESS, MASS`` and ``*MATRIX OUTPUT, STIFFNESS, MASS,
+    They are written by a step with ``*MATRIX GENERATE, STIFFNESS, MASS`` and ``*MATRIX OUTPUT, STIFFNESS, MASS,
     FORMAT=MATRIX INPUT``, or LABELS. COORDINATE has no labels: ``scipy.io`` and ``numpy.loadtxt`` read it.
 
     Parameters

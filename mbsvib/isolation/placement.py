@@ -162,7 +162,7 @@ def placement(
     noise: Mapping[str, float] | None = None, ranges: Mapping[str, float] | None = None,
     best: int = 10, most: int = 2000,
 ) -> Placement:  # fmt: skip
-    """Return the sets of some sensors and actuators among candidates that see and move most.
+    """Return the best sets of sensors and actuators among candidates, ranked.
 
     By ``modes``: the Gramians of the modes, W = sum over the set of W_k, the score is (det W / det W_all)^(1/2n);
     by ``parameters``: the same of the information F = sum over lines of Re(dG^H dG) range^2 / noise;

@@ -138,7 +138,7 @@ class Matched:
     def matched(
         self, linear: Any, names: Mapping[str, str] | None = None, distance: float = 0.01, angle: float = np.pi / 18
     ) -> Matching:
-        """Return the outputs and inputs of a model that are those of the data, by name, then by place.
+        """Return the outputs and inputs of a model that correspond to those of the data, by name, then by place.
 
         G_measured = s_o s_i (i w)^(k_o - k_i) G_model, with signs s, and k time derivatives between the quantities
 

@@ -212,7 +212,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
 
 
 def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) -> Quantity:
-    """Return the peak of a frequency response over a band: transmissibility, compliance, whatever the ports say.
+    """Return the peak of a frequency response over a band, such as a transmissibility or a compliance.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ def damping(least: float) -> Goal:
 
 
 def margin(least: float) -> Goal:
-    """Return the limit that the loops have a modulus margin, all of them simultaneously.
+    """Return a lower limit of the modulus margin of all loops simultaneously.
 
     1 / (max over w of sigma((1 - K G)^-1)) >= least, at the actuators
 
