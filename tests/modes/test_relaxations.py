@@ -9,7 +9,7 @@ from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import _forms
 from mbsvib.modes.general_spectrum import spectrum
-from mbsvib.modes.pairs import within_reach
+from mbsvib.modes.pairs import with_neighbours, within_reach
 from tests.modes.test_general import loose_chain
 from tests.support.sizes import few
 from tests.support.unsymmetric import eigenvalues
@@ -84,6 +84,15 @@ def test_a_step_that_was_not_taken_reaches_its_neighbours():
     assert within_reach(values, uncertainty, np.zeros(4)).tolist() == pytest.approx([1.0, 1.6e-15, 1.0, 1e-30])
     reach = np.array([2.0 * 1.366e-7, 0.0, 2.0 * 6e-7, 0.0])
     assert within_reach(values, uncertainty, reach).tolist() == pytest.approx([1.0, 1.0, 1.0, 1e-30])
+
+
+def test_nearly_equal_values_move_by_the_coupling_of_their_errors():
+    """Of two values a gap g apart each moves by (sqrt(g^2 + 4 s^2) - g) / 2, s^2 the product of their own errors."""
+    values, errors, gap = np.array([5.0 + 3.0j, -1.0, -1.0 - 1e-9]), np.array([1e-15, 1e-12, 1e-7]), 1e-9
+    shift = 0.5 * (np.sqrt(gap**2 + 4.0 * errors[1] * errors[2]) - gap)
+    result = with_neighbours(values, errors, 1)
+    assert shift <= result[1] - errors[1] <= 1.1 * shift
+    assert result[0] == pytest.approx(1e-15, rel=1e-6)
 
 
 def test_relative_motions_left_out_as_rounding_are_in_the_bound():
