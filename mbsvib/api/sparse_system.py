@@ -50,7 +50,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     """
 
     def _with_ports(self, outputs: Names, inputs: Names) -> Self:
-        from mbsvib.sparse.selection import with_ports
+        from mbsvib.sparse.equations import with_ports
 
         return with_ports(self, outputs, inputs)
 

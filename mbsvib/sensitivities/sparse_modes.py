@@ -32,8 +32,8 @@ from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import assembled, is_complete
 from mbsvib.sensitivities.network_kinematics import Constraints
 from mbsvib.sensitivities.shapes import ModeSensitivities
+from mbsvib.sparse.layout import relative_rows
 from mbsvib.sparse.modes import modes
-from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

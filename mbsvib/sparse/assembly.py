@@ -12,14 +12,13 @@ from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.sparse.constraints import check_mobility
-from mbsvib.sparse.cuts import short_span
-from mbsvib.sparse.draft import first_draft
+from mbsvib.sparse.draft import first_draft, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.massless import separation
 from mbsvib.sparse.massless_motions import massless_motions
-from mbsvib.sparse.steps import with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.tableau import build
+from mbsvib.sparse.tree import short_span
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

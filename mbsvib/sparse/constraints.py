@@ -38,7 +38,7 @@ from mbsvib.linalg.rank import (
     RANK_FACTOR,
     REGULARISATION,
 )
-from mbsvib.sparse.rows import path_entries, relative_rows
+from mbsvib.sparse.layout import path_entries, relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,11 +1,19 @@
-"""Equations of motion of many bodies, as sparse rows over displacements and joint coordinates."""
+"""Equations of motion of many bodies, as sparse rows over displacements and joint coordinates, or as sparse matrices of
+another program.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from mbsvib.errors import ModelError
+import numpy as np
+
+from mbsvib.common.selection import port_numbers
+from mbsvib.equations.selection import port_fields
+from mbsvib.errors import ModelError, ResponseError
+from mbsvib.linalg.multifrontal import LARGEST, factored, fronts
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -13,14 +21,56 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Connection, Removed
     from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.linalg.multifrontal import Fronts, SymmetricFactor
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.massless import SparseSeparation
-    from mbsvib.sparse.matrices import SparseMatrices
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
+
+
+@dataclass(frozen=True)
+class SparseMatrices:
+    """Symmetric ``M``, ``C`` and ``K`` (n, n) of the system ``name``, sparse by columns."""
+
+    name: str
+    M: Any
+    C: Any
+    K: Any
+
+    @cached_property
+    def fronts(self) -> Fronts:
+        """The fronts of factors of all sums of the matrices."""
+        result = fronts((abs(self.M) + abs(self.C) + abs(self.K)).tocsr())
+        size = 8 * result.entries
+        if size > LARGEST:
+            raise ResponseError(
+                f"'{self.name}': the factor of its matrices, of {len(result.permutation)} coordinates, takes "
+                f"{size / 1e9:.3g} GB; expected at most {LARGEST / 1e9:g} GB. Reduce the model in the program that "
+                f"wrote the matrices, and give the reduced ones."
+            )
+        return result
+
+    def factor(self, square: float = 0.0, s: complex = 0.0, pivot: float | None = None) -> SymmetricFactor:
+        """Factor K + s C + (s^2 - square) M; a singular matrix is a LinAlgError. Pivots are chosen in their front."""
+        del pivot
+        matrix = self.K + s * self.C if s else self.K
+        shift = s * s - square
+        return factored((matrix + shift * self.M).tocsc() if shift else matrix, self.fronts)
+
+    def motions(self) -> Array | None:
+        """Return a basis (n, m) of all motions; None: all coordinates."""
+        return None
+
+    @cached_property
+    def massless(self) -> Index:
+        """The coordinates without mass, which follow from statics."""
+        return np.flatnonzero(self.M.diagonal() == 0.0)
+
+
+S = TypeVar("S", bound="SparseEquations")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -122,3 +172,18 @@ class SparseEquations:
     def redundant(self) -> tuple[str, ...]:
         """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
         return tuple(name for group in self.constraints.groups for name in group.redundant)
+
+
+def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
+    """Return a system with some of its outputs and inputs, by name or pattern, and the same unknowns."""
+    o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
+    ports = port_fields(system, o, i)
+    separation: SparseSeparation | None = system.separation
+    if separation is not None:
+        separation = replace(separation, at_once=separation.at_once[np.ix_(o, i)])
+    displacement, velocity, acceleration = (rows[o] for rows in system.output_rows)
+    return replace(
+        system, input_rows=system.input_rows[i], output_rows=(displacement, velocity, acceleration),
+        undetermined=tuple([forces.among(ports["outputs"]) for forces in system.undetermined]), separation=separation,
+        **ports,
+    )  # fmt: skip

@@ -25,9 +25,8 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.layout import virtual_unknowns
-from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.steps import of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.draft import of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.layout import relative_rows, virtual_unknowns
 from mbsvib.sparse.tableau import FINE, SINGULAR
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.rank import RIGID_ENERGY, UNCOUPLED, ZERO_SUM
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.assembly import linearized
-from mbsvib.sparse.matrices import SparseMatrices
+from mbsvib.sparse.equations import SparseMatrices
 from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.layout import relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

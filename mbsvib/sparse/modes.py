@@ -1,9 +1,15 @@
-"""Some modes of many bodies: shift-invert Lanczos, and frequencies from the factors.
+"""Some modes of many bodies: shift-invert Lanczos, frequencies from the factors, and modes that damping couples.
 
 The subspace comes from Lanczos on T = W (K - sigma M)^-1 W^T and one more solve. The frequencies come from the
 projected small dense system, M = |W x|^2 and K = |sqrt(k) D q|^2, by the same solvers as for small mechanisms. Springs
 act on relative coordinates q, which the solve gives with full accuracy; so frequencies many orders below those of a
 single body on its spring lose no digits.
+
+With damping (lambda^2 M + lambda C + K) phi = 0 is solved in a subspace that starts with the undamped modes: the
+projected small dense system (by the dense path, left vectors included) gives eigenvalues and shapes. The residuals of
+the full system, multiplied by the existing factors, extend the subspace until they are small.
+
+Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems.
 """
 
 from __future__ import annotations
@@ -19,8 +25,8 @@ from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import undamped
-from mbsvib.sparse.damping import coupled, decoupled
 from mbsvib.sparse.from_matrices import motions_of
+from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.matrix_subspace import matrix_subspace
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
@@ -31,10 +37,95 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.equations import SparseEquations
+    from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
 
+
+# The subspace is restarted from the current modes when it has grown to this many vectors per mode.
+GROWTH = 8
+# A direction is left out if less than this fraction of it remains after orthogonalization.
+NEW = 1e-4
+
+
+def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
+    """Return whether the undamped modes ``z`` (size, n) are also modes of the damped system.
+
+    ``result``: modes of the projected small system, of which each eigenvalue and shape is put into the full equations.
+    """
+    quadratic = space.operator.quadratic
+    if quadratic.proportional:
+        return True
+    if not result.classical or quadratic.is_damped(z[:, : result.rigid]):
+        return False
+    # C phi must equal Gamma_ii M phi; a solve gives both the same units
+    damping = quadratic.damping(z)
+    gamma = np.einsum("ij,ij->j", z, damping)
+    residual = _motion(space.operator, result.eigenvalues[0::2] * (damping - gamma * quadratic.inertia(z)))
+    return bool((quadratic.size(residual) <= CONVERGED).all())
+
+
+def coupled(
+    space: Subspace, k: int, near: float, form: type[Equations]
+) -> tuple[Equations, Modes, Array, Index]:
+    """Return the damped modes whose natural frequencies are nearest to a frequency, of rigid-body modes the slowest.
+
+    ``space``: the undamped subspace. ``near`` [Hz], 0 for the lowest. Returns the small system of the class ``form``,
+    its modes, a bound of the relative error of each eigenvalue (2n,), and which modes to take.
+    """
+    t, rigid = space.operator, space.rigid
+    complete = not np.isfinite(space.reach)
+    basis = space.z
+    limit = rigid + GROWTH * (k + 4)
+    for _ in range(ROUNDS):
+        small = reduced(t.system, basis, rigid, form)
+        result: Modes = dense_modes(small, RTOL)
+        speed = np.abs(result.eigenvalues).reshape(-1, 2).max(axis=1)  # orders rigid-body modes
+        selected = np.sort(np.lexsort((speed, np.abs(result.natural - 2.0 * np.pi * near)))[:k])
+        if complete:
+            return small, result, np.repeat(space.noise, 2) * (result.eigenvalues != 0.0), selected
+        vectors = eigenvectors(result, selected)
+        z = basis @ vectors.right
+        residual = t.quadratic.force(vectors.values, z) / t.quadratic.size(z)
+        correction = _motion(t, residual)
+        size = t.quadratic.size(correction)
+        unconverged = size > CONVERGED
+        if not unconverged.any():
+            break
+        if basis.shape[1] > limit:
+            basis = _extended(t, basis[:, :rigid], parts(z))
+        basis = _extended(t, basis, parts(correction[:, unconverged]))
+    # relative distance of the selected modes from those that are not in the subspace
+    distance = np.abs(np.abs(vectors.values) ** 2 - t.sigma)
+    errors = truncation(size, size, space.reach / np.maximum(distance, 1e-300) - 1.0)
+    return small, result, of_all_eigenvalues(result, vectors, errors), selected
+
+
+def _motion(t: Operator, force: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """The motion under generalised forces, without rigid-body modes."""
+    return t.flexible(t.factor.solve(t.right(force)))
+
+
+def _extended(t: Operator, basis: Array, added: Array) -> Array:
+    """The basis extended by some motions, M-orthonormal.
+
+    Corrections are mostly in the basis already. Their remainders are scaled to unit length before their Gram matrix is
+    diagonalized, which would otherwise leave them out.
+    """
+    momentum = t.quadratic.inertia(basis)
+    for _ in range(2):
+        length = t.quadratic.size(added)
+        added = added - basis @ (momentum.T @ added)
+        remaining = t.quadratic.size(added)
+        used = remaining > NEW * length
+        added = added[:, used] / remaining[used]
+        square, vectors = np.linalg.eigh(added.T @ t.quadratic.inertia(added))
+        significant = square > NEW**2 * square.max(initial=0.0)
+        added = added @ (vectors[:, significant] / np.sqrt(square[significant]))
+    return np.concatenate((basis, added), axis=1)
+
+
 # If the errors of eigenvalues are larger, the damped modes are not computed from the undamped ones.
-CONVERGED = 1e-6
+UNCERTAIN = 1e-6
 # Modes are counted up to this many times the last natural frequency.
 BEYOND = 1.0 + 1e-6
 # The last mode of a subspace is within its reach up to this relative difference.
@@ -68,6 +159,7 @@ class SomeModes(Modes):
 
     def _shown(self) -> str:
         return f"{len(self)} of {self.dof} DOF"
+
 
 M = TypeVar("M", bound=SomeModes)
 
@@ -125,7 +217,7 @@ def _symmetric(
         return small, result, errors, np.arange(k), space.missed
     small, result, truncation, selected = coupled(space, k, near, dense)
     missed = space.missed
-    certain = result.rigid == space.rigid and float(truncation.max(initial=0.0)) < CONVERGED
+    certain = result.rigid == space.rigid and float(truncation.max(initial=0.0)) < UNCERTAIN
     unknown = _unknown_overdamped(system, result, selected) if certain else 1
     if unknown and system.matrices is not None:
         raise ResponseError(
@@ -214,4 +306,3 @@ def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | 
         second = np.where(to_others > 0.0, first * residual * from_shift / to_others, np.inf)
     bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding(system), 0.0)
     return basis, bound, int(np.count_nonzero(selected < space.rigid))
-

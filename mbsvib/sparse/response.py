@@ -20,9 +20,8 @@ from mbsvib.modes.general import is_general
 from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
-from mbsvib.sparse.first_order import split_massless
 from mbsvib.sparse.from_matrices import quadratic_of
-from mbsvib.sparse.galerkin import extended
+from mbsvib.sparse.galerkin import extended, split_massless
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.reduction import RTOL, reduced
 from mbsvib.sparse.tableau import FINE, SINGULAR
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
 
 E = TypeVar("E", bound=Equations)
+
 
 def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)."""

@@ -29,7 +29,7 @@ from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
 from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
-from mbsvib.sparse.rows import paths
+from mbsvib.sparse.layout import paths
 
 # Iterative refinement stops when a step changes the solution by less than this; it has so many steps at most.
 CONVERGED, STEPS = 1e-13, 60

@@ -16,8 +16,17 @@ from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.disc import disc
-from mbsvib.sparse.first_order import independent, independent_with_mass, split_massless, with_static_motions
-from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended, parts
+from mbsvib.sparse.galerkin import (
+    Galerkin,
+    eigenvectors,
+    error_bound,
+    extended,
+    independent,
+    independent_with_mass,
+    parts,
+    split_massless,
+    with_static_motions,
+)
 from mbsvib.sparse.layout import motions
 from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic

@@ -160,8 +160,8 @@ def test_many_long_loops_are_cut_elsewhere(monkeypatch):
     """A tree of stars has shorter loops; the answers are those of the first tree, with as many loops."""
     model = scenes.grid(5, 5)
     first = model.linearize(method="sparse")
-    monkeypatch.setattr("mbsvib.sparse.cuts.LONG", 4)
-    monkeypatch.setattr("mbsvib.sparse.cuts.FEW", 1)
+    monkeypatch.setattr("mbsvib.sparse.tree.LONG", 4)
+    monkeypatch.setattr("mbsvib.sparse.tree.FEW", 1)
     system = model.linearize(method="sparse")
     assert set(system.cut_joints) != set(first.cut_joints)
     assert len(system.cut_joints) == len(model.joints) - len(model.bodies) == 16

@@ -242,9 +242,9 @@ def test_what_needs_a_mechanism_or_dense_matrices():
 
 
 def test_factors_that_take_too_much_memory(monkeypatch):
-    from mbsvib.sparse import matrices
+    from mbsvib.sparse import equations
 
-    monkeypatch.setattr(matrices, "LARGEST", 1e5)
+    monkeypatch.setattr(equations, "LARGEST", 1e5)
     mass, stiffness, _ = membrane(40)
     with pytest.raises(mv.ResponseError, match=r"'net': the factor of its matrices, of 1600 coordinates, takes .* GB"):
         mv.System.from_matrices(mass, None, stiffness, name="net").modes(3)

@@ -39,7 +39,7 @@ def test_damping_proportional_to_stiffness_needs_no_solves(monkeypatch):
     def refuse(*_):
         raise AssertionError("solved")
 
-    monkeypatch.setattr("mbsvib.sparse.damping._motion", refuse)
+    monkeypatch.setattr("mbsvib.sparse.modes._motion", refuse)
     model = mv.library.chain(400)
     sparse, dense = model.linearize(method="sparse").modes(6), model.linearize(method="dense").modes()
     assert sparse.classical == "damping proportional to stiffness"
