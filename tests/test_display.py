@@ -21,9 +21,9 @@ INTERNAL = ("mbsvib.elements", "mbsvib.equations", "mbsvib.mechanism.mechanism",
             "mbsvib.modes.general", "mbsvib.responses.basis", "mbsvib.responses.batch", "mbsvib.responses.energy_schur",
             "mbsvib.responses.modal_sum", "mbsvib.responses.rounding", "mbsvib.feedback.loop.Resolution",
             "mbsvib.feedback.closing",
-            "mbsvib.sensitivities.basis", "mbsvib.sensitivities.loaded_network", "mbsvib.sensitivities.network",
-            "mbsvib.sensitivities.parameter_group", "mbsvib.sensitivities.ports", "mbsvib.sensitivities.products",
-            "mbsvib.sensitivities.reference_pose", "mbsvib.sensitivities.spectrum", "mbsvib.sensitivities.variants",
+            "mbsvib.sensitivities.basis", "mbsvib.sensitivities.forms", "mbsvib.sensitivities.loaded_network",
+            "mbsvib.sensitivities.network", "mbsvib.sensitivities.parameter_groups", "mbsvib.sensitivities.pose_motion",
+            "mbsvib.sensitivities.ports", "mbsvib.sensitivities.spectrum", "mbsvib.sensitivities.variants",
             "mbsvib.studies.evaluation", "mbsvib.studies.design")  # fmt: skip
 RESULTS = {name: kind for name, kind in returned_classes().items() if not name.startswith(INTERNAL)}
 

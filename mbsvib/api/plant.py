@@ -203,7 +203,7 @@ class Plant(Displayed):
         eigenvalues = modes.eigenvalues[0] if single else modes.eigenvalues
         if not gradient:
             return eigenvalues
-        from mbsvib.sensitivities.plant_slopes import eigenvalue_slopes
+        from mbsvib.sensitivities.eigenvalues import eigenvalue_slopes
 
         slopes = eigenvalue_slopes(self._plan, batch, modes)
         return eigenvalues, slopes[0] if single else slopes
@@ -239,7 +239,7 @@ class Plant(Displayed):
         if rates.ndim not in (1, 2) or rates.shape[-1] != len(self.names):
             raise ModelError(f"tangent: direction has the shape {rates.shape}; expected ({len(self.names)},), a rate "
                              f"of each parameter, or several of these.", field="direction")  # fmt: skip
-        from mbsvib.sensitivities.plant_slopes import tangents
+        from mbsvib.sensitivities.eigenvalues import tangents
 
         slopes = tangents(self._plan, self._differentiable(array, "tangent"), np.atleast_2d(rates).T)
         one = 0 if rates.ndim == 1 else slice(None)

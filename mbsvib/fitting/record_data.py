@@ -26,8 +26,8 @@ import numpy as np
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.channels import values_of
 from mbsvib.fitting.response_data import EXACT, Block
+from mbsvib.sensitivities.responses import exponential
 from mbsvib.sensitivities.states import changed, states
-from mbsvib.sensitivities.transients import exponential
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -176,10 +176,8 @@ SAME_EIGENVALUE = 1e-9
 ZERO_RIGID_FORM = 1e-12
 # The same if derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
 ZERO_RIGID_FORM_BY_MATRICES = 1e-8
-# A factor below this share of the largest of its kind is rounding.
-ZERO_FACTOR = 1e-15
-# Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
-SAME_TRANSPOSE = 1e-12
+# An eigenvalue of a derivative, whose rows are scaled alike, below this share of the largest is rounding.
+ZERO_FACTOR = 1e-12
 # A correlation matrix typed with so many digits may be indefinite by its rounding.
 SEMIDEFINITE = 1e-9
 # Its diagonal is 1 to so many digits.

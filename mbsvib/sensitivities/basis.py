@@ -12,14 +12,13 @@ import numpy as np
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.modes.result import modes
 from mbsvib.responses.basis import RESPONSE_RTOL, Basis
+from mbsvib.sensitivities.forms import have_rules
 from mbsvib.sensitivities.loaded_network import loaded_network
 from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
-from mbsvib.sensitivities.parameter_group import have_rules
 from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_under_loads
-from mbsvib.sensitivities.port_forms import checked_loads
-from mbsvib.sensitivities.ports import no_loads
-from mbsvib.sensitivities.reference_pose import reference_pose
+from mbsvib.sensitivities.ports import checked_loads, no_loads
+from mbsvib.sensitivities.pose_motion import reference_pose
 from mbsvib.sensitivities.spectrum import spectrum
 from mbsvib.sensitivities.variables import variables
 from mbsvib.sensitivities.variants import Variants, not_held
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.ports import Loads
-    from mbsvib.sensitivities.reference_pose import ReferencePose
+    from mbsvib.sensitivities.pose_motion import ReferencePose
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
     from mbsvib.sensitivities.variables import Direction, Requested, Variables
 

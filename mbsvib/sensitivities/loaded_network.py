@@ -29,15 +29,15 @@ from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.products import product
+from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
-from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.adjoint_fields import Fields, joint_release_motion, transmitted
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
+from mbsvib.sensitivities.families.pose_changes import ForceChanges, ForceLayout, PoseRates, RowTerms
+from mbsvib.sensitivities.families.rules import crossed
+from mbsvib.sensitivities.forces import point_slopes, turn_slopes, work_slopes, wrench_slopes
+from mbsvib.sensitivities.forms import form_table, groups_by_rule, internal_groups
 from mbsvib.sensitivities.network_assembly import model_in_pose
-from mbsvib.sensitivities.parameter_group import groups_by_rule, internal_groups
-from mbsvib.sensitivities.products import form_table
-from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
-from mbsvib.sensitivities.transmitted_wrenches import joint_release_motion, transmitted
 from mbsvib.sensitivities.variables import FieldLayout, ListedLater
 
 if TYPE_CHECKING:
@@ -50,11 +50,66 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.force_layout import ForceChanges
     from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.forms import ParameterGroup
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.network_assembly import model_in_pose
-from mbsvib.sensitivities.parameter_group import ParameterGroup
+
+
+def internal_parameters(network: Network) -> list[tuple[str, str, tuple[int, ...]]]:
+    """Return part, field and index of all numbers that change with the pose and are no parameters of the model: axes
+    of torsion springs and rotors, the place and orientation of beams and superelements that keep their shape.
+    """
+    internal = [(part.name, *rules_of(part).loaded.internal) for part in network.parts]
+    return [(name, field, (i,)) for name, field, count in internal for i in range(count)]
+
+
+def force_changes(network: Network, forces: Forces, layout: FieldLayout) -> ForceChanges:
+    """Return what parameters change of the forces at the pose."""
+    at = ForceLayout.of(forces)
+    keys = (*layout.keys(), *internal_parameters(network))
+    terms = RowTerms({key: k for k, key in enumerate(keys)}, at)
+    for k, part in enumerate((*network.joints, *network.springs, *network.bodies, *network.loads)):
+        for field in part.point_fields:  # a line begins at the first one
+            starts = k in at.lines and field == part.point_fields[0]
+            terms.along(part.name, field, at.start_of(k) if starts else at.point_of(k))
+    for part, k in network.carriers_of_force:
+        rules_of(part).loaded.add_force_terms(terms, network, forces, part, k)
+    return ForceChanges(terms.row, at, terms.matrix(at.size))
+
+
+def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
+    """Return the changes (parameters, c) of parameters as bodies move, as those of a model do that is described in the
+    new pose.
+
+    ``motion`` (bodies, 6, c): motions at the centres of mass.
+    """
+    rates = PoseRates(network, forces, changes, motion)
+    rates.carry([part for part, _ in network.carriers_of_force])
+    for part, k in network.carriers_of_force:
+        rules_of(part).loaded.follow(rates, part, k)
+    return rates.table
+
+
+def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
+    """Return the changes (e, c) of forces as bodies move, beyond what parameters say of it: of springs by their
+    stiffness, of bushings by the turn between their bodies, of followers with theirs.
+
+    ``motion`` (bodies, 6, c): motions at the centres of mass.
+    """
+    relative, at = forces.relative_motions(motion)[1], changes.at
+    result = np.zeros((at.size, motion.shape[2]))
+    joints, springs = forces.counts[:2]
+    strained = relative[joints : joints + springs]
+    change = -network.matrices.stiffness @ strained
+    # a moment turns with half of the turn between the bodies
+    change[:, 3:] += 0.5 * skew(forces.wrench[joints : joints + springs, 3:]).swapaxes(1, 2) @ strained[:, 3:]
+    # what a free length does is said by the parameters
+    change[[getattr(spring, "free_length", None) is not None for spring in network.springs]] = 0.0
+    result[at.wrench.start : at.wrench.start + 6 * springs] = change.reshape(6 * springs, motion.shape[2])
+    result[at.twist] = relative[forces.bushings, 3:].reshape(3 * len(forces.bushings), relative.shape[2])
+    for k in forces.follower.tolist():
+        result[at.wrench_of(k) : at.wrench_of(k) + 6] = crossed(relative[k, 3:], forces.wrench[k])
+    return result
 
 
 @dataclass(frozen=True)
@@ -83,7 +138,8 @@ class LoadedNetwork:
     def dof(self) -> int:
         """Number m of coordinates along which the pose moves: all minimal ones unless beams keep their shape."""
         reactions = self.network.reactions
-        return int(self.network.displacements.shape[1]) - (0 if reactions is None else len(reactions.dependent))
+        count = int(self.network.coordinates.displacements.shape[1])
+        return count if reactions is None else count - len(reactions.dependent)
 
     @property
     def size(self) -> int:
@@ -137,7 +193,8 @@ class LoadedNetwork:
         second = self.forces.relative_motions(joint_release_motion(self.network, gap[:joints]))[1] - gap
         if reactions is None:
             return second
-        motion = np.tensordot(self.network.displacements, reactions.opened(-second[joints + reactions.springs]), axes=1)
+        opened = reactions.opened(-second[joints + reactions.springs])
+        motion = np.tensordot(self.network.coordinates.displacements, opened, axes=1)
         return second + self.forces.relative_motions(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
 
     def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
@@ -147,7 +204,7 @@ class LoadedNetwork:
         """
         joints, number = self.forces.counts[0], self.network.spring_number
         for part in self.network.parts:
-            lines = rules_of(part).bent_lines(part)
+            lines = rules_of(part).loaded.bent_lines(part)
             if lines is None:
                 continue
             names, axes, forms = lines
@@ -265,7 +322,8 @@ class LoadedNetwork:
     @cached_property
     def _torsion_springs(self) -> tuple[Index, Array]:
         """Which of the bushings are torsion springs, whose angle is a twist, and their axes (n, 3)."""
-        axes = {part.name: axis for part in self.network.parts if (axis := rules_of(part).twist_axis(part)) is not None}
+        axes = {part.name: axis for part in self.network.parts
+                if (axis := rules_of(part).loaded.twist_axis(part)) is not None}
         names = [self.network.springs[k - self.forces.counts[0]].name for k in self.forces.bushings.tolist()]
         about = [i for i, name in enumerate(names) if name in axes]
         return np.array(about, dtype=np.intp), np.array([axes[names[i]] for i in about]).reshape(-1, 3)
@@ -295,14 +353,14 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """Return a network in balance."""
     statics, model = system.provenance.statics, model_in_pose(system)
     assert network.forces is not None
-    assert network.coordinates is not None
+    assert network.coordinates.twists is not None
     assert model is not None
     forces, layout = network.forces, FieldLayout.of(system.parameters.parts.values())
     entries = ListedLater(layout.starts[-1], lambda: system.parameters.entries)
     changes = force_changes(network, forces, layout)
     reactions, size = network.reactions, np.zeros(system.dof) if statics is None else statics.size
-    motions = network.displacements.reshape(len(network.bodies), 6, -1)
-    turns = network.coordinates.turns[system.provenance.reduction.independent]
+    motions = network.coordinates.displacements.reshape(len(network.bodies), 6, -1)
+    turns = network.coordinates.twists.turns[system.provenance.reduction.independent]
     if reactions is not None:
         motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size
         turns = turns[reactions.independent]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
-from mbsvib.linalg.rank import SAME_TRANSPOSE, ZERO_FACTOR
+from mbsvib.linalg.rank import ZERO_FACTOR, ZERO_MATRIX_SLOPE
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.port_forms import feedthrough, port_forms
-from mbsvib.sensitivities.ports import no_loads
-from mbsvib.sensitivities.products import factored
+from mbsvib.sensitivities.ports import feedthrough, no_loads, port_forms
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -48,12 +46,11 @@ class MatrixDerivatives(Displayed):
     Cv: Array
     Ca: Array
     D: Array
-    _groups: ParameterGroups = field(repr=False)
 
     def factors(self, variable: str, matrix: str) -> tuple[Array, Array]:
         """Return the derivative of M, C or K to one variable as a product of low rank, P Q^T + Q P^T.
 
-        A stiffness of a spring has one column, a mass three, whatever the number of coordinates.
+        They have as few columns as can be: one for the stiffness of a spring, three at most for a mass.
 
         Parameters
         ----------
@@ -70,7 +67,7 @@ class MatrixDerivatives(Displayed):
         Raises
         ------
         ModelError
-            If there is no such variable or matrix.
+            If there is no such variable or matrix, or the derivative is not symmetric.
         """
         if variable not in self.variables or matrix not in _POWERS:
             known, requested = (self.variables, variable) if matrix in _POWERS else (tuple(_POWERS), matrix)
@@ -78,12 +75,7 @@ class MatrixDerivatives(Displayed):
                 f"factors('{variable}', '{matrix}'): there is no '{requested}'.{nearest(requested, known)} There is: "
                 f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=requested,
             )  # fmt: skip
-        index = self.variables.index(variable)
-        # what the equilibrium does, and spin, is no symmetric product of few parts
-        if self._groups.loaded is not None or self._groups.network.spin is not None:
-            p, q = factored(getattr(self, matrix)[index], matrix, variable, SAME_TRANSPOSE)
-            return p.T, q.T
-        return _factors(self._groups, index, matrix)
+        return _factors(getattr(self, matrix)[self.variables.index(variable)], matrix, variable)
 
     def __repr__(self) -> str:
         return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
@@ -135,7 +127,7 @@ def matrix_derivatives(
     return MatrixDerivatives(
         tuple(groups.variables.names), square("M"), square("C"), square("K"),
         ports("B", (actuation, free), _STILL, (no_inputs, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
-        of_outputs["D"], groups,
+        of_outputs["D"],
     )  # fmt: skip
 
 
@@ -143,28 +135,25 @@ def _ports(pair: tuple[Loads, Loads]) -> tuple[int, int]:
     return len(pair[1].order), len(pair[0].order)
 
 
-def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array, Array]:
-    network = groups.network
-    m = network.displacements.shape[1]
-    motion = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
-    entries = groups.variables.variable == variable
-    rate = np.zeros(groups.size)
-    np.add.at(rate, groups.variables.parameter[entries], groups.variables.rate[entries])
-    first, second = [np.zeros((0, m))], [np.zeros((0, m))]
-    if (matrices := groups.matrix_group) is not None:
-        for row in matrices.rows[rate[matrices.rows] != 0.0].tolist():
-            p, q = matrices.factors(row, matrix, groups.variables.names[variable])
-            first.append(rate[row] * p)
-            second.append(q)
-    for group in groups.by_rule:
-        which = np.flatnonzero(((group.rows >= 0) & (rate[group.rows] != 0.0)).any(axis=1))
-        for k in which.tolist():
-            number, data, rows = group.part(k, k + 1)
-            for row, terms in zip(rows[0].tolist(), group.rule(motion, number, data), strict=True):
-                if row >= 0 and rate[row] != 0.0:
-                    first += [rate[row] * p for p, _ in terms]
-                    second += [q for _, q in terms]
-    p, q = np.concatenate(first), np.concatenate(second)
-    size = np.abs(p).max(axis=1, initial=0.0) * np.abs(q).max(axis=1, initial=0.0)
-    acts = size > ZERO_FACTOR * size.max(initial=0.0)
-    return p[acts].T, q[acts].T
+def _factors(change: Array, matrix: str, variable: str) -> tuple[Array, Array]:
+    """Return P and Q (m, rank) with P Q^T + Q P^T = A of a symmetric matrix A, whose rows are scaled alike.
+
+    A = sum of a a^T - sum of b b^T, of its positive and its negative eigenvalues, has a column (a + b) / 2 in P and one
+    a - b in Q for each pair of them.
+    """
+    size = np.abs(change).max(initial=0.0)
+    if not np.abs(change - change.T).max(initial=0.0) <= ZERO_MATRIX_SLOPE * size:
+        raise ModelError(f"factors: the derivative of {matrix} to '{variable}' is not symmetric, or not a number, and "
+                         f"has no such factors; take the matrix itself.", element=variable)  # fmt: skip
+    moves = np.flatnonzero(change.any(axis=1) | change.any(axis=0))
+    acting = 0.5 * (change + change.T)[np.ix_(moves, moves)]
+    unit = np.abs(acting).max(axis=1, initial=0.0) / np.sqrt(size or 1.0)
+    sizes, vectors = np.linalg.eigh(acting / unit[:, None] / unit)
+    largest = np.abs(sizes).max(initial=0.0)
+    a, b = (unit[:, None] * vectors[:, which] * np.sqrt(np.abs(sizes[which]))
+            for which in (sizes > ZERO_FACTOR * largest, sizes < -ZERO_FACTOR * largest))  # fmt: skip
+    p, q = np.zeros((2, len(change), max(a.shape[1], b.shape[1])))
+    for part, sign in ((a, 1.0), (b, -1.0)):
+        p[moves, : part.shape[1]] += 0.5 * part
+        q[moves, : part.shape[1]] += sign * part
+    return p, q

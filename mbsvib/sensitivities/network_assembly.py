@@ -1,4 +1,9 @@
-"""The network of a system: its bodies and connections in numbers, and whether these are all that the system has."""
+"""The network of a system: its bodies, connections and forces in numbers, and which parameters act by rules there.
+
+In mechanisms with loads, stiffness, damping and inertia enter by the motions alone, too: the pose balances as before,
+as preloads are forces at the pose. What moves the equilibrium or changes forces in joints goes through the balance of
+the network, where all parts are known there, or acts on the matrices as wholes.
+"""
 
 from __future__ import annotations
 
@@ -8,35 +13,41 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.families import has_rows
+from mbsvib.elements.hub import Hub
+from mbsvib.elements.load import Gravity
+from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.elements.part import Composed
+from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
+from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.expansion import expanded
+from mbsvib.equations.wrenches import is_loaded as carries_loads
 from mbsvib.linalg.rank import NO_WORK, SAME_WORK
+from mbsvib.linalg.rotations import logarithm
 from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
-from mbsvib.sensitivities.applicability import follows, is_loaded, limits
-from mbsvib.sensitivities.element_matrices import element_matrices
-from mbsvib.sensitivities.element_reactions import element_reactions
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.element import point_of
-from mbsvib.sensitivities.forces_at_rest import forces_at_rest
-from mbsvib.sensitivities.network import Network, maxwell_parts
-from mbsvib.sensitivities.network_kinematics import JointCoordinates
-from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
+from mbsvib.sensitivities.families.connections import element_matrices, point_of
+from mbsvib.sensitivities.families.pose_changes import displaced, turned
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Coefficients, Coordinates, Network, Tree, maxwell_parts, shared_forces, spin
+from mbsvib.sensitivities.network_kinematics import element_reactions, joint_coordinates
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.element_reactions import ElementReactions
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network_kinematics import Kinematics
+    from mbsvib.sensitivities.network import Limit
+    from mbsvib.sensitivities.network_kinematics import ElementReactions, Kinematics
+
 
 # Kinds of parts that are springs of the network; others are made of these.
 SPRINGS = ("spring", "element")
@@ -78,34 +89,37 @@ def is_complete(system: Equations, network: Network) -> bool:
     # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
     shared = [0.0, 0.0, 0.0]
-    if network.shared is not None and motion.nodes is not None:
-        shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
+    matrices = network.matrices
+    if matrices.shared is not None and motion.nodes is not None:
+        shared = [float((motion.body * matrices.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     far = NO_WORK * float(np.square(motion.relative).max(initial=0.0))
     return all(
         bool(abs(work + shared_work - terms.sum()) <= SAME_WORK * np.abs(terms).sum() + far * float(np.abs(size).sum()))
         for work, shared_work, terms, size in (
-            ((strain * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
+            ((strain * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, matrices.stiffness),
             (0.0 if motion.viscous is None else (strain * motion.viscous).sum(), shared[1],
-             system.row_damping * strained**2, network.damping),
+             system.row_damping * strained**2, matrices.damping),
             ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, strain),
-             moved[:, 0] ** 2, network.mass),
+             moved[:, 0] ** 2, network.matrices.mass),
         )
     )
 
 
 def _inertial(network: Network, strain: Array) -> float:
     """The work of inerters."""
-    return 0.0 if network.inertance is None else float((strain * transformed(network.inertance, strain)).sum())
+    inertance = network.matrices.inertance
+    return 0.0 if inertance is None else float((strain * transformed(inertance, strain)).sum())
 
 
 def bare_network(system: Equations) -> Network:
     """Return a network without parts, for a system whose parameters have no rules of their own."""
     none, vectors, matrices = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 6, 6))
-    index = np.zeros(0, dtype=np.intp)
+    index, empty = np.zeros(0, dtype=np.intp), csr_array((0, 0))
     return Network(
-        system.provenance.parts, (), (), (), None, None, none, np.zeros((0, 3, 3)), vectors, np.zeros((0, 3, 3)),
-        vectors, csr_array((0, system.dof)), matrices, matrices, (), index, none, csr_array((0, 0)), None, None,
-        np.zeros(3), np.zeros((0, system.dof)), index, index, limits(system), True,
+        system.provenance.parts, (), (), (), vectors, vectors,
+        Coordinates(None, None, csr_array((0, system.dof)), np.zeros((0, system.dof))),
+        Tree((), index, none, empty, empty, index, None, np.zeros(3)),
+        Coefficients(none, np.zeros((0, 3, 3)), matrices, matrices), limits(system), True,
     )  # fmt: skip
 
 
@@ -115,7 +129,7 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     Its coordinates are ``kinematics``, joint coordinates unless others are given.
     """
     members = _members(system)
-    network, forces = _unloaded(system, members, kinematics or JointCoordinates.of(system, members.bodies)), None
+    network, forces = _unloaded(system, members, kinematics or joint_coordinates(system, members.bodies)), None
     if kinematics is None and follows(system):  # amplitudes of some modes do not tell how the pose moves
         forces = _forces(system, network)
     if forces is not None:
@@ -123,7 +137,7 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     if members.plain is None or (forces is None and is_loaded(system)):
         return network
     spins = spin(members.plain, members.bodies, members.springs)
-    return network if spins is None else replace(network, spin=spins)
+    return network if spins is None else replace(network, matrices=replace(network.matrices, spin=spins))
 
 
 class _Members(NamedTuple):
@@ -165,21 +179,23 @@ def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> N
     centre = 0.5 * (every.min(axis=0) + every.max(axis=0))
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    stiffness, damping, inertance = element_matrices(springs, point[len(joints) :])
-    displacements = system.body_motion.reshape(6 * len(bodies), -1)
-    behind, sign = _outer_bodies(system)
-    return Network(
-        system.provenance.parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
-        np.array([body.mass for body in bodies]), axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        kinematics.relative(rows), stiffness, damping,
-        tuple([(branch.body, branch.parent) for branch in topology.branches]), behind, sign,
+    tree = Tree(
+        tuple([(branch.body, branch.parent) for branch in topology.branches]), *_outer_bodies(system),
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)),
-        kinematics.constraints(bodies, number, centre), centre, displacements,
-        np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp), limits(system),
-        loads=() if plain is None else tuple(plain.loads.values()), inertance=inertance,
+        np.array(topology.floating, dtype=np.intp), kinematics.constraints(bodies, number, centre), centre,
+    )  # fmt: skip
+    matrices = Coefficients(
+        np.array([body.mass for body in bodies]), axes @ tensors @ axes.transpose(0, 2, 1),
+        *element_matrices(springs, point[len(joints) :]),
+        None if plain is None else shared_forces(plain, bodies, number, kinematics),
+    )  # fmt: skip
+    coordinates = Coordinates(kinematics.coordinates, kinematics.reduction, kinematics.relative(rows),
+                              system.body_motion.reshape(6 * len(bodies), -1))  # fmt: skip
+    return Network(
+        system.provenance.parts, bodies, joints, springs, position, point, coordinates, tree, matrices, limits(system),
+        loads=() if plain is None else tuple(plain.loads.values()),
         carriers={} if plain is None or plain.expansion is None else plain.expansion.carriers,
-        shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
     )  # fmt: skip
 
 
@@ -189,10 +205,10 @@ def _forces(system: Equations, network: Network) -> tuple[Forces, ElementReactio
     """
     composed, reactions = [part for part in network.parts if rules_of(part).kind == "composed"], None
     if composed:
-        at_joints = network.relative if network.reduction is None else network.relative @ network.reduction
-        moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(network.joints) :]
-        reactions = element_reactions([rules_of(part).reactions(part) for part in composed], network.spring_number,
-                                      moves, dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
+        moves = network.coordinates.of_connections()[len(network.joints) :]
+        elements = [rules_of(part).loaded.reactions(part) for part in composed]
+        motion_of = dict(zip(system.bodies, system.body_motion, strict=True))
+        reactions = element_reactions(elements, network.spring_number, moves, motion_of)
         if reactions is None:
             return None
     return forces_at_rest(system, network), reactions
@@ -234,3 +250,133 @@ def _incidence(first: Index, second: Index, bodies: int) -> Any:
     value = np.repeat([1.0, -1.0], n)
     moves = row < bodies
     return entries_matrix(value[moves], row[moves], column[moves], (bodies, n))
+
+
+_STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
+_DAMPING = {("spring", "damping"), ("torsion", "damping")}
+_INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
+
+
+def limits(system: Equations) -> tuple[Limit, ...]:
+    """Return what limits the parameters that act by rules of their own, nothing for most systems.
+
+    They are kinds of parts with their fields; only what is in all of these sets has a rule.
+    """
+    provenance = system.provenance
+    parts, result = provenance.parts, []
+    if is_loaded(system):
+        falls = _has(parts, Gravity)
+        if provenance.moved_to_equilibrium:
+            result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
+        else:
+            result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
+    coupled = any(isinstance(part, Connection) and part.cross_coupling is not None for part in parts)
+    if (_has(parts, Rotor) or coupled) and (is_loaded(system) or provenance.origin is None):
+        # dampers that turn with a rotor are stiffness, too
+        result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
+    # masses and places of parts on hubs act on forces at rest as well; what drives move is no coordinate
+    if _has(parts, Hub) or _has(provenance.ports, DrivenCoordinate):
+        result.append(set())
+    separation = provenance.separation
+    if separation is not None and separation.transform is not None and system.circulatory is not None:
+        # motions without mass follow others by K, from the left in other ways than from the right
+        result.append(_DAMPING | _INERTIA | _MASS)
+    return tuple(map(frozenset, result))
+
+
+def is_loaded(system: Equations) -> bool:
+    """Tell whether loads act at the pose of a system; of one in some modes, its model says so."""
+    provenance = system.provenance
+    return provenance.statics is not None or (provenance.origin is not None and carries_loads(provenance.origin))
+
+
+def may_move(system: Equations) -> bool:
+    """Tell whether parameters may move the pose: forces act on it, or are zero and may be changed."""
+    provenance = system.provenance
+    return provenance.statics is not None or _has(provenance.parts, Gravity) or any(
+        getattr(part, "preload", None) is not None or getattr(part, "free_length", None) is not None
+        for part in provenance.parts)  # fmt: skip
+
+
+def follows(system: Equations) -> bool:
+    """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
+
+    True where all motions without mass have dampers, and each part has rules for what forces at the pose do.
+    """
+    provenance = system.provenance
+    turned_bushings = _turned(system)
+    return (
+        may_move(system) and provenance.removed is None
+        and (provenance.statics is not None or not (is_loaded(system) or _has(provenance.parts, Composed)))
+        and (provenance.separation is None or provenance.separation.transform is None)
+        and not any(group.surplus for group in provenance.reduction.groups if _has(provenance.parts, Coupling))
+        and not (_has(provenance.parts, Superelement) and any(
+            isinstance(part, Gravity) and not any(part.acceleration) for part in provenance.parts))
+        and not any(rules_of(part).loaded.is_exception(part, provenance.moved_to_equilibrium, turned_bushings)
+                    for part in provenance.parts)
+    )  # fmt: skip
+
+
+def _has(parts: Iterable[Part], kind: type[Part]) -> bool:
+    return any(isinstance(part, kind) for part in parts)
+
+
+def _turned(system: Equations) -> frozenset[str]:
+    """Bushings that turned on the way to an equilibrium that was found elsewhere."""
+    provenance = system.provenance
+    if not provenance.moved_to_equilibrium or provenance.origin is None:
+        return frozenset()
+    return turned(provenance.origin, provenance.parts)
+
+
+def forces_at_rest(system: Equations, network: Network) -> Forces:
+    """Return the forces at the pose of a system: those in joints and springs, of gravity and of loads."""
+    statics, loads, point, gravity = system.provenance.statics, network.loads, network.point, network.gravity
+    bodies, joints, springs, number = network.bodies, network.joints, network.springs, network.body_number
+    ground, j = len(bodies), len(joints)
+    connections: tuple[Any, ...] = (*joints, *springs)
+    n = len(connections) + len(bodies) + len(loads)
+    wrench, points, span, axes = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3))
+    first, second = np.full(n, ground), np.empty(n, dtype=np.intp)
+    first[: len(connections)] = [number[part.first] for part in connections]
+    second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
+    first[first < 0], second[second < 0] = ground, ground
+    points[: len(connections)] = point
+    halves = np.array([k for k, joint in enumerate(joints) if joint.bisects], dtype=np.intp)
+    for k, joint in enumerate(joints):
+        if statics is not None:
+            at = statics.pairs.end[:, len(statics.applied.names) + k]
+            wrench[k] = statics.joints[:, k]
+            wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
+        if joint.end is not None:
+            span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
+        if joint.successive:
+            axes[k] = [six[3:] for _, six in joint.freedom[-2:]]
+    for k, spring in enumerate(springs, j):
+        wrench[k] = spring.rest_wrench
+        if spring.points:
+            points[k] = spring.points[-1]
+        if spring.acts_along_line:
+            span[k] = np.subtract(spring.points[-1], spring.points[0])
+    for k, body in enumerate(bodies, len(connections)):
+        points[k], wrench[k, :3] = body.position, body.mass * gravity
+    for k, load in enumerate(loads, len(connections) + len(bodies)):
+        points[k] = bodies[number[load.body]].position if load.position is None else load.position
+        wrench[k] = *load.force, *load.torque
+    follows = np.array([load.follower for load in loads], dtype=bool)
+    every = np.arange(n - len(loads), n)
+    angle = _angles(system, bodies, [joints[k] for k in halves])
+    centre = np.array([body.position for body in bodies])
+    return Forces(first, second, points, wrench, span, axes, halves, angle, centre,
+                  (j, len(springs), ground, len(loads)), gravity, every[~follows], every[follows])  # fmt: skip
+
+
+def _angles(system: Equations, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
+    """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
+    provenance, angle = system.provenance, np.zeros((len(joints), 3))
+    if provenance.moved_to_equilibrium and provenance.origin is not None:
+        pose = displaced(provenance.origin, bodies)
+        for k, joint in enumerate(joints):
+            first, second = (pose.rotations[pose.number[body]] for body in (joint.first, joint.second))
+            angle[k] = logarithm(second @ first.T)
+    return angle

@@ -1,31 +1,41 @@
-"""Relative motions and loops of a network, out of dense equations: what its coordinates are, and what closes loops.
+"""Motions of a network: its coordinates, what closes its loops, and what keeps elements of beams in shape.
 
 The forces in the rows of Phi that close loops and couple coordinates follow from what dependent coordinates feel.
+
+Beams and superelements that keep their shape do not deform as the pose moves, so that only motions q with R q = 0 are
+left, R being the deformations of all their elements and internal coordinates along the minimal ones. Where R has full
+rank, statics determines their forces: there are motions that open the elements by any gaps.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse import csr_array
 
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import terms, with_couplers
 from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.linalg.rank import DEPENDENT_DEFORMATION
 from mbsvib.linalg.vectors import DENSE, entries_matrix
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.linalg.vectors import Field
+
+    Elements = tuple[tuple[str, ...], tuple[str, ...], int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,50 +119,98 @@ def _coordinates(system: Equations) -> tuple[Index, Array]:
     return table[:, 0], table[:, 1].astype(float)
 
 
-class Kinematics(Protocol):
-    """Coordinates of a network: joint coordinates, or amplitudes of modes."""
-
-    @property
-    def coordinates(self) -> Twists | None:
-        """The joint coordinates, None where these are too many to hold all their paths."""
-
-    @property
-    def reduction(self) -> Array | None:
-        """Coordinates (n, m) of minimal ones; None: they are the same."""
-
-    def relative(self, rows: Rows) -> Any:
-        """Return relative displacements (rows, n) over the coordinates."""
-
-    def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
-        """Return what closes loops and couples coordinates, with moments about a point."""
-
-
 @dataclass(frozen=True)
-class JointCoordinates:
-    """The joint coordinates of a ``system``, by the path rule."""
+class Kinematics:
+    """Coordinates of a network, joint coordinates or amplitudes of modes.
 
-    system: Equations
-    coordinates: Twists
+    ``coordinates`` are the twists of joint coordinates, None where these are too many to hold all their paths, and
+    ``reduction`` (n, m) leads to them from minimal ones; None: they are the same. ``relative`` returns relative
+    displacements (rows, n) over the coordinates, ``constraints`` what closes loops and couples coordinates, with
+    moments about a point.
+    """
 
-    @staticmethod
-    def of(system: Equations, bodies: Sequence[Body]) -> JointCoordinates:
-        """Return the joint coordinates of a system with these bodies."""
-        return JointCoordinates(system, twists(system.provenance.topology, list(bodies)))
+    coordinates: Twists | None
+    reduction: Array | None
+    relative: Callable[[Rows], Any]
+    constraints: Callable[[Sequence[Body], dict[str, int], Array], Constraints | None]
 
-    @property
-    def reduction(self) -> Array | None:
-        """Motions that follow from statics do no work, and need no derivative."""
-        matrix, massless = self.system.provenance.reduction.matrix, self.system.provenance.separation
-        condensed = None if massless is None else massless.transform
-        return matrix if condensed is None else condensed if matrix is None else matrix @ condensed
 
-    def relative(self, rows: Rows) -> Any:
-        """Return relative displacements over the joint coordinates."""
-        entries = relative_motion(self.coordinates, rows)
+def joint_coordinates(system: Equations, bodies: Sequence[Body]) -> Kinematics:
+    """Return the joint coordinates of a system with these bodies, by the path rule.
+
+    Motions that follow from statics do no work, and need no derivative.
+    """
+    coordinates = twists(system.provenance.topology, list(bodies))
+    matrix, massless = system.provenance.reduction.matrix, system.provenance.separation
+    condensed = None if massless is None else massless.transform
+
+    def relative(rows: Rows) -> Any:
+        entries = relative_motion(coordinates, rows)
         if entries.shape[0] * entries.shape[1] > DENSE:
             return csr_array((entries.value, (entries.row, entries.column)), shape=entries.shape)
         return entries.dense(0, entries.shape[0])
 
-    def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
-        """Return what closes loops and couples coordinates."""
-        return constraints(self.system, self.coordinates, bodies, number, origin)
+    return Kinematics(coordinates, matrix if condensed is None else condensed if matrix is None else matrix @ condensed,
+                      relative, partial(constraints, system, coordinates))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ElementReactions:
+    """Elements by their number among all springs (e,), with the coordinates that are ``dependent`` and those left (r,)
+    where no element deforms; ``inverse`` leads from deformations, then internal coordinates, to the dependent ones,
+    ``motions`` (m, r) from those left to all.
+    """
+
+    springs: Index
+    dependent: Index
+    independent: Index
+    inverse: Array
+    motions: Array
+
+    def opened(self, gap: Field) -> Field:
+        """Return the motion (m, ...) along dependent coordinates that opens elements by gaps (e, 6, ...)."""
+        flat = gap.reshape(6 * len(gap), -1)
+        result = np.zeros((len(self.motions), flat.shape[1]), dtype=flat.dtype)
+        result[self.dependent] = self.inverse[:, : len(flat)] @ flat
+        return result.reshape(len(result), *gap.shape[2:])
+
+
+def element_reactions(
+    elements: Sequence[Elements | None], number: Mapping[str, int], moves: Array, body_motion: Mapping[str, Array]
+) -> ElementReactions | None:  # fmt: skip
+    """Return the elements of beams and superelements whose forces statics gives, None if it does not determine them.
+
+    ``elements`` are the names of those of each part, the bodies of its internal coordinates, and their number; None:
+    statics does not determine their forces. ``number`` is that of each spring by its name, ``moves`` (s, 6, m) the
+    relative motions of all springs and ``body_motion`` (6, m) those of bodies.
+    """
+    springs: list[int] = []
+    internal: list[Array] = []
+    for of_part in elements:
+        if of_part is None or not all(name in number for name in of_part[0]):
+            return None
+        names, carriers, count = of_part
+        if carriers:
+            internal.append(np.concatenate([body_motion[name][:3] for name in carriers])[:count])
+        springs += [number[name] for name in names]
+    deformations = np.concatenate((moves[springs].reshape(6 * len(springs), moves.shape[2]), *internal))
+    count, m = deformations.shape
+    if count > m:
+        return None
+    scaled = deformations / _largest(deformations, 0)
+    scaled = scaled / _largest(scaled, 1)
+    _, r, order = qr(scaled, mode="economic", pivoting=True)
+    if count and abs(r[-1, count - 1]) <= DEPENDENT_DEFORMATION * abs(r[0, 0]):
+        return None
+    dependent, independent = np.sort(order[:count]), np.sort(order[count:])
+    inverse = np.asarray(np.linalg.inv(deformations[:, dependent]), dtype=float)
+    motion = np.zeros((m, len(independent)))
+    motion[independent, np.arange(len(independent))] = 1.0
+    motion[dependent] = -inverse @ deformations[:, independent]
+    return ElementReactions(np.array(springs, dtype=np.intp), dependent, independent, inverse, motion)
+
+
+def _largest(array: Array, axis: int) -> Array:
+    """The largest entry of each row or column, 1 where all are zero."""
+    size = np.abs(array).max(axis=axis, initial=0.0, keepdims=True)
+    return np.where(size > 0.0, size, 1.0)

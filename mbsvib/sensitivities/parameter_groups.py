@@ -12,11 +12,9 @@ from scipy.sparse import csr_array, eye_array
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_STRESS_WORK
 from mbsvib.linalg.vectors import incidence_sum
-from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
+from mbsvib.sensitivities.adjoint_fields import fields, in_joints, motions
+from mbsvib.sensitivities.forms import MatrixDerivativeGroup, ParameterGroup, form_table, groups_by_rule
 from mbsvib.sensitivities.pose_motion import pose_motion
-from mbsvib.sensitivities.products import MatrixDerivativeGroup, form_table
-from mbsvib.sensitivities.transmitted_wrenches import in_joints
 from mbsvib.sensitivities.variables import Direction
 
 if TYPE_CHECKING:
@@ -27,10 +25,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.terms import Terms
+    from mbsvib.sensitivities.families.rules import Terms
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.reference_pose import ReferencePose
+    from mbsvib.sensitivities.pose_motion import ReferencePose
     from mbsvib.sensitivities.variables import Variables
 
     MatrixSlopes = Callable[[Sequence[Direction], bool], Mapping[str, Array]]
@@ -71,8 +69,8 @@ class ParameterGroups:
     def unsymmetric(self) -> bool:
         """Whether derivatives of K may have an antisymmetric part where K has none, as those to torques have."""
         if self.loaded is not None:
-            return bool(self.loaded.forces.counts[3]) or self.network.spin is not None
-        if self.network.spin is not None:
+            return bool(self.loaded.forces.counts[3]) or self.network.matrices.spin is not None
+        if self.network.matrices.spin is not None:
             return True
         return self.matrix_group is not None and not self.matrix_group.symmetric
 
@@ -173,7 +171,6 @@ def grouped_under_loads(
                            every)  # fmt: skip
 
 
-
 def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int) -> NDArray[np.bool_]:
     """Return which of ``size`` parameters (size,), changed alone, take degrees of freedom away, as redundant
     constraints then contradict each other.
@@ -181,7 +178,7 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
     A change does so where a state of self-stress, forces in the locked rows that load no coordinate, works on it.
     """
     result = np.zeros(size, dtype=bool)
-    ties, dof = network.constraints, network.displacements.shape[1]
+    ties, dof = network.tree.constraints, network.coordinates.displacements.shape[1]
     if ties is None or not ties.stress.shape[1] or not dof:
         return result
     joints = len(network.joints)

@@ -30,7 +30,7 @@ from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import assembled, is_complete
-from mbsvib.sensitivities.network_kinematics import Constraints
+from mbsvib.sensitivities.network_kinematics import Constraints, Kinematics
 from mbsvib.sensitivities.shapes import ModeSensitivities
 from mbsvib.sparse.layout import relative_rows
 from mbsvib.sparse.modes import modes
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.elements import Body
-    from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.variables import Direction, Requested
@@ -52,54 +50,41 @@ if TYPE_CHECKING:
 PROBES = 3
 
 
-@dataclass(frozen=True)
-class ModalCoordinates:
-    """Amplitudes of some modes of a sparse ``system``: ``unknowns`` (size, n), their displacements and coordinates."""
+def modal_coordinates(system: SparseEquations, small: Equations) -> Kinematics:
+    """Return the amplitudes of some modes of a sparse system, which a small system of it has as its coordinates."""
+    layout = system.layout
+    unknowns = np.zeros((layout.size, small.dof))
+    body, direction = layout.moving
+    unknowns[layout.displacement[body, direction]] = small.body_motion[body, direction]
+    unknowns[layout.coordinate] = small.provenance.reduction.matrix
+    return Kinematics(None, None, lambda rows: np.asarray(relative_rows(system.structure, layout, rows) @ unknowns),
+                      lambda _, __, origin: _constraints(system, origin))  # fmt: skip
 
-    system: SparseEquations
-    unknowns: Array
 
-    coordinates = reduction = None
-
-    @staticmethod
-    def of(system: SparseEquations, small: Equations) -> ModalCoordinates:
-        """Return the amplitudes that a small system of a sparse one has as its coordinates."""
-        layout = system.layout
-        unknowns = np.zeros((layout.size, small.dof))
-        body, direction = layout.moving
-        unknowns[layout.displacement[body, direction]] = small.body_motion[body, direction]
-        unknowns[layout.coordinate] = small.provenance.reduction.matrix
-        return ModalCoordinates(system, unknowns)
-
-    def relative(self, rows: Rows) -> Any:
-        """Return relative displacements (rows, n) in the modes."""
-        return np.asarray(relative_rows(self.system.structure, self.system.layout, rows) @ self.unknowns)
-
-    def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
-        """Return what closes loops and couples coordinates."""
-        closure, tree, topology = self.system.constraints, self.system.structure, self.system.topology
-        if not len(closure.names):
-            return None
-        locked, rows = len(closure.rows.first), closure.rows
-        wrench, share = np.concatenate((rows.force, rows.moment)).T, eye(locked, len(closure.names), format="csr")
-        joint = np.array(topology.cut, dtype=np.intp)[closure.loop[:locked]]
-        if closure.couplers is not None:
-            measured = closure.couplers.terms.measured
-            coupler, value = closure.couplers.measured
-            wrench = np.concatenate((wrench, np.concatenate((measured.force, measured.moment)).T))
-            joint = np.concatenate((joint, closure.couplers.joint))
-            shape = len(value), len(closure.names)
-            added_share = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
-            share = vstack((share, added_share)).tocsr()
-        row, column, entry = closure.independent_entries(tree)
-        forces = LoopForces(self.system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1,
-                                                                                 len(tree.names))))  # fmt: skip
-        return Constraints(
-            wrench,
-            csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-            csr_array(share), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
-            np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
-        )  # fmt: skip
+def _constraints(system: SparseEquations, origin: Array) -> Constraints | None:
+    """What closes the loops of a sparse system and couples its coordinates."""
+    closure, tree, topology = system.constraints, system.structure, system.topology
+    if not len(closure.names):
+        return None
+    locked, rows = len(closure.rows.first), closure.rows
+    wrench, share = np.concatenate((rows.force, rows.moment)).T, eye(locked, len(closure.names), format="csr")
+    joint = np.array(topology.cut, dtype=np.intp)[closure.loop[:locked]]
+    if closure.couplers is not None:
+        measured = closure.couplers.terms.measured
+        coupler, value = closure.couplers.measured
+        wrench = np.concatenate((wrench, np.concatenate((measured.force, measured.moment)).T))
+        joint = np.concatenate((joint, closure.couplers.joint))
+        shape = len(value), len(closure.names)
+        added_share = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
+        share = vstack((share, added_share)).tocsr()
+    row, column, entry = closure.independent_entries(tree)
+    forces = LoopForces(system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1, len(tree.names))))
+    return Constraints(
+        wrench,
+        csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
+        csr_array(share), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
+        np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -227,7 +212,7 @@ def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
     """The basis of a small system that knows the model, with the network of all of its parts."""
     parts = system.model.declared_parts
     provenance = replace(small.provenance, parts=parts, origin=system.model, springs=system.springs)
-    kinematics = ModalCoordinates.of(system, small)
+    kinematics = modal_coordinates(system, small)
     small = replace(small, provenance=provenance)
     network = assembled(small, kinematics)
     if not is_complete(small, network):

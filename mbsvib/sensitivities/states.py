@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
 
-
 @dataclass(frozen=True, slots=True)
 class StateBasis:
     """Motions ``vectors`` T (m, m), the first ``massive`` of which have mass, with K and C in them."""

@@ -82,8 +82,8 @@ def fields_of(part: Part) -> PartFields:
 
 
 @lru_cache(maxsize=64)
-def _indices(depth: int, count: int) -> list[tuple[int, ...]]:
-    """The indices of the ``count`` entries of a field, row by row."""
+def indices(depth: int, count: int) -> list[tuple[int, ...]]:
+    """Return the indices of the ``count`` entries of a field, row by row."""
     if depth < 2:
         return [(i,) if depth else () for i in range(count)]
     return list(_COLUMN) if count == len(_COLUMN) else list(product(range(6), repeat=2))
@@ -136,7 +136,7 @@ class FieldLayout:
         """Yield part, field and index of every entry."""
         for name, fields in zip(self.names, self.fields, strict=True):
             for field, depth, _, count in fields.fields:
-                yield from [(name, field, index) for index in _indices(depth, count)]
+                yield from [(name, field, index) for index in indices(depth, count)]
 
     def of_parameters(self, values: Sequence[Sequence[bool]]) -> Mask:
         """Return values of the entries of each part as one of each parameter."""

@@ -35,9 +35,9 @@ from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
-from mbsvib.sensitivities.applicability import may_move
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
-from mbsvib.sensitivities.variant_poses import VariantPoses
+from mbsvib.sensitivities.network_assembly import may_move
+from mbsvib.sensitivities.pose_motion import VariantPoses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

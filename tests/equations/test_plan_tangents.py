@@ -12,7 +12,7 @@ from mbsvib.equations.batch_values import checked
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_poses
 from mbsvib.linalg.products import signed_rows
-from mbsvib.sensitivities.variant_poses import VariantPoses
+from mbsvib.sensitivities.pose_motion import VariantPoses
 from mbsvib.sensitivities.variants import Variants
 from tests.golden.answers import linearized
 from tests.golden.store import scenes

@@ -7,7 +7,7 @@ import numpy as np
 import mbsvib as mv
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
-from mbsvib.sensitivities.variant_poses import VariantPoses
+from mbsvib.sensitivities.pose_motion import VariantPoses
 from tests.hunt.answers import Mismatch
 from tests.hunt.skip import Skip
 

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.sensitivities.parameter_group import have_rules
+from mbsvib.sensitivities.forms import have_rules
 from mbsvib.sensitivities.variables import variables
 from tests.hunt import features
 from tests.hunt.checks import Subject

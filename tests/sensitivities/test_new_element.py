@@ -11,7 +11,7 @@ from mbsvib.elements.connection import ENDS, LINE, Connection
 from mbsvib.elements.roles import number, stated
 from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.linalg.differences import slope
-from mbsvib.sensitivities.parameter_group import have_rules
+from mbsvib.sensitivities.forms import have_rules
 
 
 @dataclass(frozen=True, slots=True)

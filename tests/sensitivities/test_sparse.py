@@ -74,6 +74,6 @@ def test_nothing_is_larger_than_bodies_times_modes():
     for n in (60, 120):
         result = scenes.braced(n).linearize(method="sparse").mode_sensitivities("link1.mass", modes=3)
         network = result._basis.network
-        held = [getattr(part, field.name) for part in (network, network.constraints) for field in fields(part)]
+        held = [getattr(part, field.name) for part in (network, network.tree.constraints) for field in fields(part)]
         sizes.append(max(array.size for array in held if hasattr(array, "size")))
     assert sizes[1] <= 2.1 * sizes[0]

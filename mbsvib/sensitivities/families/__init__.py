@@ -1,6 +1,6 @@
-"""What each family of parts says of its parameters, one file a family.
+"""What each family of parts says of its parameters, kin families in one file.
 
-``rules_of`` finds the record of a part. A connection without one has the rules of ``element``: those of its rows.
+``rules_of`` finds the record of a part. A connection without one has the rules of its rows.
 """
 
 from __future__ import annotations
@@ -18,30 +18,18 @@ from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
-from mbsvib.sensitivities.families import (
-    body,
-    bushing,
-    coupler,
-    elastic,
-    element,
-    joint,
-    line,
-    load,
-    maxwell,
-    rotor,
-    torsion_spring,
-)
-from mbsvib.sensitivities.families.rules import PartRules
+from mbsvib.sensitivities.families import bodies, connections, elastic, joints
+from mbsvib.sensitivities.families.rules import UNKNOWN, PartRules
 
 if TYPE_CHECKING:
     from mbsvib.elements.part import Part
 
-_UNKNOWN = PartRules("", is_exception=lambda *_: True)
+_UNKNOWN = PartRules("", loaded=UNKNOWN)
 _RULES = {
-    Body: body.RULES, Joint: joint.RULES, Spring: line.SPRING, Inerter: line.INERTER, Bushing: bushing.RULES,
-    Maxwell: maxwell.RULES, TorsionSpring: torsion_spring.RULES, Coupling: coupler.RULES, Rotor: rotor.RULES,
-    Load: load.LOAD, Gravity: load.GRAVITY, Beam: elastic.BEAM, Superelement: elastic.SUPERELEMENT,
-    Connection: element.RULES, Hub: _UNKNOWN,
+    Body: bodies.BODY, Rotor: bodies.ROTOR, Load: bodies.LOAD, Gravity: bodies.GRAVITY, Joint: joints.JOINT,
+    Coupling: joints.COUPLER, Spring: connections.SPRING, Inerter: connections.INERTER, Bushing: connections.BUSHING,
+    Maxwell: connections.MAXWELL, TorsionSpring: connections.TORSION, Connection: connections.ELEMENT,
+    Beam: elastic.BEAM, Superelement: elastic.SUPERELEMENT, Hub: _UNKNOWN,
 }  # fmt: skip
 
 

@@ -23,9 +23,7 @@ from mbsvib.elements.families import ELASTIC, EXPANSIONS
 from mbsvib.equations.beam_prestress import bent_forms, element_masses, weight_forms
 from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import moved, transformed
-from mbsvib.sensitivities.families.part_slopes import part_slopes
-from mbsvib.sensitivities.families.rules import InternalRule, PartRules
-from mbsvib.sensitivities.families.terms import factors, form_terms
+from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, factors, form_terms, part_slopes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,10 +33,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.superelement import Superelement
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates
-    from mbsvib.sensitivities.families.rules import RuleAndData
-    from mbsvib.sensitivities.families.terms import Rule, Terms
-    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
+    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
 
@@ -353,9 +349,10 @@ _COMMON: dict[str, Any] = {"add_force_terms": _add_force_terms, "follow": _follo
                            "internal_rules": _internal_rules, "gravity_rule": _gravity_rule}  # fmt: skip
 BEAM = PartRules(
     "composed", single=_single, has_rule=_has_rule,
-    is_exception=lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
-    bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]), bent_forms(beam)),
-    reactions=lambda beam: (beam.element_names, (), 0), **_COMMON,
+    loaded=LoadRules(
+        lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
+        bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]), bent_forms(beam)),
+        reactions=lambda beam: (beam.element_names, (), 0), **_COMMON),
 )  # fmt: skip
-SUPERELEMENT = PartRules("composed", is_exception=lambda part, *_: part.displacements is not None,
-                         reactions=_reactions, **_COMMON)  # fmt: skip
+SUPERELEMENT = PartRules("composed", loaded=LoadRules(
+    lambda part, *_: part.displacements is not None, reactions=_reactions, **_COMMON))  # fmt: skip

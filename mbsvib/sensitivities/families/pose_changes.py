@@ -1,24 +1,145 @@
-"""What families add to as the pose changes: rates of their parameters, and terms of parameters as described."""
+"""What families say of forces as parameters and the pose change.
+
+Numbers that change and are no parameters have places in one long row, to which matrices lead from parameters. Rates of
+parameters tell how these go with the bodies; reference terms what parameters as described do in a pose of equilibrium
+that was found elsewhere.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
+from mbsvib.elements import Bushing
+from mbsvib.kinematics.pose import IDENTITY, start
+from mbsvib.linalg.rank import ZERO_TURN
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.displaced_bodies import displaced
-from mbsvib.sensitivities.force_layout import RowTerms
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
+    from mbsvib.kinematics.pose import Pose
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.force_layout import ForceChanges
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
+
+
+def displaced(origin: Mechanism, parts: Iterable[Part]) -> Pose:
+    """Return the pose in which bodies among some parts are, against where a mechanism describes them."""
+    known: dict[str, Any] = {part.name: part for part in parts if part.name in origin.bodies}
+    bodies = [known.get(name, body) for name, body in origin.bodies.items()]
+    described, there = (np.array([body.orientation for body in group] + [IDENTITY])
+                        for group in (origin.bodies.values(), bodies))  # fmt: skip
+    return replace(start(origin), centre=np.array([*(body.position for body in bodies), (0.0, 0.0, 0.0)]),
+                   rotations=there @ described.swapaxes(1, 2))  # fmt: skip
+
+
+def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
+    """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
+    """
+    known = {part.name: part for part in parts}
+    pose = displaced(origin, known.values())
+    return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
+                     and np.abs(pose.rotations[pose.number[part.first]] - pose.rotations[pose.number[part.second]]
+                                ).max() > ZERO_TURN)  # fmt: skip
+
+
+def holds_turns(bushing: Bushing) -> bool:
+    """Tell whether a bushing carries moments, or forces by rotations."""
+    blocks = [np.array(value) for value in (bushing.stiffness, bushing.damping, bushing.preload or np.zeros(6))]
+    return any(value[3:].any() or (value.ndim == 2 and value[:, 3:].any()) for value in blocks)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceLayout:
+    """Where what is no parameter stands in one long row: points (n, 3) of forces, starts (lines, 3) of lines, wrenches
+    (applied, 6) of applied forces, turns (k, 3) of joints with two successive rotations, and twists (bushings, 3) of
+    the second bodies of bushings. ``joints`` come before the applied forces, ``lines`` gives the number of each line.
+    """
+
+    point: slice
+    start: slice
+    wrench: slice
+    turn: slice
+    twist: slice
+    joints: int
+    lines: dict[int, int]
+
+    @staticmethod
+    def of(forces: Forces) -> ForceLayout:
+        """Return the places for some forces."""
+        joints, count = forces.counts[0], len(forces.first)
+        sizes = (3 * count, 3 * len(forces.lines), 6 * (count - joints), 3 * len(forces.twice),
+                 3 * len(forces.bushings))  # fmt: skip
+        ends = np.cumsum(sizes).tolist()
+        point, start, wrench, turn, twist = (slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
+        lines = {k: i for i, k in enumerate(forces.lines.tolist())}
+        return ForceLayout(point, start, wrench, turn, twist, joints, lines)
+
+    @property
+    def size(self) -> int:
+        """Length of the row."""
+        return int(self.twist.stop)
+
+    def point_of(self, force: int) -> int:
+        """Return where the point of a force begins."""
+        return int(self.point.start) + 3 * force
+
+    def start_of(self, force: int) -> int:
+        """Return where the start of a line begins."""
+        return int(self.start.start) + 3 * self.lines[force]
+
+    def wrench_of(self, force: int) -> int:
+        """Return where the wrench of an applied force begins."""
+        return int(self.wrench.start) + 6 * (force - self.joints)
+
+
+@dataclass(frozen=True)
+class ForceChanges:
+    """How parameters, by part, field and index in ``row``, act on what is no parameter: by ``matrix`` (p, e) on a long
+    row, in which each has its place ``at``.
+    """
+
+    row: dict[tuple[str, str, tuple[int, ...]], int]
+    at: ForceLayout
+    matrix: csr_array
+
+    @property
+    def count(self) -> int:
+        """Number of parameters, internal ones included."""
+        return len(self.row)
+
+
+class RowTerms:
+    """Terms of a matrix with a row for each parameter, collected one by one.
+
+    ``row`` numbers the parameters by part, field and index; ``at`` has the places of what is no parameter.
+    """
+
+    def __init__(self, row: dict[tuple[str, str, tuple[int, ...]], int], at: ForceLayout) -> None:
+        self.row, self.at = row, at
+        self._terms: list[tuple[int, int, float]] = []
+
+    def put(self, parameter: tuple[str, str, tuple[int, ...]], column: int, vector: Iterable[float]) -> None:
+        """Let a parameter change the numbers from a column on; parts that the user did not give have none."""
+        if parameter in self.row:
+            row = self.row[parameter]
+            self._terms += [(row, column + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
+
+    def along(self, part: str, field: str, column: int) -> None:
+        """Let the three entries of a field change the three numbers from a column on."""
+        for i in range(3):
+            self.put((part, field, (i,)), column + i, (1.0,))
+
+    def matrix(self, width: int) -> csr_array:
+        """Return the matrix, (parameters, width)."""
+        row, column, value = zip(*self._terms, strict=True) if self._terms else ((), (), ())
+        return csr_array((value, (row, column)), shape=(len(self.row), width))
 
 
 class PoseRates:

@@ -6,7 +6,7 @@ from hypothesis import assume, example, given, settings
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.sensitivities.second_order_work import geometric_wrenches
+from mbsvib.sensitivities.forces import geometric_wrenches
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded, stiffened
@@ -57,7 +57,7 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
         assert found is None
         return
     assert found is not None
-    motion = network.displacements.reshape(len(network.bodies), 6, system.dof)
+    motion = network.coordinates.displacements.reshape(len(network.bodies), 6, system.dof)
     geometric = np.einsum("bim,bin->mn", motion, geometric_wrenches(network.forces, motion, side=1))
     springs = system.row_owner < len(system.provenance.springs)
     rows, k = system.elastic_rows[springs], system.row_stiffness[springs]

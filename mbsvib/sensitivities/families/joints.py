@@ -1,4 +1,9 @@
-"""Joints: where one is moved or turned, the wrench that it transmits works on what its bodies do against each other."""
+"""Joints, and the couplers of their coordinates.
+
+Where a joint is moved or turned, the wrench that it transmits works on what its bodies do against each other. Couplers
+tie coordinates by sum of c q = 0 with a force mu: where a coefficient changes by dc, dependent coordinates follow, and
+x^T T y changes by -dc (mu_x q_y + q_x mu_y).
+"""
 
 from __future__ import annotations
 
@@ -6,19 +11,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
-from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
+from mbsvib.sensitivities.families.rules import (
+    LoadRules,
+    PartRules,
+    along,
+    joins_spinning_body,
+    line_turn_rates,
+    moved_point,
+    turned_axes,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
+    from mbsvib.elements.coupler import Coupling
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
-    from mbsvib.sensitivities.families.terms import Rule, Terms
-    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
+    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
 
@@ -44,7 +57,7 @@ def _turned_about(fields: Fields, k: Any, rho: Array) -> Terms:
     return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
 
 
-def _rule(_: Network, joint: Joint, field: str) -> Rule:
+def _joint_rule(_: Network, joint: Joint, field: str) -> Rule:
     return (_OF_JOINTS if joint.end is None else _OF_RODS)[field]
 
 
@@ -110,8 +123,37 @@ def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) ->
 
 _OF_RODS: dict[str, Rule] = {"position": _rod_start, "end": _rod_end}
 _OF_JOINTS: dict[str, Rule] = {"position": moved_point(-1), "orientation": turned_axes(-1), "pitch": _pitch}
-RULES = PartRules(
-    "joint", _rule, _constants, alters_spin=joins_spinning_body,
-    is_exception=_is_exception, add_force_terms=_add_force_terms, follow=_follow,
-    add_reference_terms=_add_reference_terms,
+JOINT = PartRules(
+    "joint", _joint_rule, _constants, alters_spin=joins_spinning_body,
+    loaded=LoadRules(_is_exception, _add_force_terms, _follow, _add_reference_terms),
 )  # fmt: skip
+
+
+def _coupler_entry(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> RuleAndData:
+    row, reads = network.coupler_row[coupler.name], []
+    for name, rate in _rates(coupler, field, index):
+        owner, _, direction = name.rpartition(".")
+        k = network.joint_number[owner]
+        force, moment, _ = measure(network.joints[k], direction)
+        if rate:
+            reads.append((k, np.concatenate((force, moment)), rate))
+
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        return [[(-rate * fields.tied[row : row + 1], np.tensordot(six, fields.relative[k], axes=1)[None])
+                 for k, six, rate in reads]]  # fmt: skip
+
+    return rule, ()
+
+
+def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[str, float]]:
+    """How fast coefficients change, which are linear in all numbers of couplers."""
+    numbers = {item.name: item.value for item in coupler.parameter_fields()}
+    value = numbers[field]
+    twice: Any = 2.0 * value if not index else tuple(2.0 * v if i == index[0] else v for i, v in enumerate(value))
+    size = value if not index else value[index[0]]
+    changed = coupler.with_values(numbers | {field: twice})
+    return [(name, (b - a) / size) for (name, a), (_, b) in zip(coupler.terms, changed.terms, strict=True)]
+
+
+COUPLER = PartRules("coupler", single=_coupler_entry,
+                    loaded=LoadRules(lambda part, moved, _: moved or part.curvatures is not None))  # fmt: skip
