@@ -25,9 +25,9 @@ from mbsvib.core import expansions
 from mbsvib.core.expansions import form_of, length_of, of_place
 from mbsvib.core.geometric_stiffness import Pairs
 from mbsvib.kinematics.couplers import measure
-from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import ZERO_FORM
+from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.linalg.rotations import frames_along, skew
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def of_measured(
     hessians = []
     for joint, name in joints:
         own = [direction for direction, _ in joint.freedom].index(name)
-        duals: Array = np.array([measure(joint, free)[1::-1] for free, _ in joint.freedom]).reshape(-1, 2, 3)
+        duals: Array = np.array([measure(joint, free)[::-1] for free, _ in joint.freedom]).reshape(-1, 2, 3)
         frame = axes.get(joint.name)
         if frame is not None:
             duals = duals @ (np.array(joint.axes) @ frame.swapaxes(-1, -2))[..., None, :, :]

@@ -326,20 +326,20 @@ def described_variants(plan: BatchPlan, values: Values) -> tuple[Scene, PosedFor
     return replace(scene, loads=(applied, {})), None if forces is None else forces.of_variants(applied, values)
 
 
-def _scene_of_variants(plan: BatchPlan, values: Values, first: int) -> tuple[Scene, Variants, Pose | None]:
-    """The arrays of variants, what differs in them, and their poses, if they have any."""
+def _scene_of_variants(plan: BatchPlan, values: Values, first: int) -> tuple[Scene, Variants]:
+    """The arrays of variants, and what differs in them."""
     scene, forces = described_variants(plan, values)
     posed, topology = plan.posed_scene, scene.topology
     if posed is None or plan.poses is None:
         points = fixed_points(topology, values, None)
-        return scene, Variants(first, *joint_axes(topology.joints, values), values.fields, points), None
+        return scene, Variants(first, *joint_axes(topology.joints, values), values.fields, points)
     pose = posed.whole(plan.poses(values, first))
     fields = dict(values.fields)
     for name, rotor in plan.model.rotors.items():
         axis = pose.vectors(np.array([topology.body_numbers[rotor.body]]), np.array([rotor.axis]))
         fields[name] = {**fields.get(name, {}), "axis": axis[..., 0, :].T}
     variants = Variants(first, posed.joint_axes(pose), {}, fields, fixed_points(topology, values, pose))
-    return posed.at(scene, pose, plan.relaxed, forces=forces), variants, pose
+    return posed.at(scene, pose, plan.relaxed, forces=forces), variants
 
 
 def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> AssembledVariants:
@@ -349,7 +349,7 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     if it is the nominal one.
     """
     pivots, nominal = plan.pivots, plan.nominal
-    scene, variants, pose = _scene_of_variants(plan, values, first)
+    scene, variants = _scene_of_variants(plan, values, first)
     reduction, stepped = pivots.reduction, values.stepped
     lost, decided = np.zeros(values.count, dtype=bool), 0
     constant = plan.constant_rows if plan.posed is None else None
@@ -357,7 +357,7 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     if phi.ndim == 3 and stepped:
         reduction, lost = closure_along(scene, values, phi, pivots, closure)
     elif phi.ndim == 3:
-        reduction, decided = reduce_batch(scene, values, phi, pivots, first, pose)
+        reduction, decided = reduce_batch(scene, values, phi, pivots, variants)
     if rows is None:
         rows = minimal_rows(scene, relative, reduction)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)

@@ -26,23 +26,22 @@ import numpy as np
 
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.locked_loops import check_loops
-from mbsvib.equations.placing import rod_ends, scene_of_variant
+from mbsvib.equations.placing import scene_of_variant
 from mbsvib.equations.statics import loop_multipliers
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Cuts, Reduction, kept_rows, reduce
-from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
+from mbsvib.kinematics.mobility import check_mobility, phi_nearby
 from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR, ZERO_ALONG
-from mbsvib.linalg.rotations import components_first, exponential
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.draft import Variants
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import LoopGroup
-    from mbsvib.kinematics.pose import Pose
     Mask = NDArray[np.bool_]
     from mbsvib.common.arrays import Bools
     from mbsvib.kinematics.loops import Reduction
@@ -108,23 +107,23 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
 
 
 def reduce_batch(
-    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int, pose: Pose | None = None
+    scene: Scene, values: Values, phi: Array, pivots: LoopPivots, variants: Variants
 ) -> tuple[Reduction, int]:
     """Return B'' of all variants in the minimal coordinates of the nominal pose, and how many got a rank decision of
     their own.
 
-    ``phi`` (variants, locked rows, n): locked rows of their cut joints. ``first``: index of the first of these
-    variants, for messages; ``pose``: the poses of the variants. B'' becomes (variants, n, m).
+    ``phi`` (variants, locked rows, n): locked rows of their cut joints. B'' becomes
+    (variants, n, m).
     """
     nominal, cuts = pivots.reduction, scene.cuts
     if cuts is None or nominal.matrix is None or phi.ndim == 2:
         return nominal, 0
-    variants, (n, m) = len(phi), nominal.matrix.shape
+    count, (n, m) = len(phi), nominal.matrix.shape
     column = np.zeros(n, dtype=np.intp)
     column[nominal.independent] = np.arange(m)
-    result = np.zeros((variants, n, m))
+    result = np.zeros((count, n, m))
     result[:, nominal.independent, np.arange(m)] = 1.0
-    uncertain = np.zeros(variants, dtype=bool)
+    uncertain = np.zeros(count, dtype=bool)
     for block in pivots.blocks:
         solution, remainder, doubtful = _solved(scene.coordinates, cuts, phi, block)
         result[:, block.dependent[:, None], column[block.others]] = solution
@@ -132,44 +131,26 @@ def reduce_batch(
         if len(block.rows) > len(block.dependent):
             uncertain |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
     reduction = replace(nominal, matrix=result)
-    jumps = _may_jump(scene, values, pivots, reduction, pose)
+    jumps = _may_jump(scene, variants, pivots, reduction)
     own = np.flatnonzero(uncertain | jumps).tolist()
     for i in own:
-        result[i] = _single_decision(scene, values, phi[i], nominal, i, first, bool(uncertain[i]), result[i])
+        result[i] = _single_decision(scene, values, phi[i], nominal, i, variants.first,
+                                     bool(uncertain[i]), result[i])
     return reduction, len(own)
 
 
-def _may_jump(
-    scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduction, pose: Pose | None
-) -> Mask:
+def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: Reduction) -> Mask:
     """Mask of variants whose redundant constraints may be independent in neighbouring poses."""
     assert scene.cuts is not None
     assert reduction.matrix is not None
     result = np.zeros(len(reduction.matrix), dtype=bool)
-    if reduction.matrix.shape[2] and any(len(block.rows) > len(block.dependent) for block in pivots.blocks):
-        crossing = []
-        for row, *axes in crossing_axes(scene.topology, scene.cuts):
-            fields = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
-            if "orientation" in fields:
-                axes = [(exponential(fields["orientation"].T) @ axis).T for axis in axes]
-            elif pose is not None:
-                bodies = scene.cuts.rows.first[row], scene.cuts.rows.second[row]
-                axes = [(pose.rotations[:, body] @ axis).T for body, axis in zip(bodies, axes, strict=True)]
-            crossing.append((row, axes[0], axes[1]))
-        rods = rods_in_loops(scene.topology, scene.coordinates, scene.cuts)
-        for k, joint in enumerate([joint for joint in scene.topology.joints if joint.is_rod]):
-            if joint.name in values.fields:
-                start, end = (point[..., None] for point in rod_ends(joint, values))
-                rods[k] = replace(rods[k], start=start, end=end)
-            elif pose is not None:
-                start, end = (components_first(pose.points(body, at.T)) for body, at in (
-                    (rods[k].first, rods[k].start), (rods[k].second, rods[k].end)))  # fmt: skip
-                rods[k] = replace(rods[k], start=start, end=end)
-        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing, rods)
-        for block in pivots.blocks:
-            if len(block.rows) > len(block.dependent):
-                remainder = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
-                result |= ~(remainder <= CLEARLY_REDUNDANT * NEIGHBOUR_PIVOT)
+    blocks = [block for block in pivots.blocks if len(block.rows) > len(block.dependent)]
+    if reduction.matrix.shape[2] and blocks:
+        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, variants.axes,
+                            variants.lengths)  # fmt: skip
+        for block in blocks:
+            remainder = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
+            result |= ~(remainder <= CLEARLY_REDUNDANT * NEIGHBOUR_PIVOT)
     return result
 
 

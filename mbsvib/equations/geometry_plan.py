@@ -12,7 +12,7 @@ from mbsvib.elements.connection import Connection
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
-from mbsvib.equations.placing import Placing, joint_axes, with_columns
+from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.linalg.products import signed_rows
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import COEFFICIENTS
@@ -127,17 +127,10 @@ class GeometryPlan:
             if part.name in self.index:
                 value = values.repeated(value) if value.ndim == 1 else value
                 value[:, couplings.row == i] = part.coefficients_of(fields[part.name]).T
-        measured, skew = couplings.measured, list(couplings.skew)
+        measured = couplings.measured
         if self.measured is not None:
             measured = _rows(measured, self.measured, values.numbers)
-            joints = [joint for joint, _ in scene.measured]
-            axes, _ = joint_axes(joints, values)
-            for at, (k, first, second, which) in enumerate(skew):
-                frame = axes.get(joints[k].name)
-                if frame is not None:
-                    turn = frame @ np.array(joints[k].axes).T
-                    skew[at] = k, np.einsum("vij,jk->ivk", turn, first), np.einsum("vij,jk->ivk", turn, second), which
-        return replace(couplings, value=value, measured=measured, skew=tuple(skew))
+        return replace(couplings, value=value, measured=measured)
 
     def _ports(self, numbers: Array) -> Any:
         """Ports; without a position they are at the centre of mass of their body, or of the body relative to ground."""

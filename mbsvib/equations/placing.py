@@ -234,9 +234,8 @@ def scene_of_variant(scene: Scene, i: int) -> Scene:
     if cuts is not None:
         couplings = cuts.couplings
         if couplings is not None:
-            skew = tuple([(k, _of_variant(a, i), _of_variant(b, i), which) for k, a, b, which in couplings.skew])
             couplings = replace(couplings, value=couplings.value if couplings.value.ndim == 1 else couplings.value[i],
-                                measured=_rows_of_variant(couplings.measured, i), skew=skew)  # fmt: skip
+                                measured=_rows_of_variant(couplings.measured, i))  # fmt: skip
         cuts = replace(cuts, rows=_rows_of_variant(cuts.rows, i), couplings=couplings)
     inertia = SpatialInertia(inertia.linear if inertia.linear.ndim == 1 else inertia.linear[i],
                              inertia.angular if inertia.angular.ndim == 3 else inertia.angular[i])  # fmt: skip

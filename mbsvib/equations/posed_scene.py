@@ -138,7 +138,7 @@ def posed_scene(
     directions with two rotations, and what ``follows_poses`` tells. Beams and superelements go along without bending.
     ``varying``: elements whose forces vary. If ``relaxed``, forces stay in other poses.
     """
-    joints, couplers = scene.topology.joints, scene.couplers
+    joints = scene.topology.joints
     spins = any(rotor.inertia is None for rotor in model.rotors.values())
     replaced = any(model.outputs[name] is not part for name, part in user_model.outputs.items())
     turning = any(joint.successive and joint.free is not None for joint in joints)
@@ -146,7 +146,7 @@ def posed_scene(
     if (spins or has_antisymmetric_forces(model.with_parts(rotors={})) or replaced or turning or held is None
             or not follows_poses(user_model, scene)):  # fmt: skip
         return None
-    kinematics = pose_kinematics(scene.topology, start(model), scene.coordinates, scene.cuts, couplers, size_of(model))
+    kinematics = pose_kinematics(scene.topology, start(model), scene.coordinates, scene.cuts, size_of(model))
     loaded = scene.loads is not None or not relaxed or bool(tuple(varying))
     return replace(of_parts(model, scene, kinematics, user_model if loaded else None, varying), held=held)
 

@@ -14,6 +14,7 @@ from mbsvib.elements.rows import Rows, table
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import Ports, ports
 from mbsvib.equations.wrenches import is_loaded
+from mbsvib.kinematics.couplers import with_rows
 from mbsvib.kinematics.loops import Cuts, reduce
 from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_motion, twists
 from mbsvib.kinematics.shared_rows import shared_rows
@@ -93,13 +94,7 @@ class Scene:
         """Return Phi (..., locked rows, n): the locked rows of ``relative()``, then the rows of couplers."""
         if self.cuts is None:
             return np.empty((*relative.value.shape[:-1], 0, relative.shape[1]))
-        phi = relative.dense(0, self.locked)
-        if self.cuts.couplings is None:
-            return phi
-        couplers = self.cuts.couplings.dense(self.coordinates)
-        variants = max(phi.shape[:-2], couplers.shape[:-2], key=len)
-        parts = [np.broadcast_to(part, (*variants, *part.shape[-2:])) for part in (phi, couplers)]
-        return np.concatenate(parts, axis=-2)
+        return with_rows(relative.dense(0, self.locked), self.coordinates, self.cuts)
 
 
 def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:

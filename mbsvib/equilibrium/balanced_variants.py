@@ -16,15 +16,16 @@ from mbsvib.equations.batch_assembly import batch_plan, described_variants
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_loops import reduce_batch
 from mbsvib.equations.batch_values import checked
+from mbsvib.equations.draft import Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.balance import RESOLVED, of_loads
 from mbsvib.equilibrium.path import BALANCED, CLOSED, CONTRACTION, LONGEST, NEWTON_STEPS
 from mbsvib.equilibrium.posed_variants import PLACES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
+from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose import Pose
-from mbsvib.kinematics.pose_kinematics import locked
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, ZERO_STIFFNESS
 
@@ -146,14 +147,14 @@ class BalancedVariants:
         """Newton's step of all joints (v, n), the share of the forces that is left (v,), and which are stable (v,)."""
         posed, pivots, locked = self.plan.posed_scene, self.plan.pivots, scene.locked
         assert posed is not None
-        relative = scene.relative()
+        relative, axes = scene.relative(), posed.joint_axes(pose)
         phi, reduction = scene.closure(relative), pivots.reduction
         if phi.ndim == 3:
-            reduction, decided = reduce_batch(scene, values, phi, pivots, first, pose)
+            reduction, decided = reduce_batch(scene, values, phi, pivots, Variants(first, axes))
             if decided:
                 raise _lost(first)
         rows = reduction.apply_exactly(relative.dense(locked, locked + len(scene.springs.owner)))
-        residual, size, tangent = of_loads(scene, posed.joint_axes(pose), reduction, partial(pivots.multipliers, phi))
+        residual, size, tangent = of_loads(scene, axes, reduction, partial(pivots.multipliers, phi))
         tangent = tangent + weighted_gram(rows, scene.springs.stiffness)
         unit = posed.kinematics.scale[reduction.independent]
         size = np.maximum(size, EPS / RESOLVED * (np.abs(tangent) @ unit))

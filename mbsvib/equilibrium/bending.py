@@ -16,7 +16,8 @@ from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.kinematics.closing import Closing, blocks_of
+from mbsvib.kinematics.closing import Closing
+from mbsvib.kinematics.loops import kept_rows
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def pose_of_least_energy(
         forces = balance(at, names)
     except (ModelError, SingularPoseError):
         return None
-    blocks = () if at.cuts is None else blocks_of(forces.reduction, at.cuts.names)
+    blocks = tuple(kept_rows(at.cuts, forces.reduction))
     closing = Closing(at.kinematics, tuple(mechanism.couplers.values()), blocks)
     state = _Bent(at, forces, closing, closing.described)
     places = np.array([known.index(name) for name in names], dtype=np.intp)

@@ -10,10 +10,10 @@ import numpy as np
 
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
-from mbsvib.kinematics.couplers import with_couplers
+from mbsvib.kinematics.couplers import locked, with_couplers
 from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose import size_of, start
-from mbsvib.kinematics.pose_kinematics import locked, pose_kinematics
+from mbsvib.kinematics.pose_kinematics import pose_kinematics
 from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
@@ -130,7 +130,7 @@ def _prepared(model: Mechanism, cut: tuple[str, ...]) -> PoseKinematics:
     coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
     if couplers:
         cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
-    return pose_kinematics(topology, pose, coordinates, cuts, couplers, size_of(model))
+    return pose_kinematics(topology, pose, coordinates, cuts, size_of(model))
 
 
 def _travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:

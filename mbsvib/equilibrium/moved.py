@@ -18,8 +18,8 @@ from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest
-from mbsvib.kinematics.closing import TOLERANCE, Closing, blocks_of
-from mbsvib.kinematics.loops import reduce
+from mbsvib.kinematics.closing import TOLERANCE, Closing
+from mbsvib.kinematics.loops import kept_rows, reduce
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.mechanism.mechanism import Mechanism
@@ -134,7 +134,7 @@ class Poses:
                 raise SingularPoseError(f"{caller}: {', '.join(asked)} is at a dead centre in the described pose, "
                                         f"where loops move others while it stands still. Ask for a value of a "
                                         f"coordinate that moves there.") from error  # fmt: skip
-            blocks = blocks_of(reduction, kinematics.cuts.names)
+            blocks = tuple(kept_rows(kinematics.cuts, reduction))
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)
 

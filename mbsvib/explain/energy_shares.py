@@ -11,8 +11,8 @@ from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.core.pairs import duals, own_curvatures, shift_hessian, twists_of
 from mbsvib.equations.load_stiffness import applied_pairs
-from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
+from mbsvib.linalg.rotations import crossed_product
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

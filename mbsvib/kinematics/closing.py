@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
-from mbsvib.kinematics.pose_kinematics import locked
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.pose_kinematics import PoseKinematics
 
@@ -314,14 +313,3 @@ def _solved(closure: Array, rows: Index, dependent: Index, right: Array) -> Arra
         return np.asarray(np.linalg.solve(a, e)[..., 0])
     except np.linalg.LinAlgError:
         return np.asarray((np.linalg.pinv(a) @ e)[..., 0])
-
-
-def blocks_of(reduction: Reduction, names: tuple[str, ...]) -> tuple[tuple[Index, Index], ...]:
-    """Return the independent rows and the dependent coordinates of each group of loops; ``names``: those of rows."""
-    independent = set(reduction.independent.tolist())
-    result = []
-    for group in reduction.groups:
-        dependent = np.array([k for k in group.columns.tolist() if k not in independent], dtype=np.intp)
-        rows = np.array([row for row in group.rows.tolist() if names[row] not in group.redundant], dtype=np.intp)
-        result.append((rows, dependent))
-    return tuple(result)

@@ -14,37 +14,39 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.kinematics.couplings import Couplings, dual
+from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.loops import Cuts
+from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
     Mask = NDArray[np.bool_]
-    Moving = Callable[[Index, Array], Array]
 
 
-def measure(joint: Joint, direction: str) -> tuple[Array, Array, tuple[Array, Array, int] | None]:
-    """Return force and moment (3,) of the row whose relative displacement is a coordinate of a joint; for one of two
-    successive angles also both axes (3, 1) and the number of its own.
-    """
+def measure(joint: Joint, direction: str) -> tuple[Array, Array]:
+    """Return force and moment (3,) of the row whose relative displacement is a coordinate of a joint."""
     six = np.array(dict(joint.freedom)[direction])
     if joint.successive and direction[0] == "r":
         turns = joint.freedom[-2:]
-        axes = [np.array(twist[3:])[:, None] for _, twist in turns]
         which = [name for name, _ in turns].index(direction)
-        return np.zeros(3), dual(axes[0], axes[1], which)[:, 0], (axes[0], axes[1], which)
-    if direction[0] == "r":
-        return np.zeros(3), six[3:], None
-    return six[:3], np.zeros(3), None
+        return np.zeros(3), _dual(*(np.array(twist[3:]) for _, twist in turns), which)
+    return (np.zeros(3), six[3:]) if direction[0] == "r" else (six[:3], np.zeros(3))
+
+
+def _dual(a: Array, b: Array, which: int) -> Array:
+    """The covector of q_a (0) or q_b (1) in theta = q_a a + q_b b."""
+    n = np.cross(a, b)
+    return np.asarray(np.cross(*((b, n) if which == 0 else (n, a))) / (n * n).sum())
 
 
 def couplings(
@@ -52,7 +54,7 @@ def couplings(
     coordinates: Twists,
 ) -> Couplings:  # fmt: skip
     """Return the terms of all couplers; ``number`` has the numbers of bodies by name, ground included."""
-    rows_of_terms, _ = terms(parts, coordinates.names, topology, bodies, number)
+    rows_of_terms = terms(parts, coordinates.names, topology, bodies, number)
     touched = np.zeros((len(parts), len(coordinates.names)), dtype=bool)
     known = rows_of_terms.column >= 0
     touched[rows_of_terms.row[known], rows_of_terms.column[known]] = True
@@ -65,9 +67,8 @@ def couplings(
 def terms(
     parts: Sequence[Coupling], names: Sequence[str], topology: Topology, bodies: Sequence[Body],
     number: Mapping[str, int],
-) -> tuple[Couplings, Index]:  # fmt: skip
-    """Return the terms of all couplers, and the numbers (measured terms,) of the cut joints in which terms are
-    measured.
+) -> Couplings:  # fmt: skip
+    """Return the terms of all couplers.
 
     Each coupler is one row; ``touched`` (couplers, 0) is still empty. ``names`` are those of the joint coordinates of
     the tree, ``bodies`` are in order, ``number`` is that of each body by name, ground included.
@@ -79,7 +80,7 @@ def terms(
     turns: list[bool] = []
     column: list[int] = []
     measured: list[tuple[float, ...]] = []
-    skew, of_joint = [], []
+    of_joint: list[int] = []
     for i, part in enumerate(parts):
         for name, coefficient in part.terms:
             owner, _, direction = name.rpartition(".")
@@ -91,15 +92,12 @@ def terms(
                 continue
             k, joint = joints[owner]
             a, b = number[joint.first], number[joint.second]
-            force, moment, axes = measure(joint, direction)
-            if axes is not None:
-                skew.append((len(measured), *axes))
+            force, moment = measure(joint, direction)
             measured.append((a, b, *(joint.point or bodies[min(a, b)].position), *force, *moment))
             of_joint.append(k)
-    result = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
-                      np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew),
-                      np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
-    return result, np.array(of_joint, dtype=np.intp)
+    return Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
+                     np.array(column, dtype=np.intp), Rows.stack(measured), np.array(of_joint, dtype=np.intp),
+                     np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
 
 
 def with_couplers(cuts: Cuts | None, parts: Sequence[Coupling], *scene: Any) -> Cuts:
@@ -121,3 +119,13 @@ def appended(cuts: Cuts | None, names: tuple[str, ...], rows: Couplings | None) 
         joint=np.concatenate((cuts.joint, np.arange(count, count + len(names)))),
         translates=np.concatenate((cuts.translates, np.zeros(len(names), dtype=bool))),
     )  # fmt: skip
+
+
+def locked(coordinates: Twists, cuts: Cuts) -> Array:
+    """Return the relative displacements [m, rad] (..., locked rows, n) that cut joints and couplers lock."""
+    return with_rows(relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first)), coordinates, cuts)
+
+
+def with_rows(phi: Array, coordinates: Twists, cuts: Cuts) -> Array:
+    """Return the rows (..., rows, n) of cut joints with those of couplers behind."""
+    return phi if cuts.couplings is None else np.asarray(concatenated((phi, cuts.couplings.dense(coordinates)), -2))

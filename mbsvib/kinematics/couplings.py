@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +14,15 @@ from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
 
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements.rows import Rows
-    from mbsvib.kinematics.relative_motion import Twists
-    Moving = Callable[[Index, Array], Array]
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Joint
     from mbsvib.elements.coupler import Coupling
+    from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.pose import Pose
+    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True)
@@ -34,8 +31,7 @@ class Couplings:
     ``turns`` is true for angles.
 
     ``column`` (t,) is the coordinate of a joint in the tree, or -1 where the term is the next of ``measured``, the
-    relative motions of cut joints. ``skew`` lists those of them that are one of two successive angles: (number among
-    ``measured``, axis in first, axis in second, 0 or 1). ``touched`` (couplers, n) are the coordinates involved.
+    relative motions of cut joints, of the joints ``owner``. ``touched`` (couplers, n) are the coordinates involved.
     """
 
     row: Index
@@ -43,7 +39,7 @@ class Couplings:
     turns: Bools
     column: Index
     measured: Rows
-    skew: tuple[tuple[int, Array, Array, int], ...]
+    owner: Index
     touched: Bools
 
     def dense(self, coordinates: Twists) -> Array:
@@ -79,27 +75,6 @@ class Couplings:
         """
         angle, distance = self.largest[..., members]
         return np.asarray(1.0 / np.maximum(angle, distance * length))
-
-    def nearby(self, turn: Moving, shift: Moving) -> Couplings:
-        """Return the same in a neighbouring pose: ``turn`` and ``shift`` move directions and points with bodies."""
-        rows = self.measured
-        if not len(rows.first):
-            return self
-        force, moment = turn(rows.first, rows.force), 0.5 * (turn(rows.first, rows.moment) +
-                                                             turn(rows.second, rows.moment))  # fmt: skip
-        for k, first, second, which in self.skew:
-            at = slice(k, k + 1)
-            moment[..., at] = dual(turn(rows.first[at], first), turn(rows.second[at], second), which)
-        measured = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
-        return replace(self, measured=measured)
-
-
-def dual(a: Array, b: Array, which: int) -> Array:
-    """Return the covector of q_a (0) or q_b (1) in theta = q_a a + q_b b, vectors (3, ...)."""
-    n = np.cross(a, b, axis=0)
-    result: Array = np.cross(*((b, n) if which == 0 else (n, a)), axis=0) / (n * n).sum(axis=0)
-    return result
-
 
 def coupler_travel(
     couplers: Sequence[Coupling], joints: Sequence[Joint], pose: Pose, near: Array | None = None

@@ -11,7 +11,7 @@ are those of its family (``elements.joint_kinds``). Arrays may have leading axes
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from mbsvib.elements.joint_kinds import Columns
 from mbsvib.linalg.displacements import Displacement
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import SAME_POINT
 from mbsvib.linalg.rotations import components_first, exponential, frames_along, logarithm, orthonormal, skew
 
@@ -67,7 +68,7 @@ class Pose:
         """Return points (..., n, 3) of bodies (n,) that are ``at`` [m] in the reference pose; exact if none has moved.
         """
         shift, change = self._change
-        arm = at - self.origin.take(body, axis=0)
+        arm = at - self.origin.take(body, axis=-2)
         return np.asarray(at + (shift.take(body, axis=-2) + (change.take(body, axis=-3) @ arm[..., None])[..., 0]))
 
     def vectors(self, body: Index, vectors: Array) -> Array:
@@ -144,6 +145,22 @@ class Joints:
     end: Array
     first_axis: Array
     last_axis: Array
+
+    def with_axes(
+        self, joints: Sequence[Joint], axes: Mapping[str, Array], lengths: Mapping[str, Array], end: Array
+    ) -> Joints:
+        """Return the same with other ``axes`` (..., 3, 3) and, of rods, ``lengths`` (...) by name, and points ``end``
+        (..., k, 3) [m]; the third axis of a rod is along it.
+        """
+        frames = np.array([joint.axes for joint in joints])
+        own = concatenated([np.asarray(axes.get(joint.name, joint.axes))[..., None, :, :] for joint in joints], -3)
+        length = np.sqrt(np.square(self.end - self.start).sum(axis=-1))
+        length = concatenated([np.asarray(lengths.get(joint.name, length[k]))[..., None]
+                               for k, joint in enumerate(joints)], -1)  # fmt: skip
+        turns = own @ frames.swapaxes(-1, -2)
+        first_axis, last_axis = ((turns @ axis[..., None])[..., 0] for axis in (self.first_axis, self.last_axis))
+        return replace(self, start=end - length[..., None] * own[..., 2], end=end, first_axis=first_axis,
+                       last_axis=last_axis)  # fmt: skip
 
 
 Axes = Callable[[Joints, "Pose"], "Array"]

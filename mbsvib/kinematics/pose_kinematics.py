@@ -8,23 +8,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.elements.rows import Rows
+from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.pose import openings_of, stacked, with_own_axes
-from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.kinematics.tree_motion import tree_of
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
-from mbsvib.linalg.rotations import components_first
+from mbsvib.linalg.rotations import components_first, components_last
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.pose import Openings, Pose
     from mbsvib.kinematics.tree_motion import Tree
@@ -40,7 +42,7 @@ class PoseKinematics:
     each. They turn with ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are
     at ``point`` (s, 3) of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose,
     with the transpose of these axes in the reference pose; those of joint k are number ``frame`` (joints,) among bodies
-    and these. ``loops`` are the openings of cut joints.
+    and these. Vectors and points of variants have leading axes.
     """
 
     topology: Topology
@@ -54,8 +56,19 @@ class PoseKinematics:
     holder: Index
     frame: Index
     own_axes: tuple[tuple[Callable[[Pose], Array], Array], ...]
-    loops: tuple[Openings, ...]
-    tree: Tree
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The finite motion of the tree."""
+        return tree_of(self.topology, self.described.number)
+
+    @cached_property
+    def loops(self) -> tuple[Openings, ...]:
+        """The openings of cut joints."""
+        cut = [] if self.cuts is None else self.topology.cut
+        own = np.zeros(0) if self.cuts is None else self.cuts.joint[: len(self.cuts.rows.first)]
+        return openings_of([self.topology.joints[k] for k in cut], [np.flatnonzero(own == i).tolist()
+                           for i in range(len(cut))], self.described.number, self.described.origin)  # fmt: skip
 
     def frames(self, pose: Pose) -> Array:
         """Return the rotations (..., bodies + 1 + joints with own axes, 3, 3) with which directions turn."""
@@ -123,46 +136,40 @@ class PoseKinematics:
         return np.asarray(RANK_FACTOR * EPS * len(coordinates.names) * points / self.size)
 
 
-def locked(coordinates: Twists, cuts: Cuts) -> Array:
-    """Return the relative displacements [m, rad] (..., locked rows, n) that cut joints and couplers lock."""
-    phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first))
-    return phi if cuts.couplings is None else np.concatenate((phi, cuts.couplings.dense(coordinates)), axis=-2)
-
-
 def pose_kinematics(
-    topology: Topology, pose: Pose, coordinates: Twists, cuts: Cuts | None, couplers: Sequence[Coupling], size: float
-) -> PoseKinematics:
+    topology: Topology, pose: Pose, coordinates: Twists, cuts: Cuts | None, size: float,
+    axes: Mapping[str, Array] = MappingProxyType({}), lengths: Mapping[str, Array] = MappingProxyType({}),
+) -> PoseKinematics:  # fmt: skip
     """Return the kinematic data of a mechanism for all of its poses.
 
     ``pose``, ``coordinates`` and ``cuts`` are those of its reference pose, ``size`` is that of the mechanism [m].
+    ``axes`` (..., 3, 3) and ``lengths`` (...): of joints by name, where variants differ in them.
     """
     number = pose.number
     first, holder = _carriers(topology, number)
-    frame = first.copy()
+    frame, owner = first.copy(), _owners(topology, cuts)
+    rows = [] if cuts is None else [cuts.rows] if cuts.couplings is None else [cuts.rows, cuts.couplings.measured]
+    parts = [(coordinates.linear, coordinates.angular, coordinates.point),
+             *((part.force, part.moment, part.point) for part in rows)]
+    linear, angular, point = (concatenated([components_last(part[i]) for part in parts], -2) for i in range(3))
     own_axes: list[tuple[Callable[[Pose], Array], Array]] = []
     behind = len(number)
     for function, which in with_own_axes(topology.joints).items():
-        axes = partial(function, stacked([topology.joints[k] for k in which], number, pose.origin))
-        own_axes.append((axes, axes(pose).swapaxes(-1, -2)))
+        joints = [topology.joints[k] for k in which]
+        own = stacked(joints, number, pose.origin)
+        if axes or lengths:
+            end = point[..., [int((owner == k).argmax()) for k in which], :]
+            own = own.with_axes(joints, axes, lengths, end)
+        own_axes.append((partial(function, own), function(own, pose).swapaxes(-1, -2)))
         frame[which] = np.arange(behind, behind + len(which))
         behind += len(which)
-    owner = _owners(topology, cuts, couplers)
-    parts = [(coordinates.linear, coordinates.angular, coordinates.point)]
-    loops: tuple[Openings, ...] = ()
-    if cuts is not None:
-        rows = [cuts.rows] if cuts.couplings is None else [cuts.rows, cuts.couplings.measured]
-        parts += [(part.force, part.moment, part.point) for part in rows]
-        own = cuts.joint[: len(cuts.rows.first)]
-        loops = openings_of([topology.joints[k] for k in topology.cut],
-                            [np.flatnonzero(own == i).tolist() for i in range(len(topology.cut))], number, pose.origin)
-    linear, angular, point = (np.concatenate([part[i] for part in parts], axis=1).T for i in range(3))
     # translations are along axes of the first body, but those across rods
     straight = np.array([not joint.is_rod for joint in topology.joints] + [True] * len(topology.floating), dtype=bool)
-    turner = np.where(angular.any(axis=1) | ~straight[owner], frame[owner], first[owner])
-    return PoseKinematics(
-        topology, size, pose, coordinates, cuts, np.stack((linear, angular), axis=-1), turner, point,
-        holder[owner], frame, tuple(own_axes), loops, tree_of(topology, number),
-    )  # fmt: skip
+    turns = np.asarray(angular.any(axis=(*range(angular.ndim - 2), -1)))
+    turner = np.where(turns | ~straight[owner], frame[owner], first[owner])
+    vectors = concatenated((linear[..., None], angular[..., None]), -1)
+    return PoseKinematics(topology, size, pose, coordinates, cuts, vectors, turner, point, holder[owner], frame,
+                          tuple(own_axes))  # fmt: skip
 
 
 def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Index]:
@@ -178,14 +185,12 @@ def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Ind
     return np.array(turner, dtype=np.intp), np.array(holder + list(topology.floating), dtype=np.intp)
 
 
-def _owners(topology: Topology, cuts: Cuts | None, couplers: Sequence[Coupling]) -> Index:
+def _owners(topology: Topology, cuts: Cuts | None) -> Index:
     """The joints of all six-vectors (s,); floating bodies count as joints after all others."""
     joints = topology.joints
     owner = [k for k in sorted({branch.joint for branch in topology.branches} - {FLOATS}) for _ in joints[k].freedom]
     owner += [len(joints) + k for k in range(len(topology.floating)) for _ in range(6)]
     owner += [k for k in topology.cut for _ in joints[k].locked]
     if cuts is not None and cuts.couplings is not None:
-        index_of = {joint.name: k for k, joint in enumerate(joints)}
-        names = [name.rpartition(".")[0] for part in couplers for name, _ in part.terms]
-        owner += [index_of[name] for name, column in zip(names, cuts.couplings.column, strict=True) if column < 0]
+        owner += cuts.couplings.owner.tolist()
     return np.array(owner, dtype=np.intp)

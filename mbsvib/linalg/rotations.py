@@ -34,6 +34,16 @@ def components_last(components: Array) -> Array:
     return components.transpose(*range(1, components.ndim), 0)
 
 
+def crossed_product(a: Array, b: Array) -> Array:
+    """Return a x b of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
+    if a.ndim != b.ndim:
+        a, b = (a[:, None], b) if a.ndim < b.ndim else (a, b[:, None])
+    a, b = a.take(CYCLE, axis=0), b.take(CYCLE, axis=0)
+    result: Array = a[1:4] * b[2:]
+    result -= a[2:] * b[1:4]
+    return result
+
+
 def skew(w: Array) -> Array:
     """Return [w]x (..., 3, 3), the matrices with [w]x v = w x v, of vectors (..., 3)."""
     vectors = np.asarray(w)

@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.scene import cut_rows
-from mbsvib.kinematics.couplers import terms, with_couplers
+from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.linalg.rank import DEPENDENT_DEFORMATION
 from mbsvib.linalg.vectors import DENSE, entries_matrix
@@ -82,10 +82,9 @@ def constraints(
     joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]]
     if cuts.couplings is not None:
         phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
-        _, measured = terms(couplers, coordinates.names, topology, bodies, number)
         rows, added = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
         wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
-        joint = np.concatenate((joint, measured))
+        joint = np.concatenate((joint, cuts.couplings.owner))
         added_share = np.zeros((len(added), len(cuts.names)))
         added_share[np.arange(len(added)), locked + cuts.couplings.row[added]] = cuts.couplings.value[added]
         share = np.concatenate((share, added_share))

@@ -25,8 +25,8 @@ import numpy as np
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import appended, terms
 from mbsvib.kinematics.loops import LoopGroup, check_gap, decided, measures, preference, redundant_members
-from mbsvib.kinematics.mobility import SmallMotion, crossing_axes, jump, rank_nearby, rods_in_loops
-from mbsvib.kinematics.relative_motion import arm
+from mbsvib.kinematics.mobility import jump, rank_nearby, rows_nearby
+from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (
@@ -67,10 +67,14 @@ MOST_DENSE_ENTRIES = 250_000
 
 @dataclass(frozen=True, slots=True)
 class Coupled:
-    """The ``terms`` of couplers, and the number of the cut ``joint`` of each coordinate that they measure in one."""
+    """The ``terms`` of couplers."""
 
     terms: Couplings
-    joint: Index
+
+    @property
+    def joint(self) -> Index:
+        """The number of the cut joint of each coordinate that they measure in one."""
+        return self.terms.owner
 
     @property
     def measured(self) -> tuple[Index, Array]:
@@ -155,7 +159,7 @@ def constraints(
     topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Sequence[Coupling] = ()
 ) -> Constraints:
     """Return the locked rows of the cut joints and which of them are independent; refused if a rank is in doubt."""
-    coupled = Coupled(*terms(couplers, tree.names, topology, bodies, number)) if couplers else None
+    coupled = Coupled(terms(couplers, tree.names, topology, bodies, number)) if couplers else None
     cuts = appended(cut_rows(topology, bodies, number), tuple(part.name for part in couplers),
                     None if coupled is None else coupled.terms)  # fmt: skip
     entries = Entries(*_locked_entries(tree, cuts, coupled), cuts.joint, len(cuts.names))
@@ -348,9 +352,9 @@ def check_mobility(topology: Topology, tree: Tree, closure: Constraints, layout:
     if not groups or len(tree.names) <= len(layout.multiplier):
         return
     small = _small_motion(tree, layout, tableau, min(group.length for group in groups))
-    (linear, angular, point), cuts = small.applied(topology, (tree.linear, tree.angular, tree.point), closure.cuts,
-                                crossing_axes(topology, closure.cuts), rods_in_loops(topology, tree, closure.cuts))
-    moved_tree = replace(tree, linear=linear, angular=angular, point=point)
+    described = Twists(tree.names, tree.linear, tree.angular, tree.point, np.zeros((0, 0), np.int8), tree.turns)
+    moved, cuts = rows_nearby(topology, described, closure.cuts, tree.position, small)
+    moved_tree = replace(tree, linear=moved.linear, angular=moved.angular, point=moved.point)
     couplers = closure.couplers
     if couplers is not None and cuts.couplings is not None:
         couplers = replace(couplers, terms=cuts.couplings)
@@ -372,14 +376,14 @@ def check_mobility(topology: Topology, tree: Tree, closure: Constraints, layout:
                 raise jump(group.joints, len(rows), rank, ranks[1])
 
 
-def _small_motion(tree: Tree, layout: Layout, tableau: Tableau, length: float) -> SmallMotion:
-    """A small motion that every loop allows, with every joint on an equal spring."""
+def _small_motion(tree: Tree, layout: Layout, tableau: Tableau, length: float) -> Array:
+    """A small motion (bodies, 6) that every loop allows, with every joint on an equal spring."""
     right = np.zeros(layout.size)
     # an arbitrary direction, which no symmetry of the mechanism favours
     right[layout.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[layout.coordinate]
     motion = tableau.with_equal_springs(layout).solve(right)
     q = motion[layout.coordinate]
     motion *= NEIGHBOUR_STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
-    six = np.zeros((6, len(tree.parent) + 1))
-    six.T[:-1][tree.moves] = motion[layout.displacement[tree.moves]]
-    return SmallMotion(six[:3], six[3:], np.concatenate((tree.position, np.zeros((1, 3)))).T)
+    result = np.zeros((len(tree.parent), 6))
+    result[tree.moves] = motion[layout.displacement[tree.moves]]
+    return result

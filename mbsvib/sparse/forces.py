@@ -22,8 +22,8 @@ from mbsvib.equations.ports import ground_motion, inertia_of_ground_motion
 from mbsvib.equations.spin_terms import momenta
 from mbsvib.equations.virtual_motions import carries_nothing, joint_ends
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.draft import of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.layout import relative_rows, virtual_unknowns

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.kinematics.relative_motion import entry_values
 from mbsvib.linalg.groups import items_of_groups
+from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:

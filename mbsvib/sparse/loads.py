@@ -17,8 +17,8 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.virtual_motions import joint_ends
 from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches
-from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
+from mbsvib.linalg.rotations import crossed_product
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.geometric_stiffness import Loading
 from mbsvib.sparse.layout import VirtualUnknowns

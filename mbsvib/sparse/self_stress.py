@@ -236,7 +236,7 @@ def _of_couplers(
         if column >= 0:
             name, _, direction = tree.names[column].rpartition(".")
             k, joint = known[name]
-            six = np.concatenate(measure(joint, direction)[:2])
+            six = np.concatenate(measure(joint, direction))
         else:
             k, *components = next(cut)
             six = np.array(components)

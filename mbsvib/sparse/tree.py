@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.kinematics.relative_motion import in_order, largest_pitch, twists_of_branches
+from mbsvib.linalg.rotations import crossed_product
 from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:

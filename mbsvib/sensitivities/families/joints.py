@@ -134,7 +134,7 @@ def _coupler_entry(network: Network, coupler: Coupling, field: str, index: tuple
     for name, rate in _rates(coupler, field, index):
         owner, _, direction = name.rpartition(".")
         k = network.joint_number[owner]
-        force, moment, _ = measure(network.joints[k], direction)
+        force, moment = measure(network.joints[k], direction)
         if rate:
             reads.append((k, np.concatenate((force, moment)), rate))
 
