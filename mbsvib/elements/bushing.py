@@ -24,9 +24,9 @@ from mbsvib.elements.part import Part
 from mbsvib.elements.roles import DAMPING, STIFFNESS, axes, batched, is_unsymmetric, point, six
 from mbsvib.elements.rows import ElementRows, Rows, columns, table
 from mbsvib.errors import ModelError
-from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.products import eigenrows, signed_rows
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
-from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
+from mbsvib.linalg.rotations import components_first, inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -311,6 +311,25 @@ def _rows_of_matrices(parts: Sequence[tuple[int, Bushing]], number: Mapping[str,
             c += [np.zeros(elastic), damping_values]
     return _in_world(parts, number, np.array(which, dtype=np.intp), np.concatenate(units), np.concatenate(k),
                      np.concatenate(c))  # fmt: skip
+
+
+def rows_of_matrices(ends: Sequence[Index], point: Array, axes: Array, matrices: Sequence[Array]) -> ElementRows:
+    """Return the rows of bushings (b,) with matrices: eigenvectors of the stiffness of each, then of its damping.
+
+    ``ends``: numbers (b,) of their first and second bodies and their own. ``point`` (..., b, 3) [m], ``axes``
+    (..., b, 3, 3); ``matrices``: stiffness and damping (..., b, 6, 6), of which the symmetric parts are taken.
+    """
+    (k, stiff), (c, damps) = (signed_rows(symmetric_part(array)) for array in matrices)
+    units = np.concatenate((stiff, damps), axis=-2)
+    lead, each = units.shape[:-3], units.shape[-2]
+    count = each * len(ends[0])
+    k, c = (np.concatenate(pair, axis=-1).reshape(*lead, count) for pair in (
+        (k, np.zeros_like(c)), (np.zeros_like(k), c)))  # fmt: skip
+    turned = units.reshape(*units.shape[:-1], 2, 3) @ axes.swapaxes(-1, -2)[..., None, :, :]
+    force, moment = (components_first(turned[..., i, :].reshape(*lead, count, 3)) for i in (0, 1))
+    first, second, owner = (np.repeat(array, each) for array in ends)
+    rows = Rows(first, second, components_first(np.repeat(point, each, axis=-2)), force, moment)
+    return ElementRows(rows, k, c, owner, units.reshape(*lead, count, 6))
 
 
 def _in_world(

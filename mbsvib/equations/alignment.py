@@ -18,11 +18,9 @@ from mbsvib.common.arguments import number
 from mbsvib.elements.joint import moved_joint
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.loop_geometry import Loops, directions, in_line, loops_of
-from mbsvib.equations.scene import cut_rows
+from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.loops import loop_groups, measures
-from mbsvib.kinematics.relative_motion import twists
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import RANK_FACTOR, RANK_GAP
 from mbsvib.mechanism.topology import span
@@ -115,10 +113,7 @@ def aligned(model: M, tolerance: float) -> M:
 def _groups(model: Mechanism) -> Iterator[tuple[Loops, float]]:
     """Groups of loops by themselves, with the rounding of the entries of their rows."""
     topology, bodies = span(model), list(model.bodies.values())
-    number_of = topology.body_numbers
-    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number_of)
-    if model.couplers:
-        cuts = with_couplers(cuts, tuple(model.couplers.values()), topology, bodies, number_of, coordinates)
+    coordinates, cuts = twists_and_cuts(topology, bodies, tuple(model.couplers.values()))
     if cuts is None:
         return
     count = len(cuts.rows.first)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.bushing import Bushing, symmetric_part
+from mbsvib.elements.bushing import Bushing, rows_of_matrices
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
-from mbsvib.linalg.products import signed_rows
+from mbsvib.equations.ports import port_bodies
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import COEFFICIENTS
 from mbsvib.mechanism.topology import FLOATS
@@ -299,36 +299,22 @@ def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values)
     axes = np.broadcast_to(np.array(part.orientation), (count, 3, 3))
     if "orientation" in fields:
         axes = exponential(fields["orientation"].T) @ np.array(part.orientation)
-    point = np.broadcast_to(fields.get("position", np.array(part.position)[:, None]), (3, count))
-    values_of, units = [], []
+    point = np.broadcast_to(fields.get("position", np.array(part.position)[:, None]), (3, count)).T
+    matrices = []
     for key in ("stiffness", "damping"):
         matrix = np.moveaxis(fields[key], -1, 0) if key in fields else np.array(getattr(part, key))
-        if matrix.shape[-2:] != (6, 6):
-            matrix = matrix[..., None] * np.eye(6)
-        value, unit = signed_rows(symmetric_part(np.broadcast_to(matrix, (count, 6, 6))))
-        values_of.append(value)
-        units.append(unit)
-    unit = np.concatenate(units, axis=1)
-    force, moment = (np.einsum("vij,vrj->ivr", axes, unit[..., half]) for half in (slice(3), slice(3, 6)))
-    length = unit.shape[1]
-    first, second = (np.full(length, number[body], dtype=np.intp) for body in (part.first, part.second))
-    rows = Rows(first, second, np.repeat(point[:, :, None], length, axis=2), force, moment)
-    stiffness, damping = (np.concatenate([value if i == k else np.zeros_like(value)
-                                          for i, value in enumerate(values_of)], axis=1) for k in (0, 1))  # fmt: skip
-    return ElementRows(rows, stiffness, damping, np.full(length, owner, dtype=np.intp), unit)
+        matrix = matrix if matrix.shape[-2:] == (6, 6) else matrix[..., None] * np.eye(6)
+        matrices.append(np.broadcast_to(matrix, (count, 6, 6))[:, None])
+    ends = [np.array([k]) for k in (number[part.first], number[part.second], owner)]
+    return rows_of_matrices(ends, point[:, None], axes[:, None], matrices)
 
 
 def _centred_ports(
     model: Mechanism, scene: Scene, moved: Mapping[int, Index], number: Mapping[str, int]
 ) -> tuple[list[tuple[int, Index]], tuple[Index | None, ...]]:
     """Rows of ports without a position, at the centre of mass of a body that moves, and those of inertial outputs."""
-    parts: list[Any] = [*(part for part in model.inputs.values()
-                          if part.element is None and not part.moves_ground),
-                        *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
     at_centre, centre_of = [], {}
-    for row, part in enumerate(parts):
-        a, b = number[part.relative_to], number[part.body]
-        body = b if b < len(number) - 1 else a
+    for row, (part, body) in enumerate(port_bodies(model, number)):
         if part.position is None and body in moved:
             at_centre.append((row, moved[body]))
             centre_of[part] = moved[body]

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness, motion_order
+from mbsvib.core.geometric_stiffness import GeometricStiffness, Pairs, TwistsAt, geometric_stiffness, motion_order
 from mbsvib.core.pairs import (
     CutJoints,
     displacement_curvature,
@@ -148,10 +148,7 @@ def load_stiffness(
     ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. If ``every``, rows
     that are zero are there too.
     """
-    joined, motion = all_pairs(scene, loaded, multipliers)
-    result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
-    matrix = result.symmetric
-    matrix.real[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
+    result, matrix = _second_derivatives(scene, loaded, multipliers)
     upper = np.triu(matrix)
     diagonal = np.arange(upper.shape[-1])
     upper[..., diagonal, diagonal] *= 0.5
@@ -205,13 +202,20 @@ def rounding(twists: TwistsAt, pairs: Pairs) -> Array:
 
 
 def load_tangent(scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array) -> Array:
-    """Return the stiffness (m, m) of the forces at the pose, its antisymmetric part included; see ``load_stiffness``.
+    """Return the stiffness (..., m, m) of the forces at the pose, its antisymmetric part included; see
+    ``load_stiffness``.
     """
+    result, matrix = _second_derivatives(scene, loaded, multipliers)
+    return projected(matrix if result.antisymmetric is None else matrix + result.antisymmetric, reduction)
+
+
+def _second_derivatives(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> tuple[GeometricStiffness, Array]:
+    """The second derivatives of the forces at the pose, and their symmetric part (..., n, n) without rounding."""
     joined, motion = all_pairs(scene, loaded, multipliers)
     result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
     matrix = result.symmetric
-    matrix[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
-    return projected(matrix if result.antisymmetric is None else matrix + result.antisymmetric, reduction)
+    matrix.real[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
+    return result, matrix
 
 
 def projected(matrix: Array, reduction: Reduction) -> Array:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import joint as _joint
-from mbsvib.equations.scene import cut_rows
-from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.equations.scene import twists_and_cuts
+from mbsvib.kinematics.couplers import locked
 from mbsvib.linalg.rank import ALIGNED, ALMOST_ALIGNED
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import span
@@ -41,18 +40,12 @@ class Loops:
     def closure(self) -> tuple[Array, tuple[str, ...], int]:
         """Return the scaled Phi, the names of its coordinates, and how many of these are of floating bodies."""
         model, topology, bodies = self.model, span(self.model), list(self.model.bodies.values())
-        number = topology.body_numbers
-        coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
-        if model.couplers:
-            cuts = with_couplers(cuts, tuple(model.couplers.values()), topology, bodies, number, coordinates)
+        coordinates, cuts = twists_and_cuts(topology, bodies, tuple(model.couplers.values()))
         floating, n = 6 * len(topology.floating), len(coordinates.names)
         if cuts is None:
             return np.zeros((0, n)), coordinates.names, floating
-        phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first))
-        if cuts.couplings is not None:
-            phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
         scale = np.where(coordinates.turns, 1.0, self.length)
-        return phi * cuts.row_scale(self.length)[:, None] * scale, coordinates.names, floating
+        return locked(coordinates, cuts) * cuts.row_scale(self.length)[:, None] * scale, coordinates.names, floating
 
     def freedom(self, limit: float) -> int:
         """Return the number of degrees of freedom, with singular values up to a limit as zero."""

@@ -66,6 +66,16 @@ class Ports:
         return bool(self.force_outputs or self.motion_forces)
 
 
+def port_bodies(model: Mechanism, number: Mapping[str, int]) -> list[tuple[Any, int]]:
+    """Return the inputs and outputs with rows, each with the body that carries its point: by default that at whose
+    centre of mass it is, of two bodies the one that is not ground.
+    """
+    parts: list[Any] = [*(part for part in model.inputs.values() if part.element is None and not part.moves_ground),
+                        *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
+    return [(part, number[part.body if part.position is not None or part.body != "ground" else part.relative_to])
+            for part in parts]
+
+
 def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     """Return the ports of a model."""
 

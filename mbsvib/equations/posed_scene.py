@@ -17,14 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import bushing, torsion_spring
+from mbsvib.elements.bushing import rows_of_matrices
 from mbsvib.elements.deformations import twist
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.spring import ROUNDING
 from mbsvib.equations.inertia import SpatialInertia
+from mbsvib.equations.ports import port_bodies
 from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches, has_antisymmetric_forces
 from mbsvib.kinematics.pose import Pose, size_of, start
 from mbsvib.kinematics.pose_kinematics import pose_kinematics
-from mbsvib.linalg.products import signed_rows
 from mbsvib.linalg.rotations import components_first, components_last, logarithm
 
 if TYPE_CHECKING:
@@ -188,20 +189,12 @@ def of_parts(
     """Return how the arrays of a mechanism follow from poses; with the forces of ``described``, where given, for which
     ``model`` has bushings instead of torsion springs. ``varying``: elements whose forces vary.
     """
-    number = scene.topology.body_numbers
     straight = np.array([part.acts_along_line for part in scene.elements], dtype=bool)
     ends: Any = np.array([(part.points[0], part.points[-1]) if part.acts_along_line else np.zeros((2, 3))
                           for part in scene.elements]).reshape(-1, 2, 3)  # fmt: skip
-    parts: list[Any] = [*(part for part in model.inputs.values()
-                          if part.element is None and not part.moves_ground),
-                        *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
-    ground = len(number) if "ground" not in number else number["ground"]
-    holder = []
-    for part in parts:
-        a, b = number[part.relative_to], number[part.body]
-        holder.append(b if part.position is not None or b < ground else a)
+    holder = np.array([body for _, body in port_bodies(model, scene.topology.body_numbers)], dtype=np.intp)
     forces = None if described is None else posed_forces(described, model, varying)
-    return PosedScene(kinematics, straight, ends[:, 0], ends[:, 1], np.array(holder, dtype=np.intp), forces)
+    return PosedScene(kinematics, straight, ends[:, 0], ends[:, 1], holder, forces)
 
 
 @dataclass(frozen=True)
@@ -248,20 +241,9 @@ class Bushings:
         """Return the rows of those that are bent: eigenvectors of their stiffness, then of damping (..., b, 6, 6)."""
         at = self.bent.nonzero()[0]
         axes = pose.rotations.take(self.first[at], axis=-3) @ self.axes[at]
-        matrices = [bushing.symmetric_part(array[..., at, :, :]) for array in (stiffness, damping)]
-        values, units = (np.concatenate(arrays, axis=-2) for arrays in zip(
-            *[(value[..., None, :], unit) for value, unit in map(signed_rows, matrices)], strict=True))  # fmt: skip
-        lead, each = units.shape[:-3], units.shape[-2]
-        count = each * len(at)
-        zero = np.zeros_like(values[..., 0, :])
-        k, c = (np.concatenate(pair, axis=-1).reshape(*lead, count) for pair in (
-            (values[..., 0, :], zero), (zero, values[..., 1, :])))  # fmt: skip
-        turned = units.reshape(*units.shape[:-1], 2, 3) @ axes.swapaxes(-1, -2)[..., None, :, :]
-        force, moment = (components_first(turned[..., i, :].reshape(*lead, count, 3)) for i in (0, 1))
-        place = np.repeat(pose.points(self.second[at], self.at[at]), each, axis=-2)
-        ends = [np.repeat(array[at], each) for array in (self.first, self.second, self.owner)]
-        rows = Rows(ends[0], ends[1], components_first(place), force, moment)
-        return ElementRows(rows, k, c, ends[2], units.reshape(*lead, count, 6))
+        point = pose.points(self.second[at], self.at[at])
+        return rows_of_matrices([array[at] for array in (self.first, self.second, self.owner)], point, axes,
+                                [array[..., at, :, :] for array in (stiffness, damping)])  # fmt: skip
 
 
 @dataclass(frozen=True)

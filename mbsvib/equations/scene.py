@@ -98,30 +98,12 @@ class Scene:
 
 
 def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
-    """Return the arrays of a mechanism.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The expanded mechanism.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    Scene
-        Geometry, inertia, stiffness and ports.
-    """
+    """Return the arrays of an expanded mechanism; ``cut`` names joints at which loops are to be cut."""
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     number = topology.body_numbers
-    elements = tuple(model.springs.values())
-    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
-    couplers = tuple(model.couplers.values())
-    if couplers:
-        from mbsvib.kinematics.couplers import with_couplers
-
-        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    elements, couplers = tuple(model.springs.values()), tuple(model.couplers.values())
+    coordinates, cuts = twists_and_cuts(topology, bodies, couplers)
     return Scene(
         topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
         connection_rows(elements, number), ports(model, bodies, number),
@@ -129,6 +111,19 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
         None if model.expansion is None else shared_rows(model.expansion, number, len(elements)),
         model.derived(_loading) if is_loaded(model) else None, couplers,
     )  # fmt: skip
+
+
+def twists_and_cuts(
+    topology: Topology, bodies: list[Body], couplers: Sequence[Coupling] = ()
+) -> tuple[Twists, Cuts | None]:
+    """Return the joint coordinates, and the locked rows of cut joints and couplers, None without any."""
+    number = topology.body_numbers
+    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
+    if couplers:
+        from mbsvib.kinematics.couplers import with_couplers
+
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    return coordinates, cuts
 
 
 def _loading(model: Mechanism) -> tuple[AppliedWrenches, dict[str, Any]]:

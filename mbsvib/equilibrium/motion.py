@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.scene import cut_rows
+from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
-from mbsvib.kinematics.couplers import locked, with_couplers
+from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose import size_of, start
 from mbsvib.kinematics.pose_kinematics import pose_kinematics
-from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
@@ -126,10 +126,7 @@ def kinematics_of(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
 
 def _prepared(model: Mechanism, cut: tuple[str, ...]) -> PoseKinematics:
     topology, bodies, pose = span(model, cut), list(model.bodies.values()), start(model)
-    number, couplers = dict(pose.number), tuple(model.couplers.values())
-    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
-    if couplers:
-        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    coordinates, cuts = twists_and_cuts(topology, bodies, tuple(model.couplers.values()))
     return pose_kinematics(topology, pose, coordinates, cuts, size_of(model))
 
 

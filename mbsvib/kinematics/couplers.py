@@ -39,7 +39,8 @@ def measure(joint: Joint, direction: str) -> tuple[Array, Array]:
     if joint.successive and direction[0] == "r":
         turns = joint.freedom[-2:]
         which = [name for name, _ in turns].index(direction)
-        return np.zeros(3), _dual(*(np.array(twist[3:]) for _, twist in turns), which)
+        first, second = (np.array(twist[3:]) for _, twist in turns)
+        return np.zeros(3), _dual(first, second, which)
     return (np.zeros(3), six[3:]) if direction[0] == "r" else (six[:3], np.zeros(3))
 
 
