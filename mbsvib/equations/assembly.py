@@ -78,27 +78,10 @@ def assembled(
     model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, origin: Mechanism | None = None,
     checked: bool = True, form: type[E] = Equations,  # type: ignore[assignment]
 ) -> E:
-    """Return the minimal linear equations of motion of a mechanism from its arrays.
+    """Return the minimal linear equations of motion of a mechanism from its arrays, of the class ``form``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism, for the names of its inputs and outputs.
-    scene : Scene
-        Its arrays.
-    independent : sequence of str, optional
-        Joint coordinates that must be among the minimal ones.
-    origin : Mechanism, optional
-        The user's mechanism, which must not change later.
-    checked : bool
-        Whether a pose that is not in balance is refused.
-    form : type
-        The class of the equations.
-
-    Returns
-    -------
-    Equations
-        Matrices, names and motion of the bodies.
+    ``independent``: joint coordinates that must be among the minimal ones. ``origin``: the user's mechanism, which must
+    not change later. If ``checked``, a pose that is not in balance is refused.
     """
     draft = first_draft(model, scene, independent, checked)
     check_loops(model, draft.reduction.groups, scene.coordinates.names, STACK)

@@ -12,7 +12,6 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, preloaded
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, one_by_one, stacked
 from mbsvib.equations.batch_values import Values, checked
@@ -27,7 +26,7 @@ from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
-from mbsvib.equations.wrenches import has_antisymmetric_forces
+from mbsvib.equations.wrenches import applied_of_variants, has_antisymmetric_forces, loaded_in_variants, preloaded
 from mbsvib.errors import SingularPoseError
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 

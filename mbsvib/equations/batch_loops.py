@@ -37,14 +37,13 @@ from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Variants
     from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import LoopGroup
+    from mbsvib.kinematics.loops import LoopGroup, Reduction
+
     Mask = NDArray[np.bool_]
-    from mbsvib.common.arrays import Bools
-    from mbsvib.kinematics.loops import Reduction
 
 
 # Where 1 / |A^-1| is below this factor times the limit of a nearly singular pose, the pivots of the variant decide ...

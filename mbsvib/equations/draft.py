@@ -95,21 +95,8 @@ def first_draft(
 ) -> Draft:
     """Return the equations of motion of bodies, joints, connections and ports, without those of other parts.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The expanded mechanism.
-    scene : Scene
-        Its arrays.
-    independent : sequence of str, optional
-        Joint coordinates that must be among the minimal ones.
-    checked : bool
-        Whether later steps refuse a pose that is not in balance.
-
-    Returns
-    -------
-    Draft
-        M, C, K, B, Cq, Cv, Ca, D with their factors.
+    ``independent``: joint coordinates that must be among the minimal ones. If ``checked``, later steps refuse a pose
+    that is not in balance.
     """
     displacements = scene.relative()
     phi = scene.closure(displacements)

@@ -54,19 +54,7 @@ def minimal_rows(
 def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:
     """Return the matrices of a mechanism and their factors.
 
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the mechanism.
-    minimal : MinimalRows
-        Its rows in minimal coordinates.
-    closed : bool
-        Whether it has loops, so that elastic rows may be zero; among rows that are ``used`` these are left out.
-
-    Returns
-    -------
-    Terms
-        M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
+    If ``closed`` there are loops, so that elastic rows may be zero; among rows that are ``used`` these are left out.
     """
     springs, motion, all_rows, used = scene.springs, minimal.motion, minimal.rows, minimal.used
     count = len(springs.owner) if used is None else int(np.count_nonzero(used))

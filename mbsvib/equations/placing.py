@@ -219,14 +219,6 @@ def rod_ends(joint: Joint, values: Values) -> tuple[Array, Array]:
     return start, end
 
 
-def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
-    """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
-    result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
-    result = result.astype(np.result_type(result, value), copy=False)
-    result[:, :, at] = value if value.ndim == 3 else value[:, :, None]
-    return result
-
-
 def scene_of_variant(scene: Scene, i: int) -> Scene:
     """Return the geometry and the inertia of one variant, of bodies, joints and loops."""
     twists, cuts, inertia = scene.coordinates, scene.cuts, scene.inertia

@@ -36,16 +36,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.mechanism.topology import Branch
-    Kept = Sequence[tuple[Index, Index]]
-
-    from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Topology
+    from mbsvib.mechanism.topology import Branch, Topology
+
+    Kept = Sequence[tuple[Index, Index]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.couplings import Couplings
+
     Mask = NDArray[np.bool_]
     Arms = Callable[[Iterable[str]], float]
-    from collections.abc import Callable
 
 
 @fast_init

@@ -101,21 +101,9 @@ class Tree:
         return vectors + [own for part in self.curved for own in part.columns.T]
 
     def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
-        """Return the pose after finite joint motions, one coordinate after the other along the tree.
+        """Return the pose, or many, after finite joint motions, one coordinate after the other along the tree.
 
-        Parameters
-        ----------
-        pose : Pose
-            The pose before the motion; loops are not closed.
-        coordinates : Twists
-            The joint coordinates there.
-        q : array, shape (..., n)
-            Their values [m, rad].
-
-        Returns
-        -------
-        Pose
-            The pose after it, or many.
+        Loops are not closed. ``coordinates`` are those in the ``pose`` before, ``q`` (..., n) their values [m, rad].
         """
         sums = self._sums(coordinates, q)
         rotations, shifts = exponential(sums[..., 3:]), sums.take(self.group, axis=-2)[..., :3]
