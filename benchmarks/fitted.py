@@ -15,7 +15,7 @@ import numpy as np
 import mbsvib as mv
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from mbsvib.fitting.responses import blocks
+from mbsvib.fitting.response_data import blocks
 from tests.fitting.scenes import away, chain, measured
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")

@@ -1,10 +1,14 @@
-"""Models to model files: the arguments that made each part; files are written completely or not at all."""
+"""Models to model files: the arguments that made each part; files are written completely or not at all.
+
+The text of a model file: one key a line, a vector on one line, a matrix with one line a row.
+"""
 
 from __future__ import annotations
 
-from os import PathLike
-from pathlib import Path
-from typing import Any
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.api.model import ADDERS, Model
 from mbsvib.common.atomic_file import write_atomic
@@ -12,8 +16,100 @@ from mbsvib.common.expected import a_model
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
-from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.words import SECTIONS, VERSION, head_words, words
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from pathlib import Path
+
+HEADING = "# mbsvib model: SI units and radians; positions and axes in world coordinates"
+# A plain scalar starts with a letter, so that it is not a number. It has single blanks only, so that it has no ": " and
+# no " #".
+_PLAIN = re.compile(r"[^\W\d][\w./-]*(?: [\w./-]+)*")
+# text in YAML 1.2, but most of it has another type in YAML 1.1
+_RESERVED = frozenset({"null", "true", "false", "yes", "no", "on", "off"})
+# YAML takes a longer key only in its explicit form
+_LONG_KEY = 1000
+
+
+def yaml_text(data: Mapping[str, Any]) -> str:
+    """Return the YAML text of a model's description."""
+    lines = [HEADING]
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"{key}:"]
+            for name, words in value.items():
+                lines.append(f"  {_key(name)}" if len(name) < _LONG_KEY else f"  ? {_word(name)}\n  :")
+                lines += (f"    {line}" for word, argument in words.items() for line in _yaml_entry(word, argument))
+        else:
+            lines += _yaml_entry(key, value)
+    return "\n".join(lines) + "\n"
+
+
+def json_text(data: Mapping[str, Any]) -> str:
+    """Return the JSON text of a model's description."""
+    return f"{_json_value(data, '')}\n"
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back as the same float, large round numbers as 2.0e+7.
+
+    The point is always there, and an exponent has its sign: readers of YAML 1.1 take it for text otherwise.
+    """
+    text = repr(float(value))
+    mantissa, _, exponent = text.partition("e")
+    if exponent:
+        return text if "." in mantissa else f"{mantissa}.0e{exponent}"
+    if abs(value) >= 1e5 and text.endswith("000.0"):
+        sign, digits = ("-", text[1:-2]) if text[0] == "-" else ("", text[:-2])
+        significant = digits.rstrip("0")
+        return f"{sign}{significant[0]}.{significant[1:] or '0'}e+{len(digits) - 1}"
+    return text
+
+
+def _yaml_entry(word: str, value: Any) -> Iterator[str]:
+    if _is_matrix(value):
+        yield _key(word)
+        yield from (f"  - {_inline(row, _word)}" for row in value)
+    else:
+        yield f"{_key(word)} {_inline(value, _word)}"
+
+
+def _json_value(value: Any, indent: str) -> str:
+    deeper = indent + "  "
+    if isinstance(value, Mapping):
+        inner = (f"{deeper}{_quoted(key)}: {_json_value(item, deeper)}" for key, item in value.items())
+        return "{\n" + ",\n".join(inner) + f"\n{indent}}}"
+    if _is_matrix(value):
+        return "[\n" + ",\n".join(f"{deeper}{_inline(row, _quoted)}" for row in value) + f"\n{indent}]"
+    return _inline(value, _quoted)
+
+
+def _inline(value: Any, text: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{text(key)}: {_inline(item, text)}' for key, item in value.items())}}}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(_inline(item, text) for item in value)}]"
+    if isinstance(value, str):
+        return str(text(value))
+    return json.dumps(value) if value is None or isinstance(value, int) else number(value)
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, tuple) and bool(value) and isinstance(value[0], tuple)
+
+
+def _key(name: str) -> str:
+    return f"{_word(name)}:"
+
+
+def _word(text: str) -> str:
+    plain = _PLAIN.fullmatch(text) and text.lower() not in _RESERVED
+    return text if plain else _quoted(text)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(str(text), ensure_ascii=False)
 
 
 def save(model: Model, path: str | PathLike[str]) -> Path:

@@ -17,26 +17,20 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.library._arms import gripper, puma, six_link, stanford, two_link
+    from mbsvib.library._beams import cantilever, singular_beam
     from mbsvib.library._bicycle import bicycle
-    from mbsvib.library._cantilever import cantilever
-    from mbsvib.library._chain import chain
-    from mbsvib.library._cubic import cubic_hexapod
     from mbsvib.library._dh import from_dh
-    from mbsvib.library._engine import engine_on_mounts
+    from mbsvib.library._families import chain, ladder, tree
     from mbsvib.library._flexures import cross_hinge, parallel_guide
-    from mbsvib.library._inclined_chain import inclined_chain
-    from mbsvib.library._ladder import ladder
     from mbsvib.library._linkages import four_bar, slider_crank
     from mbsvib.library._machines import carpet_scraper, hoeken
+    from mbsvib.library._masses import engine_on_mounts, inclined_chain, quarter_car
     from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
     from mbsvib.library._quadruped import quadruped
-    from mbsvib.library._quarter_car import quarter_car
     from mbsvib.library._rotors import rotor_stator, sleeping_top
-    from mbsvib.library._singular_beam import singular_beam
     from mbsvib.library._spatial_linkages import rssr, seven_r
-    from mbsvib.library._stewart import stewart, stewart_isolator
+    from mbsvib.library._stewart import cubic_hexapod, stewart, stewart_isolator
     from mbsvib.library._toggle import toggle
-    from mbsvib.library._tree import tree
     from mbsvib.library._wafer_stage import wafer_stage
 
 __all__ = [

@@ -1,20 +1,141 @@
-"""Arms, trees and closed chains from Denavit-Hartenberg rows."""
+"""Arms, trees and closed chains from Denavit-Hartenberg rows.
+
+The words of Denavit-Hartenberg rows and of the joints that close loops, with their checks and frames.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import cos, pi, sin
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library._dh_rows import about_x, about_z, checked_closing, checked_row, frame, inertia_about_centre
+from mbsvib.elements.joint_kinds import KINDS
+from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array
+
+
+JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
+ABOUT = ("cm", "origin")
+WORDS = ("a", "b", "alpha", "theta", "joint", "mass", "cm", "inertia", "about", "name", "parent", "offset", "turn")
+CLOSING_WORDS = ("first", "second", "joint", "name", "offset", "turn")
+# Angles this near to a multiple of a right angle are rounded to it: its cosine or sine is then exactly zero.
+RIGHT = 1e-15
+
+
+def checked_row(description: Any, i: int, links: Iterable[str]) -> dict[str, Any]:
+    """Return one row with all its entries, checked; ``links`` are the names of those before it, ground among them."""
+    who, known = f"link {i}", list(links)
+    _check_words(description, who, WORDS)
+    for word, expected in (("mass", "a mass [kg]"), ("inertia", "3, 6 or 3x3 values [kg m^2]")):
+        if word not in description:
+            raise check.refuse(who, word, None, expected)
+    row = {word: check.number(description.get(word, 0.0), who, word, f"a finite number [{unit}]")
+           for word, unit in (("a", "m"), ("b", "m"), ("alpha", "rad"), ("theta", "rad"))}  # fmt: skip
+    joint = description.get("joint", "revolute")
+    if not isinstance(joint, str) or joint not in JOINTS:
+        raise check.refuse(who, "joint", joint, "revolute or prismatic, or R or P",
+                           nearest(str(joint), JOINTS).strip() or "Joints of several freedoms are several rows, links "
+                           "without mass between them.")  # fmt: skip
+    about = description.get("about", "cm")
+    if about not in ABOUT:
+        raise check.refuse(who, "about", about, "'cm' or 'origin', the point about which the inertia is taken")
+    return row | _offset_and_turn(description, who) | {
+        "joint": JOINTS[joint], "mass": description["mass"], "inertia": description["inertia"], "about": about,
+        "cm": np.array(check.vector(description.get("cm", (0.0, 0.0, 0.0)), who, "cm")),
+        "name": description.get("name", f"link{i}"),
+        "parent": _link(description.get("parent", known[-1]), who, "parent", known),
+    }  # fmt: skip
+
+
+def checked_closing(description: Any, i: int, links: Iterable[str]) -> dict[str, Any]:
+    """Return what describes a closing joint, with all its entries, checked."""
+    who, known = f"closing joint {i}", list(links)
+    _check_words(description, who, CLOSING_WORDS)
+    joint = description.get("joint", "revolute")
+    kinds = [kind for kind in KINDS if kind not in ("screw", "distance", "free")]
+    word = JOINTS.get(joint, joint) if isinstance(joint, str) else joint
+    if word not in kinds:
+        raise check.refuse(who, "joint", joint, f"one of {', '.join(kinds)}",
+                           "Add any other with add_joint.")  # fmt: skip
+    if "first" not in description:
+        raise check.refuse(who, "first", None, "the link whose last frame the joint is in")
+    return _offset_and_turn(description, who) | {
+        "joint": word, "name": description.get("name", f"closing{i}"),
+        "first": _link(description["first"], who, "first", known),
+        "second": _link(description.get("second", "ground"), who, "second", known),
+    }  # fmt: skip
+
+
+def frame(origin: Array, axes: Array, row: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return a frame moved by the ``offset`` and turned by the ``turn`` of a row, both in its own axes."""
+    return origin + axes @ row["offset"], axes @ row["turn"]
+
+
+def inertia_about_centre(row: Mapping[str, Any], link: str) -> Any:
+    """Return the tensor about the centre of mass, moved there from the frame's origin where it is given about that."""
+    if row["about"] == "cm":
+        return row["inertia"]
+    tensor = np.array(row["inertia"], dtype=float)
+    if tensor.shape == (6,):
+        xx, yy, zz, xy, xz, yz = tensor
+        tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    elif tensor.shape == (3,):
+        tensor = np.diag(tensor)
+    elif tensor.shape != (3, 3):
+        raise check.refuse(f"body '{link}'", "inertia", row["inertia"], "3, 6 or 3x3 values [kg m^2]")
+    mass = check.number(row["mass"], f"body '{link}'", "mass", "a positive number [kg]")
+    c = row["cm"]
+    return tensor - mass * ((c @ c) * np.eye(3) - np.outer(c, c))
+
+
+def about_z(angle: float) -> Array:
+    """Return the rotation about z."""
+    c, s = _cosine_sine(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def about_x(angle: float) -> Array:
+    """Return the rotation about x."""
+    c, s = _cosine_sine(angle)
+    return np.array(((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
+
+
+def _check_words(description: Any, who: str, words: tuple[str, ...]) -> None:
+    if not isinstance(description, Mapping):
+        raise check.refuse(who, "row", description, f"a mapping with the words {', '.join(words)}")
+    for word in description:
+        if word not in words:
+            raise ModelError(f"{who}: there is no word {word!r}.{nearest(str(word), words)} A row has "
+                             f"{', '.join(words)}.", element=who, field=str(word))  # fmt: skip
+
+
+def _offset_and_turn(description: Mapping[str, Any], who: str) -> dict[str, Array]:
+    return {"offset": np.array(check.vector(description.get("offset", (0.0, 0.0, 0.0)), who, "offset")),
+            "turn": np.array(check.orientation(description.get("turn"), who))}  # fmt: skip
+
+
+def _link(value: Any, who: str, field: str, known: list[str]) -> str:
+    if not isinstance(value, str) or value not in known:
+        raise check.refuse(who, field, value, f"the name of a link before it, or 'ground': {', '.join(known)}",
+                           nearest(str(value), known).strip())  # fmt: skip
+    return value
+
+
+def _cosine_sine(angle: float) -> tuple[float, float]:
+    quarter = round(angle / (0.5 * pi))
+    if abs(angle - quarter * 0.5 * pi) <= RIGHT * max(1.0, abs(angle)):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
+    return cos(angle), sin(angle)
 
 
 def from_dh(

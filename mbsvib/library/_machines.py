@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library import _bars as bars
 from mbsvib.library._families import positive
+from mbsvib.library._spatial_linkages import Point, add_planar_bar, meeting, turned
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,11 +64,11 @@ def hoeken(
         (crank, "crank"), (ground, "ground"), (coupler, "coupler"), (rocker, "rocker")))  # fmt: skip
     per_length = positive(mass_per_length, who, "mass_per_length", "kg/m")
     turn = check.number(angle, who, "angle", "an angle [rad]")
-    o, d, a = (0.0, 0.0), (a0, 0.0), bars.turned(a1, turn)
+    o, d, a = (0.0, 0.0), (a0, 0.0), turned(a1, turn)
     b = _left_of(a, a2, d, a3)
     model = Model(who, gravity)
     for name, start, end in (("link1", o, a), ("link2", a, b), ("link3", d, b)):
-        bars.add_planar_bar(model, name, start, end, per_length)
+        add_planar_bar(model, name, start, end, per_length)
     for name, first, second, at in (("crank", "ground", "link1", o), ("pin12", "link1", "link2", a),
                                     ("pin23", "link2", "link3", b), ("rocker", "ground", "link3", d)):  # fmt: skip
         model.add_joint(name, "revolute", first, second, (*at, 0.0), axis=Z)
@@ -122,15 +122,15 @@ def carpet_scraper(
     length = positive(crank, who, "crank", "m")
     per_length = positive(mass_per_length, who, "mass_per_length", "kg/m")
     turn = check.number(angle, who, "angle", "an angle [rad]")
-    o, r, p, pin = (0.0, 0.0), (2.0 * length, 0.0), (2.0 * length, 8.0 * length), bars.turned(length, turn)
+    o, r, p, pin = (0.0, 0.0), (2.0 * length, 0.0), (2.0 * length, 8.0 * length), turned(length, turn)
     middle = _left_of(pin, 2.5 * length, r, 2.5 * length)
     c = _double(pin, middle)
-    a = bars.meeting(p, 4.0 * length, c, 4.5 * length, who, "crank")
+    a = meeting(p, 4.0 * length, c, 4.5 * length, who, "crank")
     q, e = _double(p, a), _double(p, c)
     d = (c[0] + q[0] - a[0], c[1] + q[1] - a[1])
     model = Model(who, gravity)
     for i, (start, end) in enumerate(((o, pin), (pin, c), (r, middle), (p, q), (a, c), (q, e), (c, d)), 1):
-        bars.add_planar_bar(model, f"link{i}", start, end, per_length)
+        add_planar_bar(model, f"link{i}", start, end, per_length)
     # among equal paths the joint that comes first stays in the tree: the source cuts 1-2, 2-5 and 2-7
     for first, second, at in ((0, 1, o), (0, 3, r), (0, 4, p), (2, 3, middle), (4, 5, a), (4, 6, q), (6, 7, d),
                               (1, 2, pin), (2, 5, c), (2, 7, c)):  # fmt: skip
@@ -142,12 +142,12 @@ def carpet_scraper(
     return model
 
 
-def _left_of(pin: bars.Point, reach: float, pivot: bars.Point, rocker: float) -> bars.Point:
+def _left_of(pin: Point, reach: float, pivot: Point, rocker: float) -> Point:
     """Where coupler and rocker meet, on the side of +y while the crank points along +x."""
-    return bars.meeting(pin, reach, pivot, rocker, "hoeken", "coupler")
+    return meeting(pin, reach, pivot, rocker, "hoeken", "coupler")
 
 
-def _double(start: bars.Point, middle: bars.Point) -> bars.Point:
+def _double(start: Point, middle: Point) -> Point:
     return (2.0 * middle[0] - start[0], 2.0 * middle[1] - start[1])
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.library import _platform as shape
+from mbsvib.library._stewart import LOADS, box, cylinder
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -81,7 +81,7 @@ def quadruped(
     gear = ((*zeros, gear_stiffness, 0.0, 0.0), (*zeros, gear_damping, 0.0, 0.0))
     model = Model(who)
     centre = (0.0, 0.0, HIP[1])
-    model.add_body("trunk", trunk, shape.box(trunk, 0.6, 0.24, 0.1), centre)
+    model.add_body("trunk", trunk, box(trunk, 0.6, 0.24, 0.1), centre)
     model.add_joint("trunk.free", "free", "ground", "trunk", centre)
     for corner, x, side in (("fl", 1.0, 1.0), ("fr", 1.0, -1.0), ("rl", -1.0, 1.0), ("rr", -1.0, -1.0)):
         points = [(LENGTHWISE * x, side * sideways, up) for sideways, up in (HIP, FIRST_GEAR, SECOND_GEAR, FOOT)]
@@ -100,7 +100,7 @@ def quadruped(
                 _add_worm(model, f"{corner}.worm{joint[-1]}", before, name, point, worm_ratio)
             before = body
         model.add_bushing(f"{corner}.foot", "ground", before, points[3], *foot)
-    for load, direction in zip(shape.LOADS, DIRECTIONS, strict=True):
+    for load, direction in zip(LOADS, DIRECTIONS, strict=True):
         model.add_input(load, "trunk", direction)
         model.add_output(direction, "trunk", direction)
     return model
@@ -111,12 +111,12 @@ def _add_rod(model: Model, name: str, mass: float, start: Vector, end: Vector) -
     length = sqrt(line[0] ** 2 + line[1] ** 2 + line[2] ** 2)
     middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2]))
     axes = check.frame_along((line[0] / length, line[1] / length, line[2] / length))
-    model.add_body(name, mass, shape.cylinder(mass, RADIUS, length), middle, axes)
+    model.add_body(name, mass, cylinder(mass, RADIUS, length), middle, axes)
 
 
 def _add_worm(model: Model, name: str, carrier: str, gear: str, point: Vector, ratio: float) -> None:
     mass, radius, length = WORM
     across = (0.0, 1.0, 0.0)
-    model.add_body(name, mass, shape.cylinder(mass, radius, length), point, check.frame_along(across))
+    model.add_body(name, mass, cylinder(mass, radius, length), point, check.frame_along(across))
     model.add_joint(f"{name}.shaft", "revolute", carrier, name, point, axis=across)
     model.add_worm(f"{name}.mesh", f"{name}.shaft", gear, ratio)

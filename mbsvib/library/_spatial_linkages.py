@@ -1,19 +1,63 @@
-"""The RSSR linkage and its equivalent of seven revolute joints."""
+"""The RSSR linkage and its equivalent of seven revolute joints.
+
+Slender bars between two points: the links of linkages.
+"""
 
 from __future__ import annotations
 
-from math import cos, hypot, sin
+from math import atan2, cos, hypot, sin
 from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library import _bars as bars
 from mbsvib.library._families import positive
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arguments import Vector
+
+
+Point = tuple[float, float]
+# Moment of inertia of a planar bar about its own line as a share of that across it; it has no effect in the plane.
+THICKNESS = 0.01
+
+
+def add_planar_bar(model: Model, name: str, start: Point, end: Point, per_length: float) -> None:
+    """Add a slender bar in the x-y plane, its x along its line."""
+    length = hypot(end[0] - start[0], end[1] - start[1])
+    moment = per_length * length**3 / 12.0
+    model.add_body(name, per_length * length, (THICKNESS * moment, moment, moment),
+                   (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.0),
+                   (0.0, 0.0, atan2(end[1] - start[1], end[0] - start[0])))  # fmt: skip
+
+
+def add_bar(model: Model, name: str, start: Vector, end: Vector, mass: float, axial_inertia: float) -> None:
+    """Add a slender bar in space, its z along its line."""
+    line = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
+    length = hypot(*line)
+    moment = mass * length**2 / 12.0
+    model.add_body(name, mass, (moment, moment, axial_inertia),
+                   (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])),
+                   check.frame_along((line[0] / length, line[1] / length, line[2] / length)))  # fmt: skip
+
+
+def meeting(first: Point, first_length: float, second: Point, second_length: float, who: str, field: str) -> Point:
+    """Return where two bars from two pins meet, on the left of the line from the first pin to the second."""
+    x, y = second[0] - first[0], second[1] - first[1]
+    distance = hypot(x, y)
+    if not abs(first_length - second_length) < distance < first_length + second_length:
+        raise check.refuse(who, field, None, f"lengths that meet: bars of {first_length:g} m and {second_length:g} m "
+                           f"start from pins {distance:g} m apart")  # fmt: skip
+    along = 0.5 * (distance**2 + first_length**2 - second_length**2) / distance
+    across = (first_length**2 - along**2) ** 0.5
+    return (first[0] + (along * x - across * y) / distance, first[1] + (along * y + across * x) / distance)
+
+
+def turned(length: float, angle: float) -> Point:
+    """Return the end of a bar from the origin, at an angle from x towards y."""
+    return (length * cos(angle), length * sin(angle))
+
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ROCKER_BALLS = ("spherical", "universal")
@@ -142,7 +186,7 @@ def _linkage(
     model = Model(who, gravity)
     for name, start, end, mass in (("link1", (0.0, 0.0, 0.0), a, three[0]), ("link2", a, b, three[1]),
                                    ("link3", pivot, b, three[2])):  # fmt: skip
-        bars.add_bar(model, name, start, end, mass, axial)
+        add_bar(model, name, start, end, mass, axial)
     model.add_joint("crank", "revolute", "ground", "link1", (0.0, 0.0, 0.0), axis=Z)
     model.add_joint("rocker", "revolute", "ground", "link3", pivot, axis=X)
     return model, a, b, (line[0] / length, line[1] / length, line[2] / length)

@@ -1,13 +1,18 @@
-"""Stewart platforms: six extensible legs between a base and a platform, closed loops in space."""
+"""Stewart platforms: six extensible legs between a base and a platform, closed loops in space.
+
+The cubic hexapod: six springs along edges of a cube, decoupled in all six directions.
+
+Ports of a six-legged platform, and the shapes its bodies are made of.
+"""
 
 from __future__ import annotations
 
-from math import radians, sqrt
+from math import cos, pi, radians, sin, sqrt
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library import _platform as shape
+from mbsvib.common.arguments import DIRECTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,6 +20,69 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arguments import Vector
+
+
+GROUPS = ("platform", "legs", "base")
+LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")
+LOADS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def cylinder(mass: float, radius: float, length: float) -> Vector:
+    """Return the principal moments of a solid cylinder about its centre, axis along z [kg m^2]."""
+    across = mass * (3.0 * radius * radius + length * length) / 12.0
+    return (across, across, 0.5 * mass * radius * radius)
+
+
+def rod(principal: Vector, line: Vector) -> tuple[float, ...]:
+    """Return the inertia in world axes, xx yy zz xy xz yz, of a body whose axis of symmetry z lies along ``line``."""
+    across, _, along = principal
+    x, y, z = line
+    d = along - across
+    return (across + d * x * x, across + d * y * y, across + d * z * z, d * x * y, d * x * z, d * y * z)
+
+
+def box(mass: float, x: float, y: float, z: float) -> Vector:
+    """Return the principal moments of a solid box with these edges about its centre [kg m^2]."""
+    return (mass * (y * y + z * z) / 12.0, mass * (x * x + z * z) / 12.0, mass * (x * x + y * y) / 12.0)
+
+
+def circle(radius: Any, height: Any, angles: Any, who: str, ring: str) -> list[Vector]:
+    """Return six points on a horizontal circle about the z axis."""
+    r = check.number(radius, who, f"{ring}_radius", "a radius [m]")
+    z = check.number(height, who, f"{ring}_height", "a height [m]")
+    turns = check.numbers(angles, (6,), who, f"{ring}_angles", "six angles [rad]")
+    return [(r * cos(a), r * sin(a), z) for a in turns]
+
+
+def port_groups(ports: Any, who: str) -> tuple[str, ...]:
+    """Return the requested groups of ports."""
+    if ports == "all":
+        return GROUPS
+    if ports == "none":
+        return ()
+    groups = (ports,) if isinstance(ports, str) or not hasattr(ports, "__iter__") else tuple(ports)
+    if all(group in GROUPS for group in groups):
+        return groups
+    raise check.refuse(who, "ports", ports, "'platform', 'legs' or 'base', several of them, 'all' or 'none'")
+
+
+def add_ports(model: Model, groups: Sequence[str], legs: Sequence[tuple[str, str, Vector, Vector]]) -> None:
+    """Add the groups of ports; a leg is (first body, second body, point, direction), its spring ``leg1.k``..."""
+    if "platform" in groups:
+        for load, direction in zip(LOADS, DIRECTIONS, strict=True):
+            model.add_input(load, "platform", direction)
+            model.add_output(direction, "platform", direction)
+    if "legs" in groups:
+        for leg, (first, second, point, line) in zip(LEGS, legs, strict=True):
+            model.add_input(f"{leg}.f", second, line, point, relative_to=first)
+            model.add_output(f"{leg}.elongation", second, line, point, relative_to=first)
+            model.add_force_output(f"{leg}.force", f"{leg}.k")
+    if "base" in groups:
+        for direction in "xyz":
+            model.add_base_motion(f"a{direction}", direction)
+        for direction in DIRECTIONS:
+            model.add_output(f"platform.a{direction}", "platform", direction, quantity="acceleration")
+
 
 BASE_ANGLES = tuple(map(radians, (-10.0, 10.0, 110.0, 130.0, 230.0, 250.0)))
 PLATFORM_ANGLES = tuple(map(radians, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0)))
@@ -79,14 +147,14 @@ def stewart(
     """
     if foot not in ("universal", "spherical"):
         raise check.refuse("stewart", "foot", foot, "'universal' or 'spherical'")
-    groups = shape.port_groups(ports, "stewart")
-    low = shape.circle(base_radius, base_height, base_angles, "stewart", "base")
-    high = shape.circle(platform_radius, platform_height, platform_angles, "stewart", "platform")
+    groups = port_groups(ports, "stewart")
+    low = circle(base_radius, base_height, base_angles, "stewart", "base")
+    high = circle(platform_radius, platform_height, platform_angles, "stewart", "platform")
     height = check.number(payload_height, "stewart", "payload_height", "a height [m]")
     model = Model("stewart" if foot == "universal" else "stewart_isolator")
     if payload_inertia is None:
         mass = check.number(payload_mass, "stewart", "payload_mass", "a positive number [kg]")
-        payload_inertia = shape.cylinder(mass, PAYLOAD_RADIUS, PAYLOAD_THICKNESS)
+        payload_inertia = cylinder(mass, PAYLOAD_RADIUS, PAYLOAD_THICKNESS)
     model.add_body("platform", payload_mass, payload_inertia, (0.0, 0.0, height))
     part = tuple(
         check.number(value, "stewart", field, "a positive number")
@@ -97,9 +165,9 @@ def stewart(
         flexure = ((0.0, 0.0, 0.0) + (torsion_stiffness,) * 3, (0.0, 0.0, 0.0) + (torsion_damping,) * 3)
     legs = [
         _add_leg(model, leg, a, b, part, (leg_stiffness, leg_damping), foot, flexure)
-        for leg, a, b in zip(shape.LEGS, low, high, strict=True)
+        for leg, a, b in zip(LEGS, low, high, strict=True)
     ]
-    shape.add_ports(model, groups, legs)
+    add_ports(model, groups, legs)
     return model
 
 
@@ -154,7 +222,7 @@ def _add_leg(
         raise check.refuse(leg, "end", end, "a point other than its start: change a radius, height or angle")
     line = (x / length, y / length, z / length)
     mass, size, radius = part
-    inertia, half, axes = shape.rod(shape.cylinder(mass, radius, size), line), 0.5 * size, check.frame_along(line)
+    inertia, half, axes = rod(cylinder(mass, radius, size), line), 0.5 * size, check.frame_along(line)
     lower, upper = f"{leg}.lower", f"{leg}.upper"
     low = (start[0] + half * line[0], start[1] + half * line[1], start[2] + half * line[2])
     high = (end[0] - half * line[0], end[1] - half * line[1], end[2] - half * line[2])
@@ -168,3 +236,62 @@ def _add_leg(
         model.add_bushing(f"{leg}.foot.k", "ground", lower, start, *flexure, axes)
         model.add_bushing(f"{leg}.head.k", upper, "platform", end, *flexure, axes)
     return lower, upper, start, line
+
+
+def cubic_hexapod(
+    *, edge: float = 0.2, stiffness: float = 1e6, damping: float = 50.0, mass: float = 10.0,
+    inertia: ArrayLike = (0.05, 0.05, 0.08), ports: str | Sequence[str] = "platform",
+) -> Model:  # fmt: skip
+    """Build a cubic hexapod whose payload floats with its centre of mass at the cube's centre.
+
+    The legs are six edges of a cube that stands on one corner, the three at that corner and at the one above it left
+    out, so that they are orthogonal in threes. About the cube's centre, with k the stiffness of a leg and L the edge,
+
+        K = k diag(2, 2, 2, L^2/2, L^2/2, 2 L^2).
+
+    Legs are line springs ``leg1`` ... without mass; nothing else holds the payload. The data are chosen.
+
+    Parameters
+    ----------
+    edge : float
+        Edge of the cube [m].
+    stiffness, damping : float
+        Of a leg, along its line [N/m, N s/m].
+    mass : float
+        Mass of the payload [kg].
+    inertia : array-like, shape (3,), (6,) or (3, 3)
+        Its inertia about the centre of mass [kg m^2], world axes.
+    ports : str or sequence of str
+        As in ``stewart``; the actuators of the group ``"legs"`` push the payload off the ground along a leg.
+
+    Returns
+    -------
+    Model
+        The hexapod, 6 degrees of freedom; body ``platform``, springs ``leg1.k`` ... ``leg6.k``.
+
+    Raises
+    ------
+    ModelError
+        If the edge is not positive, or a value is refused by the part it is for.
+
+    Source: Z. Geng, L. Haynes, "Six degree-of-freedom active vibration control using the Stewart platforms" (1994).
+    """
+    who = "cubic_hexapod"
+    size = check.number(edge, who, "edge", "a positive length [m]")
+    if size <= 0.0:
+        raise check.refuse(who, "edge", edge, "a positive length [m]")
+    groups = port_groups(ports, who)
+    # corners lie on two circles about the diagonal, L sqrt(2/3) in radius and L / sqrt(12) off the centre
+    radius, height = size * sqrt(2.0 / 3.0), size / sqrt(12.0)
+    model = Model(who)
+    model.add_body("platform", mass, inertia)
+    model.add_joint("platform.free", "free", "ground", "platform", (0.0, 0.0, 0.0))
+    legs = []
+    for i, leg in enumerate(LEGS):
+        low, high = 2.0 * pi * ((i + 1) // 2) / 3.0, pi * (2.0 * (i // 2) + 1.0) / 3.0
+        start = (radius * cos(low), radius * sin(low), -height)
+        end = (radius * cos(high), radius * sin(high), height)
+        spring = model.add_spring(f"{leg}.k", "ground", "platform", start, end, stiffness, damping)
+        legs.append(("ground", "platform", start, spring.line))
+    add_ports(model, groups, legs)
+    return model

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library import _bars as bars
 from mbsvib.library._families import positive
+from mbsvib.library._spatial_linkages import add_planar_bar
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,8 +64,8 @@ def toggle(
         raise check.refuse(who, "angle", angle, "more than 0 (the stretched pose) and less than pi / 2 rad")
     elbow, end = (length * cos(theta), length * sin(theta)), 2.0 * length * cos(theta)
     model = Model(who, gravity)
-    bars.add_planar_bar(model, "arm1", (0.0, 0.0), elbow, mass / length)
-    bars.add_planar_bar(model, "arm2", elbow, (end, 0.0), mass / length)
+    add_planar_bar(model, "arm1", (0.0, 0.0), elbow, mass / length)
+    add_planar_bar(model, "arm2", elbow, (end, 0.0), mass / length)
     model.add_body("slider", slider_mass, (1e-3 * slider_mass,) * 3, (end, 0.0, 0.0))  # it never turns
     model.add_joint("base", "revolute", "ground", "arm1", (0.0, 0.0, 0.0), axis=Z)
     model.add_joint("elbow", "revolute", "arm1", "arm2", (*elbow, 0.0), axis=Z)

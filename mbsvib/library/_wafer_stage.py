@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.library._platform import LOADS, box
+from mbsvib.library._stewart import LOADS, box
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector

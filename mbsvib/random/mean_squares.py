@@ -11,8 +11,7 @@ import numpy as np
 
 from mbsvib.errors import OutsideTableWarning, ResponseError
 from mbsvib.linalg.lasting import separated
-from mbsvib.random.moments import Equations, check_stable, filtered, moments
-from mbsvib.random.quadrature import NARROWEST, rule
+from mbsvib.random.moments import NARROWEST, Equations, check_stable, filtered, moments, rule
 from mbsvib.responses.feedthrough import direct
 
 if TYPE_CHECKING:
@@ -22,8 +21,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.linalg.lasting import Lasting, Separation
-    from mbsvib.random.moments import Filtered
-    from mbsvib.random.quadrature import Rule
+    from mbsvib.random.moments import Filtered, Rule
     from mbsvib.random.sources import Sources
     from mbsvib.random.weights import Weight
 

@@ -1,4 +1,7 @@
-"""Contents of a report, as plain lists and numbers for JSON."""
+"""Contents of a report, as plain lists and numbers for JSON.
+
+The order in which signals are shown: motions of the ground first, and motions of what is furthest from it.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ from mbsvib.common import units
 from mbsvib.explain.dense import skipped
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _scene
 from mbsvib.plots._curves import NEGLIGIBLE, curves, pick
 from mbsvib.plots.modes import largest, shares
 from mbsvib.plots.topology import laid_out
 from mbsvib.report.comparison import compared_modes, has_geometry, measured_against, noted_differences
 from mbsvib.report.form import COMPARED, form_of
-from mbsvib.report.order import inputs_in_order, outputs_in_order
 from mbsvib.responses.frequency_grid import resolving_frequencies, span
 from mbsvib.version import __version__
 
@@ -29,6 +32,48 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.selection import Names
     from mbsvib.modes import Modes
+
+
+def inputs_in_order(system: Any, names: Sequence[str]) -> list[str]:
+    """Return inputs, motions of the ground before forces."""
+    return sorted(names, key=lambda name: system.input_units[system.inputs.index(name)] not in _motions(system))
+
+
+def outputs_in_order(system: Any, names: Sequence[str]) -> list[str]:
+    """Return outputs, those of the unit of a ground's motion first, and among these the payload's first.
+
+    The payload is the body with most connections between it and the ground, on the shortest way.
+    """
+    away, ports = _distances(system), {port.name: port for port in getattr(_provenance(system), "ports", ())}
+
+    def key(name: str) -> tuple[bool, int]:
+        body = getattr(ports.get(name), "body", None)
+        return system.output_units[system.outputs.index(name)] not in _motions(system), -away.get(body, 0)
+
+    return sorted(names, key=key)
+
+
+def _motions(system: Any) -> set[str]:
+    """The units of inputs that are motions."""
+    return {unit for unit in system.input_units if unit.startswith(("m", "rad"))}
+
+
+def _provenance(system: Any) -> Any:
+    return getattr(system, "provenance", None)
+
+
+def _distances(system: Any) -> dict[str | None, int]:
+    """Connections between each body and the ground, on the shortest way."""
+    links = [(part.first, part.second) for part in getattr(_provenance(system), "parts", ()) if hasattr(part, "second")]
+    away: dict[str | None, int] = {GROUND: 0}
+    front = [GROUND]
+    while front:
+        reached = dict.fromkeys(there for pair in links for here, there in (pair, pair[::-1])
+                                if here in front and there not in away)  # fmt: skip
+        away |= dict.fromkeys(reached, away[front[0]] + 1)
+        front = list(reached)
+    return away
+
 
 MOST_MODES = 60  # in motion at least; more are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000

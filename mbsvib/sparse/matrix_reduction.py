@@ -30,8 +30,8 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.gram_schmidt import extended
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
-from mbsvib.reduction.craig_bampton import independent_rows
-from mbsvib.reduction.error import error_bound
+from mbsvib.reduction.modal import independent_rows
+from mbsvib.reduction.reduced import error_bound
 from mbsvib.sparse.equations import SparseMatrices
 from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected, quadratic_of
 from mbsvib.sparse.matrix_subspace import flexible_static

@@ -115,8 +115,7 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
 
     ``values`` (n,): values of parameters at the points.
     """
-    from mbsvib.files.saving import described
-    from mbsvib.files.text import json_text
+    from mbsvib.files.saving import described, json_text
 
     digest = sha256()
     for name, column in values.items():

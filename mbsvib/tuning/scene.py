@@ -1,4 +1,9 @@
-"""Plants as a search sees them: equations with inputs for noise and outputs for commands, and loops with gradients."""
+"""Plants as a search sees them: equations with inputs for noise and outputs for commands, and loops with gradients.
+
+Which modes of a plant no controller can change, as no actuator reaches or no sensor sees them.
+
+Source: Hautus' test, Zhou, Doyle & Glover, Robust and Optimal Control (1996), theorem 3.1: rank [A - s, B] at poles s.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +17,7 @@ from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Closure, Gathered, regular, transfer
+from mbsvib.linalg.spectrum import spectrum
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.entry_slopes import pole_slope
 from mbsvib.responses.state_space import StateSpace
@@ -29,6 +35,7 @@ if TYPE_CHECKING:
     from mbsvib.tuning.peaks import Eigen
     from mbsvib.tuning.realization import Realization
     from mbsvib.tuning.weights import Weight
+
 
 # A pole decays if its real part is below this share of the fastest pole: closed loops at the limit are not wanted.
 DECAYS = 1e-10
@@ -231,3 +238,44 @@ def linearized(plant: Any) -> Any:
     if getattr(linear, "period", None) is not None:
         raise ResponseError(f"tune: '{linear.name}' is sampled; expected continuous equations.")
     return linear
+
+
+# A singular value of [A - s, B], states scaled, below this share of its largest is none: poles and shapes are known to
+# some roundings times the condition of their eigenvectors.
+UNREACHED = 1e-9
+
+
+def unreached(scene: Scene) -> list[str]:
+    """Return the modes, in words, that do not decay and that no actuator reaches or no sensor sees."""
+    space = first_order(scene.system)
+    y = [scene.system.outputs.index(name) for name in scene.sensors]
+    u = [scene.system.inputs.index(name) for name in scene.actuators]
+    a, b, c = space.A / scene.rate, _unit(space.B[:, u]), _unit(space.C[y].T).T
+    of_a = spectrum(a)
+    result = {}
+    for value in of_a.values[~of_a.decaying]:
+        if value.imag < 0.0:
+            continue
+        words = _words(value * scene.rate)
+        if _deficient(a, b, value):
+            result[words] = f"no actuator reaches {words}"
+        elif _deficient(a.T, c.T, value):
+            result[words] = f"no sensor sees {words}"
+    return list(result.values())
+
+
+def _unit(matrix: Array) -> Array:
+    """Columns of a matrix of unit size, those of nothing 0."""
+    size = np.linalg.norm(matrix, axis=0)
+    return np.asarray(matrix / np.where(size > 0.0, size, 1.0))
+
+
+def _deficient(a: Array, b: Array, value: complex) -> bool:
+    matrix: Complex = np.concatenate((a - value * np.eye(len(a)), b), axis=1)
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return bool(sizes[-1] <= UNREACHED * sizes[0])
+
+
+def _words(pole: complex) -> str:
+    hertz = abs(pole.imag) / (2.0 * np.pi)
+    return f"the mode at {hertz:.4g} Hz" if hertz > UNREACHED else "a rigid-body mode at 0 Hz"

@@ -25,8 +25,7 @@ from mbsvib.studies.running import processes
 from mbsvib.studies.search import scales
 from mbsvib.tuning.goals import as_goals
 from mbsvib.tuning.problem import Problem, Unknowns
-from mbsvib.tuning.reach import unreached
-from mbsvib.tuning.scene import Scene, linearized
+from mbsvib.tuning.scene import Scene, linearized, unreached
 from mbsvib.tuning.searching import BEST, RESTARTS, Descents, searched, stabilised
 from mbsvib.tuning.structures import FREE, Value, as_tunable, law
 

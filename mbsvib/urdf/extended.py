@@ -17,7 +17,7 @@ import numpy as np
 
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ModelError, nearest
-from mbsvib.files.yaml_text import read_yaml
+from mbsvib.files.reading import read_yaml
 from mbsvib.urdf.loops import Loop
 
 if TYPE_CHECKING:

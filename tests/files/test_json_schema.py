@@ -13,8 +13,8 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.files import load, save, schema
+from mbsvib.files.reading import read_yaml
 from mbsvib.files.words import ALL_SECTIONS, VERSION, head_words, mandatory, words
-from mbsvib.files.yaml_text import read_yaml
 from mbsvib.library import models as library_models
 from tests.files.models import models
 from tests.files.test_saving import READABLE

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mbsvib as mv
-from mbsvib.files.json_text import read_json
-from mbsvib.files.yaml_text import read_yaml
+from mbsvib.files.reading import read_json, read_yaml
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers(-(10**16), 10**16) | st.floats(allow_nan=False, allow_infinity=False)

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 
 import mbsvib as mv
 from mbsvib.files import load, save
-from mbsvib.files.json_text import read_json
-from mbsvib.files.saving import described
-from mbsvib.files.text import json_text, yaml_text
-from mbsvib.files.yaml_text import read_yaml
+from mbsvib.files.reading import read_json, read_yaml
+from mbsvib.files.saving import described, json_text, yaml_text
 from mbsvib.library import models as library_models
 from tests.files.models import models, sections
 from tests.support.sizes import examples, few

@@ -10,7 +10,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.files import load, save, saving
-from mbsvib.files.text import number
+from mbsvib.files.saving import number
 from tests.files.models import AWKWARD
 
 READABLE = """\

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import mbsvib as mv
-from mbsvib.files.yaml_text import MAX_DEPTH, read_yaml
+from mbsvib.files.reading import MAX_DEPTH, read_yaml
 
 
 def value(text):

@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.reduction.modal import ModalTruncation
-from mbsvib.reduction.projection import projected
+from mbsvib.reduction.modal import ModalTruncation, projected
 from mbsvib.reduction.reduced import reduced_equations
 from tests.support.random_models import spatial
 from tests.support.sliding_chain import sliding_chain

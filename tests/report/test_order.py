@@ -1,7 +1,7 @@
 """The order of signals in a report."""
 
 import mbsvib as mv
-from mbsvib.report.order import inputs_in_order, outputs_in_order
+from mbsvib.report.data import inputs_in_order, outputs_in_order
 
 
 def test_the_floor_and_the_payload_come_first():

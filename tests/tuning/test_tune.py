@@ -7,7 +7,7 @@ import mbsvib as mv
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.tuning import searching
 from mbsvib.tuning.goals import as_goals
-from mbsvib.tuning.minimizing import Descent
+from mbsvib.tuning.searching import Descent
 from mbsvib.tuning.tuning import _problem
 
 T, G = mv.tunable, mv.goals

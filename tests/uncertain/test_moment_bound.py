@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.uncertain import moment_bound, polynomials
+from mbsvib.uncertain import moment_bound
+from mbsvib.uncertain.moment_bound import basis, largest, times
 from tests.random.scenes import oscillator, two_masses
 
 SYSTEM = oscillator().linearize()
@@ -88,16 +89,16 @@ def test_bound_of_a_first_order_equation():
 
 
 def test_polynomials_multiply():
-    own = polynomials.basis(3, 2)
+    own = basis(3, 2)
     f, g = RNG.normal(size=(len(own.powers), 2, 3)), RNG.normal(size=(4, 4, 3))
-    product = polynomials.times(f, own, g)
+    product = times(f, own, g)
     for x in RNG.uniform(-1.0, 1.0, (5, 3)):
         exact = value(f, own, x) @ (g[0] + np.tensordot(x, g[1:], axes=1)).T
-        np.testing.assert_allclose(value(product, polynomials.basis(3, 3), x), exact, atol=1e-12)
+        np.testing.assert_allclose(value(product, basis(3, 3), x), exact, atol=1e-12)
 
 
 def test_polynomials_by_values_and_on_halves():
-    own = polynomials.basis(2, 4)
+    own = basis(2, 4)
     f = RNG.normal(size=len(own.powers))
     x = RNG.uniform(-1.0, 1.0, (6, 2))
     exact = [value(f, own, point) for point in x]
@@ -110,10 +111,10 @@ def test_polynomials_by_values_and_on_halves():
 
 
 def test_largest_value_of_a_polynomial():
-    own = polynomials.basis(2, 4)
+    own = basis(2, 4)
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201)), axis=-1).reshape(-1, 2)
     for _ in range(5):
         f = RNG.normal(size=len(own.powers))
         f[0] += 6.0
         highest = (own.at(grid) @ f).max()
-        assert highest <= polynomials.largest(f, own, 0.0, 1e-3, 400) < 1.0015 * highest
+        assert highest <= largest(f, own, 0.0, 1e-3, 400) < 1.0015 * highest
