@@ -35,10 +35,9 @@ from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
 from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_curve, vc_spectrum
-from mbsvib.random.roads import RoadProfile, road_bump, road_profile
+from mbsvib.random.roads import RoadCorrelation, RoadProfile, road_bump, road_correlation, road_profile
 from mbsvib.random.sources import BaseNoise
 from mbsvib.random.weights import Integrated, Window, integrated, iso_2631, moving_average, moving_deviation
-from mbsvib.random.wheels import RoadCorrelation, road_correlation
 from mbsvib.responses.densities import Shaped, Table, shaped, table, white
 
 __all__ = [

@@ -62,7 +62,7 @@ def test_modes_import_only_what_they_need():
     )
     modules = set(json.loads(mbsvib("modes", "stewart", code=code).stdout.splitlines()[-1]))
     assert not modules & {"matplotlib", "control", "ruamel", "mbsvib_export", "typing_extensions", "rich",
-                          "mbsvib.plots", "mbsvib.files", "mbsvib.modes.general_spectrum", "mbsvib.library._chain",
+                          "mbsvib.plots", "mbsvib.files", "mbsvib.modes.general_spectrum", "mbsvib.library._families",
                           "mbsvib.cli._drawing", "mbsvib.cli._completion"}  # fmt: skip
 
 
