@@ -44,14 +44,14 @@ __all__ = [
 # where each function is; a file is imported when one of its functions is asked for
 _HOMES = {
     "bicycle": "_bicycle", "cantilever": "_beams", "carpet_scraper": "_machines", "chain": "_families",
-    "cross_hinge": "_flexures", "cubic_hexapod": "_stewart", "engine_on_mounts": "_masses", "parallel_guide": "_flexures",
-    "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
+    "cross_hinge": "_flexures", "cubic_hexapod": "_stewart", "engine_on_mounts": "_masses",
+    "parallel_guide": "_flexures", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
     "hinged_rod": "_pendulums", "hoeken": "_machines", "inclined_chain": "_masses", "ladder": "_families",
     "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_quadruped", "quarter_car": "_masses",
     "rotor_stator": "_rotors", "rssr": "_spatial_linkages", "seven_r": "_spatial_linkages",
     "singular_beam": "_beams", "six_link": "_arms", "sleeping_top": "_rotors", "slider_crank": "_linkages",
-    "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_toggle", "tree": "_families",
-    "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_wafer_stage",
+    "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_toggle",
+    "tree": "_families", "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_wafer_stage",
 }  # fmt: skip
 _FAMILIES = {"C": "chain", "T": "tree", "L": "ladder"}
 # the chapter's rule: family, number of bodies or layers, joint, F, number of spring-dampers at every joint
