@@ -235,8 +235,7 @@ def _scaled(
         row_length[rows], column_length[columns], preferred[columns] = length, length, preference(len(columns))
         lengths.append(length)
         noises.append(noise)
-    scale = np.where(coordinates.turns, 1.0, column_length)
-    scale *= preferred
+    scale = np.where(coordinates.turns, 1.0, column_length) * preferred
     return _Scaled(phi * cuts.row_scale(row_length)[:, None] * scale, scale, lengths, noises)
 
 
