@@ -19,8 +19,9 @@ from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
-SLOW = {"control", "flexible", "howto", "isolation", "machines", "measurement", "motion", "noise", "roads", "robots",
-        "rotors", "seeing", "studies", "tools", "tour", "trust", "tuning", "uncertain", "workspace"}  # fmt: skip
+SLOW = {"accuracy", "control", "flexible", "howto", "isolation", "machines", "measurement", "motion", "noise",
+        "roads", "robots", "rotors", "seeing", "studies", "tools", "tour", "trust", "tuning", "uncertain",
+        "workspace"}  # fmt: skip
 RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 

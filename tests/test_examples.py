@@ -10,11 +10,13 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 SLOW = {"absorber_by_ipopt", "active_damping_by_units", "bicycle_balance", "blade_on_hub",
         "codesign_of_mount_and_gain", "cut_another_loop", "decentral_control_three_poses", "drop_test",
-        "fe_payload_on_hexapod_as_fmu", "force_feedback_worst_case", "gain_scheduled_hexapod", "half_car_on_roads",
-        "hexapod_isolation", "hexapod_legs_from_measured_responses", "hoeken_balancing", "linkage_under_gravity",
-        "measured_payload_on_hexapod", "mpc_of_stewart", "nano_stage_error_budget", "robot_arm_over_its_workspace",
-        "rotor_stator_campbell", "scraper_cycle", "snap_through", "stewart_active_isolation", "stewart_geometry",
-        "stewart_passive_design", "stewart_tolerances", "tracked_root_locus", "validity_of_a_linear_model"}  # fmt: skip
+        "fe_payload_on_hexapod_as_fmu", "flexible_arm", "force_feedback_worst_case", "gain_scheduled_hexapod",
+        "gantry_with_ball_screws", "half_car_on_roads", "hexapod_isolation", "hexapod_legs_from_measured_responses",
+        "hoeken_balancing", "linkage_under_gravity", "measured_payload_on_hexapod", "mpc_of_stewart",
+        "nano_stage_error_budget", "nano_stage_on_flexures", "robot_arm_over_its_workspace", "rotor_stator_campbell",
+        "rubber_mounts_from_a_table", "scraper_cycle", "snap_through", "stewart_active_isolation", "stewart_geometry",
+        "stewart_passive_design", "stewart_tolerances", "tracked_root_locus", "validity_of_a_linear_model",
+        "which_leg_parameter_moves_which_mode"}  # fmt: skip
 # packages that "all" does not have; CI runs these in an environment of their own
 NEEDS = {"hexapod_by_hinf": "ctrlsys"}
 RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW else ()) for path in EXAMPLES]

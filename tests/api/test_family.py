@@ -21,6 +21,7 @@ def crank_stiffness(angle):
     return 10.0 * ((rocker(0.8 + angle + 1e-6) - rocker(0.8 + angle - 1e-6)) / 2e-6) ** 2
 
 
+@pytest.mark.slow
 def test_matrices_are_those_of_moved_models_in_the_given_coordinates():
     model = mv.library.stewart()
     poses = np.random.default_rng(2).uniform(-5e-3, 5e-3, (3, 6))
@@ -48,6 +49,7 @@ def test_poses_are_all_combinations_on_a_grid():
     assert set(heave.pose(1).values()) == {2e-3}
 
 
+@pytest.mark.slow
 def test_stiffness_at_a_crank_over_its_angle_and_its_function_of_the_angle():
     model, angles = hanging_crank(), np.linspace(-0.5, 0.5, 5)
     family = model.family({"A.rz": angles})
@@ -66,6 +68,7 @@ def test_stiffness_at_a_crank_over_its_angle_and_its_function_of_the_angle():
         assert abs(lpv.at({"A.rz": angle}).K[0, 0] - exact) <= 1e-7 * size + 1e-8 * exact  # that of differences
 
 
+@pytest.mark.slow
 def test_the_bound_holds_and_systems_are_those_of_models():
     model = mv.library.stewart(ports=["platform", "base"])
     family = model.family({LEGS[0]: [-4e-3, 3e-3], LEGS[3]: [-2e-3, 4e-3], LEGS[1]: 1e-3}, grid=True)
@@ -160,6 +163,7 @@ def test_families_of_models_that_are_linearized_one_by_one():
     assert [round(there.beams["beam"].end[1], 6) for there in family.models] == [0.0, 0.14776]
 
 
+@pytest.mark.slow
 def test_state_spaces_over_a_grid_for_matlab(tmp_path):
     model = mv.library.stewart(ports=["platform", "base"])
     lpv = model.family({LEGS[0]: [-2e-3, 3e-3], LEGS[3]: [-2e-3, 4e-3]}, grid=True).interpolated(1e-4)

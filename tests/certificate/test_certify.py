@@ -64,7 +64,7 @@ def test_the_radius_covers_what_the_last_digits_do():
         assert off <= radius * (1.0 + 2.0 * radius)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["stewart_isolator", "quarter_car", "inclined_chain", "four_bar", "engine_on_mounts"])
 def test_models_of_the_library_pass(name, tmp_path):
     certificate = mv.certify(getattr(mv.library, name)())
@@ -222,6 +222,7 @@ def test_mass_matrices_of_trees_are_those_of_other_engines(engine):
     assert "has the inertia of trees" in mv.certify(mv.library.four_bar()).skipped["mass.difference"]
 
 
+@pytest.mark.slow
 def test_another_mass_fails(monkeypatch):
     mass_of = engines.masses_of_tree
     pytest.importorskip("mujoco")

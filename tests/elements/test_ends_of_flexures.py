@@ -90,6 +90,7 @@ def sixth(of, step):
     return (45.0 * one - 9.0 * two + three) / (60.0 * step)
 
 
+@pytest.mark.few(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["leaf", "beam", "notch"])
 @pytest.mark.parametrize("scene", [stage, arm])

@@ -88,6 +88,7 @@ def test_the_crossing_path_of_a_steep_arch(sense):
     assert 0.2 < sense * across[1] < sense * across[2]
 
 
+@pytest.mark.slow
 def test_the_sense_of_a_crossing_path_is_that_of_its_largest_motion():
     """The arch takes a cart along: whichever way its rail points, the arch goes to +x."""
     for axis in ((1, 0, 0), (-1, 0, 0)):

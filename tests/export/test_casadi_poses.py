@@ -15,6 +15,7 @@ def lpv_system():
     return mv.library.stewart(ports=["platform", "base"]).family(BOX, grid=True).interpolated(1e-4)
 
 
+@pytest.mark.slow
 def test_functions_of_the_pose_are_those_of_the_system_there():
     lpv, pose = lpv_system(), np.array([1e-3, -1.5e-3])
     outputs, inputs = ["z", "platform.ax", "rx"], ["Fz", "ax"]
@@ -36,6 +37,7 @@ def test_functions_of_the_pose_are_those_of_the_system_there():
     np.testing.assert_allclose(after, np.array(sampled.step(x, u, [])[0]).ravel(), rtol=0, atol=1e-9 * abs(after).max())
 
 
+@pytest.mark.slow
 def test_casadi_has_the_slopes_of_matrices():
     lpv = lpv_system()
     model, p = mx.to_casadi(lpv), casadi.MX.sym("p", 2)

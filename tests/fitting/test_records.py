@@ -93,7 +93,7 @@ def test_a_decay_needs_no_input():
     np.testing.assert_allclose(off(fit, model), 0.0, atol=1e-6)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [False, True])
 def test_covariance_is_that_of_least_squares_in_time(shared):
     """The information of samples with white noise, less what means and an unknown beginning take, by other routes."""
@@ -135,6 +135,7 @@ def test_covariance_is_that_of_least_squares_in_time(shared):
 CHANNELS = ("gain", "delay", "lag", "lowpass", "highpass")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", ["first", "zero", "band-limited", "shared", "channels", "rotor"])
 def test_gradient_is_that_of_the_cost(kind):
     """With noise: projections on free states move with the values as well, at no change of the gradient."""
@@ -174,7 +175,7 @@ def test_rows_are_derivatives_where_residuals_vanish():
         np.testing.assert_allclose(row, found, atol=1e-4 * np.abs(row).max(), err_msg=problem.variables.names[k])
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("kinds", "expected"), [
     (("gain", "lowpass"), {"z0.gain": 1.0, "z1.gain": -2.0, "z0.lowpass.frequency": 60.0,
                            "z0.lowpass.damping_ratio": 0.3, "z2.lowpass.frequency": 90.0}),
@@ -288,6 +289,7 @@ def test_intervals_hold_the_values_in_95_percent(known):
     assert (np.abs(np.median(errors, axis=0)) < 4.0 * 1.25 * errors.std(axis=0) / np.sqrt(150)).all()
 
 
+@pytest.mark.slow
 def test_a_wrong_structure_is_said():
     """A spring across that the model does not have."""
     model = chain()
@@ -331,7 +333,7 @@ def test_records_without_outputs_or_too_short_for_their_beginning_are_refused():
     assert not data.outputs["z0"].flags.writeable
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("correlated", [False, True])
 def test_records_are_drawn_beside_those_of_the_fit(correlated):
     """The fit explains all but the noise; within the band nothing of what was measured is lost."""

@@ -205,6 +205,7 @@ def test_off_the_singular_pose_the_digits_are_there(lift):
     assert_same_matrices(system, Exact(model), rtol=1e-13 / lift**2)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("factor", [1e-3, 100.0])
 @pytest.mark.parametrize("seed", range(8))
 def test_small_and_large_loops_far_from_the_origin(factor, seed):

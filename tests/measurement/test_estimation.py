@@ -145,6 +145,7 @@ def two_by_two(u):
     return np.einsum("oi,ein->eon", gains, signal.lfilter(NUM, DEN, u)), gains
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["H1", "H2", "Hv", "local"])
 def test_several_inputs_by_several_experiments_or_at_once(method):
     rng = np.random.default_rng(6)

@@ -139,6 +139,7 @@ def test_an_end_of_the_range_is_no_peak():
     assert legends(plots.sensitivity(loop, [1e5, 2e5]))[0] == "gain: no peak, 1 at both ends"
 
 
+@pytest.mark.slow
 def test_transfer_functions_of_python_control_are_drawn():
     transfer = control.tf([1.0, 2.0], [1.0, 2.0, 100.0], name="resonance")
     axes = plots.pole_zero_map(transfer).axes[0]

@@ -182,6 +182,7 @@ def test_tables_in_sampled_loops():
     assert 0.9 < whole / loop.rms("x", {"F": 1.0})["x"] < 1.0
 
 
+@pytest.mark.slow
 def test_sampled_outputs_behind_filters():
     """A filter behind the loop, and the same one as weighting; of a table and of white noise."""
     loop, weight = controlled().sampled(60.0), isolation.shaped([12.0], [1.0, 12.0])

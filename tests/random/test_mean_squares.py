@@ -75,6 +75,7 @@ def test_shaped_noise_against_its_density():
         np.testing.assert_allclose(density.rms[name], value, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_tables_are_powers_of_the_frequency():
     """A light mode within a table of two slopes, against mpmath."""
     points = [(2.0, 1e-3), (3.0, 4e-2), (9.0, 1e-5)]

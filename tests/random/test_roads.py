@@ -15,6 +15,7 @@ def test_a_profile_has_the_mean_square_of_its_class_and_is_periodic():
     np.testing.assert_allclose(profile.at(x + 200.0), profile.at(x), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_densities_over_time_are_those_of_the_spectrum():
     """Of one period each line is the mean of the density over its band."""
     speed, length, n = 20.0, 400.0, 8192

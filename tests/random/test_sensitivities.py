@@ -32,6 +32,7 @@ def difference(value, at, step):
     return (low2 - 8.0 * low + 8.0 * high - high2) / (12.0 * step)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("plant", "noise", "settings"), [
     (plain, {"F1": 1.0, "F2": SHAPED}, {}),
     (plain, {"F1": TABLE}, {}),
@@ -66,6 +67,7 @@ def test_closed_form():
     np.testing.assert_allclose(list(found.values()), [-rms / 1600.0, -rms / 6.0, 0.0], rtol=1e-12, atol=1e-16)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("noise", [{"F1": 1.0, "v2.noise": 1e-2}, {"F1": TABLE, "v2.noise": 1e-2}])
 def test_derivatives_to_the_controller(noise):
     model = two_masses()

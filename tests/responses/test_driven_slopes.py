@@ -9,6 +9,7 @@ from mbsvib.errors import ResponseError
 from tests.responses.test_driven import OMEGA, QUANTITIES, quarter
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("order", range(3))
 def test_slopes_of_time_responses_and_norms_are_those_of_neighbours(order):
     model, outputs = quarter(QUANTITIES[order]), ["displacement", "velocity"]
@@ -64,6 +65,7 @@ def test_norms_of_sparse_systems_with_motions_refuse_slopes_by_name():
         system.h2_norm("acceleration", "road", ["tyre.stiffness"])
 
 
+@pytest.mark.slow
 def test_uncertain_systems_with_motions_reach_the_worst_corner():
     limits = {"tyre.stiffness": 0.1, "tyre.damping": 0.2, "wheel.mass": 0.1}
     model = quarter("velocity")

@@ -34,7 +34,7 @@ def asked(name):
 SLOW = {"cantilever", "singular_beam"}
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
                                   for name in library.models()])  # fmt: skip
 def test_eigenvalues(name):

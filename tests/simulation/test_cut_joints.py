@@ -84,6 +84,7 @@ def test_a_run_starts_with_rates_of_all_joints_of_a_loop():
         model.simulate([0.0, 0.1], initial=state)
 
 
+@pytest.mark.slow
 def test_a_run_starts_with_all_coordinates_of_a_cut_joint():
     """The loop of a four-bar is cut at a joint that also slides."""
     model = library.four_bar()

@@ -28,6 +28,7 @@ def test_a_start_at_the_dead_centre_of_what_is_displaced(distance, rate):
         model.simulate([0.0, 0.01], initial={"rocker.rz": (limit * (1.0 - distance), rate)})
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("distance", [1e-3, 1e-5])
 def test_near_a_dead_centre_rates_grow_as_the_root_of_the_distance(distance):
     """The crank turns by c sqrt(d), so that its rate is c / (2 sqrt(d)) times that of d."""

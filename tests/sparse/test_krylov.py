@@ -54,6 +54,7 @@ def test_each_coefficient_adds_two_derivatives():
         assert np.log2(off[1] / off[0]) > power - 0.2
 
 
+@pytest.mark.slow
 def test_matrices_stay_symmetric_and_definite():
     system = truss()
     small = system.reduced(24, near=[0.0, 5.0], method="krylov")
@@ -77,6 +78,7 @@ def test_free_motions_stay_free():
         system.reduced(20, method="krylov")
 
 
+@pytest.mark.slow
 def test_the_bound_holds():
     system = truss(damping="stiffness", outputs=("z",))
     small = system.reduced(16, near=[0.0, 6.0], method="krylov")

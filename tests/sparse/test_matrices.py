@@ -305,6 +305,7 @@ def test_bounds_of_two_reductions_add_up():
     assert system.reduced(14, method="balanced").error_bound == pytest.approx(small.error_bound)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", ["modal", "static-corrected", "balanced"])
 def test_the_smallest_model_within_an_error(method):
     system, full = structure()

@@ -71,6 +71,7 @@ def test_a_loop_around_the_car_takes_the_motion_too():
     assert calm < 0.7 * plain
 
 
+@pytest.mark.slow
 def test_modes_and_tolerances_go_on_as_before():
     model = car("displacement")
     frequencies = mv.sweep(model, {"body.mass": [280.0, 320.0]}, "modes.frequencies")["modes.frequencies"]

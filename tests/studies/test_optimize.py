@@ -381,6 +381,7 @@ def test_bad_starts_are_told(words, message):
         st.optimize(two(), **({"variables": {"slow.mass": (0.5, 2.0)}, "objective": st.frequency(1)} | words))
 
 
+@pytest.mark.slow
 def test_constraints_that_cannot_be_met_and_bounds_that_are_reached_are_named():
     """The mass may not leave its bounds, so that its place is 2 at most, half of what is asked for."""
     v = st.variable("slow.position.x")

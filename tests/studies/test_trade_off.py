@@ -60,6 +60,7 @@ def test_quantities_of_the_equations_and_a_constraint():
     assert front.values["mass"][[0, -1]] == pytest.approx([1.0, 4.0], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_quantities_of_a_loop_around_each_system():
     """A gain c of velocity against damping: that of a plate is c / 2 sqrt(k m), k = 2."""
     model = plate()

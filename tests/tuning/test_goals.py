@@ -84,6 +84,7 @@ def test_roll_off_is_that_of_the_complementary_sensitivity(decibels):
     assert goal.of(velocity_loop(6.0)).value == pytest.approx(rolled(6.0, 5.0, decibels), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_roll_off_limits_a_gain():
     """Noise alone would want c = 20; a roll-off from 5 rad/s by 20 dB/decade allows less."""
     goals = [G.rms("x", {"F": 4.0, "v.noise": 0.01}), G.rolloff(5.0 / (2.0 * np.pi), 20.0)]
@@ -94,6 +95,7 @@ def test_roll_off_limits_a_gain():
     assert "roll-off 20 dB/decade from 0.795775 Hz <= 1" in str(design)
 
 
+@pytest.mark.slow
 def test_limit_of_a_norm_is_kept_while_another_is_minimised():
     """The least rms needs c = 20; a peak of v/F, which is 1/c, of at most 1/25 needs c = 25."""
     goals = [G.rms("x", {"F": 4.0, "v.noise": 0.01}), G.hinf("v", "F", most=1.0 / 25.0)]
@@ -125,6 +127,7 @@ def test_gradients_of_weighted_goals_equal_differences():
         check_gradient(_problem(chain().linearize(), structure, as_goals(goal), {}))
 
 
+@pytest.mark.slow
 def test_number_of_workers_changes_nothing():
     goals, structure = [G.rms("x", {"F": 4.0, "v.noise": 0.01, "x.noise": 0.01})], T.gain("F", ["x", "v"])
     alone = mv.tune(oscillator(c=0.1), structure, goals, starts=3, workers=1)

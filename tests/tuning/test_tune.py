@@ -59,6 +59,7 @@ def test_least_resonance_with_a_bounded_gain():
     assert design.objective == pytest.approx(1.0 / (K * 2.0 * zeta * np.sqrt(1.0 - zeta**2)), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_damping_limit_is_reached_and_no_more_where_it_costs():
     """Noise alone would want c = 2; a damping ratio of 0.4 needs c = 0.8 sqrt(k m)."""
     goals = [G.rms("x", {"F": 0.04, "v.noise": 0.01}), G.damping(0.4)]
@@ -87,6 +88,7 @@ def check_gradient(problem, seed=3):
         assert slope @ along == pytest.approx((high - low) / 2e-5, rel=1e-5, abs=size), problem.goals[0].label
 
 
+@pytest.mark.slow
 def test_gradients_of_all_goals_equal_differences():
     model = chain()
     goals = [G.hinf("x", "F"), G.rms(["x", "v"], {"F": 2.0, "v.noise": 1e-3, "F.noise": [(0.1, 1e-2), (9.0, 1e-3)]}),
@@ -97,6 +99,7 @@ def test_gradients_of_all_goals_equal_differences():
                                                                    "k1.stiffness": (100, 900)}))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_values_are_those_of_loops_closed_anew(monkeypatch):
     monkeypatch.setattr(searching, "RESTARTS", 0)
     system = chain().linearize()
@@ -133,6 +136,7 @@ def test_codesign_is_no_worse_than_sequential_design():
     assert again.rms("x", {"F": 1.0, "v.noise": 1e-2})["x"] == pytest.approx(both.objective, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_fast_system_reaches_the_optimum_of_a_grid_of_a_slow_one():
     """Gains of position and velocity: least peak of x/F and of x/noise, against a search over a grid."""
     goals, best = [G.hinf("x", "F"), G.hinf("x", "x.noise", weight=0.02)], np.inf

@@ -41,6 +41,7 @@ def test_lightly_damped_boxes_are_halved():
     assert exact * (1.0 - 1e-9) <= worst.lower["x"] <= worst.upper["x"] < 1.001 * exact
 
 
+@pytest.mark.slow
 def test_outputs_whose_rows_vary():
     """The force of a spring-damper, k x + c v, whose row varies with both."""
     model = oscillator()

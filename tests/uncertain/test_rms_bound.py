@@ -128,6 +128,7 @@ def test_beyond_the_last_band_gains_fall(unit):
     assert rms_bound._tail(still, rms_bound._samples(c))[1] == 0.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("size", [1.0, 1e4])
 def test_a_mean_square_is_near_the_closed_form(size):
     """1 / (s + 2 + 0.5 d) is worst at d = -1 for all frequencies: 1 / (2 1.5); bands add 10 %."""

@@ -105,6 +105,7 @@ def test_static_divergence():
     assert 0.95 * 5.0 < stable.lower < 5.0
 
 
+@pytest.mark.slow
 def test_worst_peak_in_closed_form():
     """1 / (k 2 z sqrt(1 - z^2)) is largest for the softest spring and the weakest damper."""
     worst = oscillator().linearize().uncertain({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)}).worst_gain("x", "F")

@@ -41,6 +41,7 @@ def units(request, tmp_path_factory):
             without(law, folder / "law_only.fmu", exchange))  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.few(1)
 def test_states_that_are_listed_give_the_equations(units):
     listed, _, law = units
