@@ -290,7 +290,7 @@ def test_exports(name, tmp_path):
 REFUSALS = [
     (lambda: isolation.controller(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), ["x"], ["Fx"]),
      r"discrete \(dt = 0\.1\)"),
-    (lambda: chain().feedback(PI), r"do not have the names of those of 'chain'; give sensors="),
+    (lambda: chain().feedback(PI), r"do not have the names of those of 'chain'; expected sensors="),
     (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
     (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
     (lambda: chain().feedback([[1.0, 2.0]], "x", "Fx"), r"shape \(1, 2\); expected \(1, 1\)"),
