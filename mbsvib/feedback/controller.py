@@ -231,7 +231,8 @@ def as_controller(
         actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
     if not known and (sensors is None or actuators is None):
         raise ResponseError(f"feedback: the controller is a {type(value).__name__}, whose signals do not have the "
-                            f"names of those of '{plant.name}'; expected sensors=[...] and actuators=[...] beside it.")  # fmt: skip
+                            f"names of those of '{plant.name}'; expected sensors=[...] and actuators=[...] beside it."
+                            )  # fmt: skip
     o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
     i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
