@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NoReturn
 
-from mbsvib.common.completion import completed_names
+from mbsvib.common.display import completed_names
 
 
 class Elsewhere:

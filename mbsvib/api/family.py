@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.batch import Batch
-from mbsvib.api.poses import batch_of, columns_of, told
+from mbsvib.api.pose import batch_of, columns_of, told
 from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from mbsvib.api.poses import batch_of, check_mapping
+from mbsvib.api.pose import batch_of, check_mapping
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.atomic_file import write_atomic

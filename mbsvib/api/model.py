@@ -14,8 +14,8 @@ from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.add_rolling import RollingMechanism
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.pose import Posed
+from mbsvib.api.run import Simulated
 from mbsvib.api.running import Running
-from mbsvib.api.simulated import Simulated
 from mbsvib.api.system import System
 from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest

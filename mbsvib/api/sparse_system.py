@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.some_modes import SomeModes
+    from mbsvib.api.modes import SomeModes
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
@@ -77,7 +77,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         ResponseError
             If ``count`` is not given, not positive, or more than there are.
         """
-        from mbsvib.api.some_modes import SomeModes
+        from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes
 
         if count is None:
@@ -122,7 +122,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         ResponseError
             If the number of modes is not given, or is no such number.
         """
-        from mbsvib.api.some_modes import SomeModes
+        from mbsvib.api.modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
 
         self._check_mechanism("mode_sensitivities")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, OUTPUTS, Argument, Command, ModelFile, file_argument, number, option
 from mbsvib.cli._controllers import DELAY, RATE, check_delay, read_controller
-from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import system_of
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError

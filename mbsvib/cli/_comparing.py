@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
-from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._drawing import check_format, deliver
 from mbsvib.cli._lookup import model_of, model_or_measurement
 
 

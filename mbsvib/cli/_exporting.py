@@ -22,7 +22,7 @@ from mbsvib.cli._arguments import (
     positional,
 )
 from mbsvib.cli._controllers import holds_controller, read_controller
-from mbsvib.cli._figures import check_format, deliver
+from mbsvib.cli._drawing import check_format, deliver
 from mbsvib.cli._lookup import model_of, system_of
 from mbsvib.errors import nearest
 from mbsvib_export.targets import BY_SUFFIX, TARGETS

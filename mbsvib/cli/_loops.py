@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
 from mbsvib.cli._controllers import DELAY, FORMATS, RATE, check_delay, read_controller
-from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import ports, system_of
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ def sweep(
 ) -> None:  # fmt: skip
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
-    from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
+    from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
 
     check_format(file, table=True)
     if modes < 1:

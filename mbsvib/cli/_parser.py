@@ -6,7 +6,7 @@ from argparse import Action, ArgumentParser, HelpFormatter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from mbsvib.cli._arguments import ALIGN, ModelFile
-from mbsvib.cli._robots import ROBOTS, given
+from mbsvib.cli._lookup import ROBOTS, given
 from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import nearest
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, number, option, positional
-from mbsvib.cli._figures import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
 from mbsvib.cli._lookup import as_misuse, model_of, range_of
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""How results show themselves: one line in lists and in the interpreter, a table in print and in notebooks."""
+"""How results show themselves: one line in lists and in the interpreter, a table in print and in notebooks.
+
+What completions list: the names for users, without those by which folders of mbsvib use each other's results.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,23 @@ from typing import Any
 import numpy as np
 
 from mbsvib.common import tables
-from mbsvib.common.completion import Completed
+
+
+class Completed:
+    """A class whose ``dir`` leaves out the names in ``_engine``, of itself and of the classes it is made of."""
+
+    __slots__ = ()
+    _engine = ""  # names, by spaces, that are public between the folders of mbsvib and of no use in scripts
+
+    def __dir__(self) -> list[str]:
+        return completed_names(self)
+
+
+def completed_names(value: Any) -> list[str]:
+    """Return the names of ``dir`` without those of the engine."""
+    hidden = " ".join([vars(kind).get("_engine", "") for kind in type(value).__mro__]).split()
+    return [name for name in object.__dir__(value) if name not in hidden]
+
 
 MOST = 4  # entries of a sequence that are shown
 LONGEST = 60  # characters of one value

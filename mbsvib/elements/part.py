@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from mbsvib.common.arguments import rotated
-from mbsvib.common.completion import Completed
+from mbsvib.common.display import Completed
 from mbsvib.errors import NoWordsError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement, Pose

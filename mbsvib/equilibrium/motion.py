@@ -16,7 +16,7 @@ from mbsvib.kinematics.pose import size_of, start
 from mbsvib.kinematics.pose_kinematics import pose_kinematics
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.dead_points import no_dead_point
-from mbsvib.linalg.minimum_norm import minimum_norm_solution
+from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
 from mbsvib.mechanism.topology import span
 

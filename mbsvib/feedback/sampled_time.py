@@ -15,7 +15,7 @@ from scipy.linalg import expm
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.excited_period import period
 from mbsvib.linalg.balancing import column_units
-from mbsvib.linalg.exponentials import steps
+from mbsvib.linalg.lyapunov import steps
 from mbsvib.responses.time_response import checked_record
 
 if TYPE_CHECKING:

@@ -28,10 +28,9 @@ from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.placement import PlacedSet, Placement, placement
 from mbsvib.isolation.platform import Platform, platform
-from mbsvib.isolation.root_locus import RootLocus, root_locus
+from mbsvib.isolation.root_locus import ClosedLoop, RootLocus, SampledLoop, root_locus
 from mbsvib.isolation.structured import structured_singular_values
 from mbsvib.isolation.struts import Struts, ring, struts
-from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
 from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_curve, vc_spectrum

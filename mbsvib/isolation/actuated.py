@@ -12,10 +12,10 @@ from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, counted
 from mbsvib.feedback.closed_loop import connected
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
 from mbsvib.isolation.plant import Plant
-from mbsvib.isolation.study_loops import ClosedLoop, close
+from mbsvib.isolation.root_locus import ClosedLoop, close
+from mbsvib.isolation.struts import active_legs
 from mbsvib.isolation.study_scene import scene
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
     from mbsvib.common.selection import Names
-    from mbsvib.isolation.active_legs import ActiveLeg
     from mbsvib.isolation.isolation_study import Isolation
+    from mbsvib.isolation.struts import ActiveLeg
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -1,4 +1,7 @@
-"""Lyapunov equations of one matrix with many right-hand sides."""
+"""Lyapunov equations of one matrix with many right-hand sides.
+
+Exponentials of one matrix over many lengths of time, applied to a vector each.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
+
 
 REFINEMENTS = 2
 
@@ -59,3 +65,78 @@ class Lyapunov:
         inside, scale, _ = lapack.dtrsyl(triangle, triangle, -(z.T @ w @ z), trana="T" if transposed else "N",
                                          tranb="N" if transposed else "T")  # fmt: skip
         return np.asarray(z @ (inside / scale) @ z.T)
+
+
+# Lengths that so many vectors share have an exponential of their own.
+SHARED = 16
+# Other lengths are a sum of powers of two of a short one, over which rates times time stay below this, and of a rest,
+# for which so many terms of the power series are exact to rounding.
+SHORT, TERMS = 0.5, 15
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps of x' = A x: ``a`` (n, n); ``length`` (steps,) [s]; ``group`` (steps,) of those of equal length, whose
+    exponential is ``shared``, -1 for others.
+    """
+
+    a: Array
+    length: Array
+    group: Index
+    shared: tuple[Array, ...]
+
+    def __call__(self, x: Array) -> Array:
+        """Return exp(A length) x (n, steps), with a column for each step."""
+        if len(self.shared) == 1 and (self.group == 0).all():
+            return np.asarray(self.shared[0] @ x)
+        result = np.empty_like(x)
+        for k in range(-1, len(self.shared)):
+            own = np.flatnonzero(self.group == k)
+            if len(own):
+                result[:, own] = self.shared[k] @ x[:, own] if k >= 0 else self._single(x[:, own], self.length[own])
+        return result
+
+    @cached_property
+    def _short(self) -> tuple[float, list[Array]]:
+        """A short time and the exponentials over 1, 2, 4, ... times it, up to the longest single step."""
+        from scipy.linalg import expm
+
+        longest = float(self.length[self.group < 0].max(initial=0.0))
+        doublings = max(0, int(np.frexp(float(np.linalg.norm(self.a, 2)) * longest / SHORT)[1]))
+        short = float(np.ldexp(longest, -doublings))
+        powers = [expm(self.a * short)]
+        for _ in range(doublings):
+            powers.append(powers[-1] @ powers[-1])
+        return short, powers
+
+    def _single(self, x: Array, length: Array) -> Array:
+        short, powers = self._short
+        count = np.floor(length / short).astype(np.int64) if short else np.zeros(len(length), dtype=np.int64)
+        rest = length - count * short
+        term = result = x
+        for k in range(1, TERMS + 1):
+            term = (self.a @ term) * (rest / k)
+            result = result + term
+        for k, power in enumerate(powers):
+            own = (count >> k) & 1 == 1
+            result[:, own] = power @ result[:, own]
+        return np.asarray(result)
+
+
+def steps(a: Array, length: Array, latest: float) -> Steps:
+    """Return steps of x' = A x, ``a`` (n, n), over times ``length`` (steps,) [s].
+
+    Lengths are differences of times up to ``latest`` [s]: those that differ by the rounding of these are one, their
+    mean.
+    """
+    from scipy.linalg import expm
+
+    order = np.argsort(length)
+    label = np.empty(len(length), dtype=np.intp)
+    label[order] = np.cumsum(np.diff(length[order], prepend=length[order[:1]]) > EPS * abs(latest))
+    count = np.bincount(label)
+    often = np.flatnonzero(count >= SHARED)
+    group = np.full(len(count), -1)
+    group[often] = np.arange(len(often))
+    mean = np.bincount(label, length) / count
+    return Steps(a, length, group[label], tuple([expm(a * mean[k]) for k in often]))

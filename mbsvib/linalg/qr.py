@@ -1,13 +1,22 @@
-"""QR factorizations: columns pivoted, rows sorted by size, or the triangle alone."""
+"""QR factorizations: columns pivoted, rows sorted by size, or the triangle alone.
+
+Orthonormal columns, one after the other.
+
+Solutions of least norm of equations some of which may be redundant.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
+
+from mbsvib.linalg.rank import FULL_RANK, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Index
 
 
@@ -35,3 +44,48 @@ def gram_solution(factor: Array, right: Array) -> Array:
     """Return (W^T W)^-1 right, from a QR of the factor W."""
     root = triangle(factor)
     return np.asarray(np.linalg.solve(root, np.linalg.solve(root.T, right)))
+
+
+def extended(
+    basis: NDArray[Any], block: NDArray[Any], least: float, most: int | None = None, metric: Any = None
+) -> NDArray[Any]:
+    """Return orthonormal columns (n, k), and behind them what is new in a block (n, b), up to ``most`` in all.
+
+    A column of which no more than the share ``least`` is left depends on those before it. ``metric`` (n, n): symmetric,
+    positive semidefinite, may be sparse; default: the identity.
+    """
+    def of(column: NDArray[Any]) -> NDArray[Any]:
+        return column if metric is None else np.asarray(metric @ column)
+
+    def size_of(column: NDArray[Any]) -> float:
+        return float(np.linalg.norm(column) if metric is None else np.sqrt(max(0.0, column @ of(column))))
+
+    for column in block.T:
+        if basis.shape[1] == most or not (size := size_of(column)):
+            continue
+        rest = column / size
+        for _ in range(2):
+            rest = rest - basis @ (basis.conj().T @ of(rest))
+        if (left := size_of(rest)) > least:
+            basis = np.column_stack((basis, rest / left))
+    return basis
+
+
+def minimum_norm_solution(a: Array, right: Any, limit: float = REDUNDANT_LOOPS) -> Any:
+    """Return the least-squares solution (n,) or (n, r) of a x = right of least norm, real or complex.
+
+    ``a`` (k, n) has rows and unknowns of like size, the largest entries about 1. ``limit``: singular values up to it,
+    or this share of the largest, belong to redundant rows; as a share alone it would take rounding for equations where
+    all rows are redundant.
+    """
+    if right.ndim == 1 and not np.iscomplexobj(right):
+        packed, order, tau = pivoted_qr(a)
+        n, pivots = a.shape[1], np.abs(packed.diagonal())
+        if 0 < len(pivots) == n and pivots[-1] > max(FULL_RANK, 100.0 * limit) * max(1.0, pivots[0]):
+            turned = lapack.dormqr("L", "T", packed, tau, right[:, None], 64)[0]
+            result = np.empty(n)
+            result[order] = blas.dtrsm(1.0, packed[:n], turned[:n])[:, 0]
+            return result
+    u, values, v = np.linalg.svd(a, full_matrices=False)
+    retained = values > limit * max(1.0, float(values.max(initial=0.0)))
+    return v[retained].T @ ((u[:, retained].T @ right).T / values[retained]).T

@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import prod
 from typing import TYPE_CHECKING
 
-from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.common.xml_file import read_xml
+from mbsvib.common.file_content import ContentError, content_of, read_xml
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:

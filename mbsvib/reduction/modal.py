@@ -17,8 +17,8 @@ from scipy.linalg import eigh, lapack
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.linalg.gram_schmidt import extended
 from mbsvib.linalg.products import weighted_gram
+from mbsvib.linalg.qr import extended
 from mbsvib.linalg.rank import FREE_PIVOT, SAME_ROW, ZERO_PRODUCT
 from mbsvib.modes.undamped import undamped
 

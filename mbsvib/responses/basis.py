@@ -1,9 +1,14 @@
-"""Cached modes of one system and quantities derived from them, computed on first access."""
+"""Cached modes of one system and quantities derived from them, computed on first access.
+
+Dampers so strong that rounding of their products would affect the motions that they nearly lock.
+"""
 
 from __future__ import annotations
 
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from mbsvib.common.expected import real
 from mbsvib.modes.result import RTOL, Modes, modes
@@ -16,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.energy_schur import EnergySchur
     from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.responses.rounding import Changes, Noise
+
 
 # Accuracy of modes for responses; modes that do not reach it are used nevertheless.
 RESPONSE_RTOL = 1e-13
@@ -101,7 +107,6 @@ class Basis:
         """Rows L with Gamma = L^T L if rounding of Gamma affects the other motions, else None."""
         if self.source is not None:
             return self.source.strong_dampers
-        from mbsvib.responses.strong_dampers import strong_dampers
 
         return strong_dampers(self.equations, cast("Damped", self.modal))
 
@@ -118,3 +123,22 @@ class Basis:
         from mbsvib.responses.rounding import Changes
 
         return Changes.of(self.equations, cast("Damped", self.modal))
+
+
+# Dampers are strong where rounding in Gamma exceeds that: eps |L|^T |L| in parts of omega_i + omega_j.
+STRONG = 200.0
+
+
+def strong_dampers(system: Equations, modal: Damped) -> Array | None:
+    """Return rows L (dampers, m) with Gamma = L^T L if rounding of Gamma is significant, else None."""
+    used = system.row_damping != 0.0
+    if modal.vectors is None or (system.row_damping < 0.0).any():
+        return None
+    root = np.sqrt(system.row_damping[used])[:, None]
+    rows = system.elastic_rows[used]
+    dampers = (rows @ modal.shapes) * root
+    omega = np.sqrt(np.abs(modal.square))
+    together = omega[:, None] + omega
+    together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
+    coupling = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
+    return dampers if (coupling > STRONG * together).any() else None

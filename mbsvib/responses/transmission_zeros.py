@@ -7,22 +7,27 @@ improved by Newton steps on the sum over modes, which has its full relative accu
 decades.
 
 Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
+
+The transfer matrix by solving, not by modes: for zeros near repeated eigenvalues, where modal sums cancel.
+
+Rounding of transfer matrices at their zeros, and which zeros are determined despite it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import schur, solve_triangular
 
 from mbsvib.common.selection import selected
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
-from mbsvib.responses.zero_rounding import determined_zeros, smallest_singular_value, transfer_rounding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +37,68 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
     from mbsvib.responses.basis import Basis
-    from mbsvib.responses.resolvent import Resolvent
+
+
+# Infinite zeros may come out finite if the deflation is ill-conditioned, for example along a chain of many masses. A
+# value is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the nearest
+# pole. Otherwise the transfer matrix is far from zero there, or it is rounding of its terms.
+GROWTH = 1e3
+COARSE = 0.25
+AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobservable modes
+
+
+def determined_zeros(
+    modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array, rank: int
+) -> NDArray[np.bool_]:
+    """Tell which zeros are determined despite rounding; ``rank``: normal rank of the transfer matrix."""
+    if not len(z):
+        return np.zeros(0, dtype=bool)
+    distance = np.abs(z[:, None] - np.unique(modal.pairs)).min(axis=1)
+    size = np.abs(z)
+    offset = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
+    with np.errstate(all="ignore"):
+        value, left, right = smallest_singular_value(total.at(z), rank)
+        change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + offset), right))
+        rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
+        clear = change > GROWTH * np.maximum(value, rounding)
+    return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
+
+
+def transfer_rounding(
+    system: Equations, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]],
+    z: Complex,
+) -> Array:
+    """Return the rounding of the transfer matrix at the points z, (outputs, inputs, n).
+
+    That of a sum over modes is the rounding of the largest entry of each vector.
+    """
+    if not isinstance(total, ModalSum):
+        return total.noise(z)
+    sources, results = ports
+    result = np.zeros((len(results), len(sources), len(z)))
+    with np.errstate(all="ignore"):
+        if isinstance(modal, Damped):
+            right: NDArray[Any] = modal.shapes
+            left: NDArray[Any] = modal.shapes
+            down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
+        else:
+            values, right, left, slopes = modal.spectrum.complete()
+            left, down = left / slopes, 1.0 / np.abs(z - values[:, None])
+        b = np.abs(left.T @ system.B[:, sources])
+        highest = b.max(axis=0, initial=0.0)
+        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
+            c = np.abs(rate[results] @ right)
+            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1, initial=0.0), b)
+            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
+    return EPS * result
+
+
+def smallest_singular_value(matrices: Complex, rank: int) -> tuple[Array, Complex, Complex]:
+    """Return the singular value (n,) number ``rank`` of matrices (outputs, inputs, n), with its vectors (n, ...)."""
+    stack = matrices.transpose(2, 0, 1)
+    good: NDArray[np.bool_] = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
+    u, s, v = np.linalg.svd(np.where(good[:, None, None], stack, 0.0), full_matrices=False)
+    return np.where(good, s[:, rank - 1], np.nan), u[:, :, rank - 1], v[:, rank - 1, :].conj()
 
 
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
@@ -233,7 +299,6 @@ def _transfer(
 ) -> ModalSum | Resolvent:
     """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that there is no such sum."""
     from mbsvib.responses import frequency_response, general_responses
-    from mbsvib.responses.resolvent import Resolvent
 
     sources, results = ports
     if isinstance(modal, Damped):
@@ -245,3 +310,71 @@ def _transfer(
         return modal_sum(system, modal, sources, results)
     matrices = {name: getattr(system, name)[results] for name in ("Cq", "Cv", "Ca")}
     return Resolvent.of(*_in_energy(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]}))
+
+
+# The power of s far above all poles is determined at these multiples of |A|; it must be an integer within OFF, from
+# singular values that exceed rounding by CLEAR.
+FAR = np.array([1e3, 1e4])
+OFF, CLEAR = 0.1, 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Resolvent:
+    """G(s) = C (s - T)^-1 B + D with T upper triangular, A = Q T Q^H."""
+
+    t: Complex
+    b: Complex
+    c: Complex
+    d: Array
+
+    @classmethod
+    def of(cls, a: Array, b: Array, c: Array, d: Array) -> Resolvent:
+        """Return that of x' = A x + B u, y = C x + D u."""
+        t, q = schur(a, output="complex")
+        return cls(t, q.conj().T @ b, c @ q, d)
+
+    def at(self, s: Complex) -> Complex:
+        """Return G at the points ``s`` (n,), shape (outputs, inputs, n)."""
+        result = np.empty((*self.d.shape, len(s)), dtype=complex)
+        for i, point in enumerate(s.tolist()):
+            value = self.c @ self._states(complex(point.real, abs(point.imag))) + self.d
+            result[..., i] = value.conj() if point.imag < 0.0 else value  # exactly so, as zeros are conjugate
+        return result
+
+    def noise(self, s: Complex) -> Array:
+        """Return a bound of the rounding of G, shape (outputs, inputs, n).
+
+        |dG| <= eps (|s| + |A|) |C R| |R B|, R = (s - A)^-1: solutions are exact for a change of A by rounding
+        """
+        size = float(np.linalg.norm(self.t))
+        result = np.empty((*self.d.shape, len(s)))
+        for i, point in enumerate(s.tolist()):
+            output_gain = np.linalg.norm(np.abs(self._solved(point, self.c.T, 1)), axis=0)
+            input_gain = np.linalg.norm(np.abs(self._states(point)), axis=0)
+            result[..., i] = EPS * ((abs(point) + size) * np.outer(output_gain, input_gain) + np.abs(self.d))
+        return result
+
+    def _states(self, point: complex) -> Complex:
+        return self._solved(point, self.b, 0)
+
+    def _solved(self, point: complex, right: Complex, trans: int) -> Complex:
+        """(s - T)^-1 or, with ``trans`` = 1, (s - T)^-T times a right side; infinite at an eigenvalue."""
+        matrix = point * np.eye(len(self.t)) - self.t
+        if not np.isfinite(point) or not matrix.diagonal().all():
+            return np.full(right.shape, np.inf, dtype=complex)
+        return np.asarray(solve_triangular(matrix, right, trans=trans))
+
+    def finite_zeros(self) -> int | None:
+        """Return the number of finite zeros of a square system: that of its states, minus the power of s by which its
+        determinant decreases far above all poles and zeros; None if it is not square or the determinant is rounding.
+        """
+        if len(self.d) != self.d.shape[1]:
+            return None
+        s = 1j * float(np.linalg.norm(self.t)) * FAR
+        stack = self.at(s).transpose(2, 0, 1)
+        least = np.linalg.svd(stack, compute_uv=False)[:, -1]
+        if (least <= CLEAR * np.linalg.norm(self.noise(s), axis=(0, 1))).any():
+            return None
+        size = np.log(np.abs(np.linalg.det(stack)))
+        power = float((size[0] - size[1]) / np.log(FAR[1] / FAR[0]))
+        return len(self.t) - round(power) if abs(power - round(power)) < OFF else None

@@ -13,8 +13,7 @@ from mbsvib.errors import ModelError, SingularPoseError, nearest
 from mbsvib.finite_motion.following import DrivenLoops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.dead_points import is_unknown
-from mbsvib.linalg.minimum_norm import minimum_norm_solution
-from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.qr import minimum_norm_solution, pivoted_qr
 from mbsvib.linalg.rank import DETERMINED
 from mbsvib.simulation.states import State
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from mbsvib.linalg.minimum_norm import minimum_norm_solution
+from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
 
 if TYPE_CHECKING:

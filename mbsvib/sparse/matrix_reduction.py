@@ -18,7 +18,6 @@ Control Letters 58 (2009) 225.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -27,7 +26,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.equations.equations import Equations, Truncation
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.gram_schmidt import extended
+from mbsvib.linalg.qr import extended
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.modal import independent_rows
@@ -39,6 +38,8 @@ from mbsvib.sparse.modes import modes
 from mbsvib.sparse.reduction import RTOL
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex

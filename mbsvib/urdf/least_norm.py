@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.closing import CLOSED
-from mbsvib.linalg.minimum_norm import minimum_norm_solution
+from mbsvib.linalg.qr import minimum_norm_solution
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

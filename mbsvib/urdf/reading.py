@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.file_content import ContentError, content_of, read_xml
 from mbsvib.common.number_text import real
-from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ModelError, nearest
 from mbsvib.urdf.extensions import left_out, refuse_macros
 from mbsvib.urdf.loops import Coupling, Loop, Reader

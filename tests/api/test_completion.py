@@ -9,7 +9,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, plots, studies
 from mbsvib.api.elsewhere import Elsewhere
-from mbsvib.common.completion import completed_names
+from mbsvib.common.display import completed_names
 from tests.test_display import RESULTS
 
 # Words of the engine that no completion may list.

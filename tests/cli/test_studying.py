@@ -53,7 +53,7 @@ def test_sweep(run, tmp_path):
 ])
 def test_the_figure_of_a_sweep_has_all_modes(run, monkeypatch, modes, label, lines):
     drawn = []
-    monkeypatch.setattr("mbsvib.cli._figures.write_figure", lambda figure, file: drawn.append(figure))
+    monkeypatch.setattr("mbsvib.cli._drawing.write_figure", lambda figure, file: drawn.append(figure))
     assert run(f"sweep quarter_car tyre.stiffness=1e5:4e5:3 --modes {modes} -o s.png").exit_code == 0
     axes = drawn[0].axes[0]
     assert axes.get_ylabel() == label

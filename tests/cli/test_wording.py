@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib
 import mbsvib_export
-from mbsvib.cli._wording import in_commands
+from mbsvib.cli._shell import in_commands
 
 CALL = re.compile(r"\b(?:model|system|loop)\.(?:[a-z_]+\(|linearize|moved|with_values|simulate|explain|modes|feedback)"
                   r"|\b[a-z_]{5,}\(\)|\badd_\w+|\b[a-z_]+=(?:True|False)|\b(?:method|realization)='")  # fmt: skip

@@ -24,7 +24,7 @@ def test_bode_writes_a_figure_of_the_model_s_name(run, tmp_path):
 @pytest.mark.parametrize(("option", "label"), [("", "|x / F| [m/N]"), ("--decibels", "magnitude [dB re 1 m/N]")])
 def test_bode_in_decibels(run, monkeypatch, option, label):
     drawn = []
-    monkeypatch.setattr("mbsvib.cli._figures.write_figure", lambda figure, file: drawn.append(figure) or file)
+    monkeypatch.setattr("mbsvib.cli._drawing.write_figure", lambda figure, file: drawn.append(figure) or file)
     assert run(f"bode slider.yaml --output x {option}").exit_code == 0
     assert drawn[0].axes[0].get_ylabel() == label
 

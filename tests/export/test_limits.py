@@ -12,7 +12,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib.common import mat_file, xml_file
+from mbsvib.common import mat_file
 from mbsvib.superelements import read_mat
 from mbsvib_export import reading as file_reading
 from mbsvib_export.fmu_ import reading
@@ -236,7 +236,7 @@ def test_links_in_an_archive(tmp_path):
 )
 def test_small_units_with_large_descriptions(tmp_path, monkeypatch, element, count, message):
     """Five million elements, in 20 kB, took 0.3 GB and five seconds; the limits are smaller here."""
-    monkeypatch.setattr(xml_file, "MOST_ELEMENTS", 1000)
+    monkeypatch.setattr("mbsvib.common.file_content.MOST_ELEMENTS", 1000)
     monkeypatch.setattr(reading, "LARGEST_DESCRIPTION", 100_000)
     path = tmp_path / "x.fmu"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -9,7 +9,7 @@ import pytest
 
 from mbsvib import isolation, library, studies
 from mbsvib.errors import ModelError
-from mbsvib.isolation.leg_motion import ring_of
+from mbsvib.isolation.platform import ring_of
 from mbsvib.studies.design import design
 from tests.isolation.scenes import stiff_isolator
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import expm
 
-from mbsvib.linalg.exponentials import SHARED, steps
+from mbsvib.linalg.lyapunov import SHARED, steps
 
 
 def test_steps_of_all_lengths():

@@ -5,8 +5,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-from mbsvib.linalg import dissection
-from mbsvib.linalg.multifrontal import factored, fronts
+from mbsvib.linalg.multifrontal import dissected, factored, fronts
 
 
 def grid(n, m=None):
@@ -26,7 +25,7 @@ CASES = {"grid": grid(24, 31), "nodes": sp.kron(grid(12, 14), np.ones((3, 3)) + 
 
 @pytest.fixture(autouse=True)
 def small_fronts(monkeypatch):
-    monkeypatch.setattr(dissection, "LEAF", 30)
+    monkeypatch.setattr("mbsvib.linalg.multifrontal.LEAF", 30)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -60,7 +59,7 @@ def test_complex_symmetric_matrices(case):
 
 def test_every_unknown_is_eliminated_once_and_a_grid_fills_little():
     matrix = grid(60)
-    parts = dissection.dissected(matrix.tocsr())
+    parts = dissected(matrix.tocsr())
     assert np.array_equal(np.sort(np.concatenate([own for own, _ in parts])), np.arange(3600))
     assert all(parent > i or parent == -1 for i, (_, parent) in enumerate(parts))
     # 31/4 n^2 log2(n) numbers, George (1973), against 60^3 of a band

@@ -9,7 +9,7 @@ from scipy.linalg import eigvalsh
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
-from mbsvib.responses.resolvent import Resolvent
+from mbsvib.responses.transmission_zeros import Resolvent
 from tests.modes.test_modes import oscillator
 from tests.support import fast_digits
 from tests.support.compare import assert_same_eigenvalues, linearized

@@ -18,9 +18,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, content_of
+from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, content_of, read_xml
 from mbsvib.common.number_text import real
-from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.fmu_.matrices import MAGIC
