@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mbsvib.cli._app import DESCRIPTION
 from mbsvib.cli._arguments import ALIGN
-from mbsvib.cli._completion import HOMES, OPTIONS, command_of
+from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._lookup import ROBOTS
 from mbsvib.files import schema
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._completion import HOMES, OPTIONS, command_of
+from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._parser import EPILOG, Parser
 from mbsvib.version import __version__
 

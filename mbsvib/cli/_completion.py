@@ -1,56 +1,21 @@
-"""Completion of words in the shell: scripts for bash, zsh and fish, and the words that may come next.
-
-The list of commands, and the options that all of them share.
-"""
+"""Completion of words in the shell: scripts for bash, zsh and fish, and the words that may come next."""
 
 from __future__ import annotations
 
 import os
 import shlex
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import ALIGN, ModelFile
+from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._lookup import READERS, ROBOTS, SUFFIXES, model_of
-from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import MbsvibError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
-    from mbsvib.cli._arguments import Argument, Command, Named
-
-
-# each command, and the file that it is in: only that is imported when it runs
-HOMES = {
-    "demo": "_demo", "models": "_looking", "modes": "_looking", "bode": "_drawing", "nyquist": "_drawing",
-    "sigma": "_drawing", "step": "_drawing", "draw": "_drawing", "animate": "_drawing", "check": "_looking",
-    "certify": "_certifying",
-    "compare": "_comparing", "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying",
-    "path": "_studying", "isolation": "_studying",
-    "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",
-    "export": "_exporting", "check-export": "_exporting",
-    "cosim": "_exporting", "report": "_comparing", "schema": "_looking",
-}  # fmt: skip
-OPTIONS = {
-    "--help, -h": "Show this message and exit.",
-    "--version": "Show the version and exit.",
-    "--debug": "Show the traceback of an error, with any command.",
-    "--install-completion [SHELL]": "Complete words in bash, zsh or fish.",
-    "--show-completion [SHELL]": "Print the script that does so.",
-}
-
-
-def command_of(name: str) -> Command:
-    """Return a command by its name."""
-    if name not in HOMES:
-        kind = "option" if name.startswith("-") else "command"
-        known = [word.split()[0].rstrip(",") for word in OPTIONS] if kind == "option" else list(HOMES)
-        raise UsageProblem(f"there is no {kind} '{name}'.{nearest(name, known)} See: mbsvib --help.")
-    commands: dict[str, Command] = import_module(f"mbsvib.cli.{HOMES[name]}").COMMANDS
-    return commands[name]
-
+    from mbsvib.cli._arguments import Argument, Named
 
 # Each asks "mbsvib --complete WORDS", the last of which is being typed. Bash, which splits at = and :, sends its line.
 SCRIPTS = {

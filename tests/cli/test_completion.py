@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import mbsvib as mv
-from mbsvib.cli._completion import HOMES, command_of
+from mbsvib.cli._commands import HOMES, command_of
 from tests.support.cli import invoke
 from tests.support.terminal import completed
 

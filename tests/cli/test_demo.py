@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import isolation, library
-from mbsvib.cli._demo import GAIN, LEAK, STAGES, command_line, find_spec
+from mbsvib.cli import _demo_stages as stages
+from mbsvib.cli._demo import command_line
 from tests.support.sizes import few
 
 PNG = b"\x89PNG"
@@ -30,8 +31,8 @@ def without_figures(monkeypatch):
 
 def lacking(monkeypatch, *packages):
     """Let packages be missing."""
-    present = find_spec
-    monkeypatch.setattr("mbsvib.cli._demo.find_spec", lambda name: None if name in packages else present(name))
+    present = stages.find_spec
+    monkeypatch.setattr(stages, "find_spec", lambda name: None if name in packages else present(name))
 
 
 @pytest.mark.slow
@@ -42,8 +43,8 @@ def test_the_whole_job(run, tmp_path):
     (tmp_path / "mbsvib-demo" / "step.png").write_bytes(b"old")
     result = run("demo")
     assert (result.exit_code, result.stderr) == (0, "")
-    for number, stage in enumerate(STAGES, 1):
-        assert f"{number}/{len(STAGES)}  {stage.title}\n" in result.stdout
+    for number, stage in enumerate(stages.STAGES, 1):
+        assert f"{number}/{len(stages.STAGES)}  {stage.title}\n" in result.stdout
     assert "What needs an extra" not in result.stdout
     folder = tmp_path / "mbsvib-demo"
     table = result.stdout.split("Written to mbsvib-demo")[1].split("Next: ")[0]
@@ -69,7 +70,7 @@ def test_its_numbers_are_those_of_the_library(run, without_figures, monkeypatch)
     model = library.stewart_isolator()
     np.testing.assert_allclose(numbers["natural_hz"], model.linearize().modes().frequencies, rtol=1e-12)
     plant = isolation.actuated(model, "platform")
-    loop = plant.with_gains(isolation.force_feedback(plant, GAIN, LEAK))
+    loop = plant.with_gains(isolation.force_feedback(plant, stages.GAIN, stages.LEAK))
     closed = numbers["closed_loop"]
     np.testing.assert_allclose(closed["damping_ratios"], loop.damping_ratios, rtol=1e-9)
     assert min(closed["damping_ratios"]) > 0.3 > max(model.linearize().modes().damping_ratios[:6])
@@ -123,4 +124,4 @@ def test_extras_of_the_demo_are_those_of_the_package(monkeypatch):
     assert command_line("fmu", "demo") == 'pip install "mbsvib[fmu]" && mbsvib demo'
     assert "fmpy" in " ".join(project["optional-dependencies"]["fmu"])
     assert "plotly" in " ".join(project["optional-dependencies"]["report"])
-    assert "mbsvib.cli._demo" in sys.modules
+    assert "mbsvib.cli._demo_stages" in sys.modules

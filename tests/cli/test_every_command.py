@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.cli._completion import HOMES, command_of
+from mbsvib.cli._commands import HOMES, command_of
 from mbsvib.cli._lookup import ROBOTS
 from tests.cli.test_loops import LAW, NAMES
 
