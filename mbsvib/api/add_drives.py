@@ -1,6 +1,5 @@
-"""The calls that add drives of machines, each of several parts: ball screws, belts and pairs of gears.
-
-The calls that add couplers: gears, worms, racks and other linear relations of joint coordinates.
+"""The calls that add couplers (gears, worms, racks, other linear relations) and drives of several parts: ball screws,
+belts and pairs of gears.
 """
 
 from __future__ import annotations

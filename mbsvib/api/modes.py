@@ -1,7 +1,4 @@
-"""Modes as users get them: data with tables, and animations.
-
-Some modes of a sparse system as users get them.
-"""
+"""Modes as users get them, all or some of a sparse system: data with tables, and animations."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Methods of models for other poses and equilibrium.
-
-Poses as arrays of displacements: how they are given, batches of systems there, and the words of errors.
-"""
+"""Other poses and equilibrium: methods of models, and poses as arrays of displacements."""
 
 from __future__ import annotations
 

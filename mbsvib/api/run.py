@@ -1,7 +1,4 @@
-"""Runs: nonlinear time responses, and all that can be asked of them.
-
-The method of models for their nonlinear time response.
-"""
+"""Runs: nonlinear time responses of models, and all that can be asked of them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Commands that draw curves and mechanisms: bode, nyquist, sigma, step, draw and animate.
-
-Files of figures and of the tables behind them: their formats, and how they are written.
-"""
+"""Commands that draw curves and mechanisms: bode, nyquist, sigma, step, draw and animate; how figures are written."""
 
 from __future__ import annotations
 

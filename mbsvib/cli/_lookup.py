@@ -1,6 +1,4 @@
-"""Models, systems, inputs, outputs and ranges of values from arguments of the command line.
-
-Options of all commands that take a model, for files that state less than a model: URDF and MJCF.
+"""Models, systems, inputs, outputs and ranges of values from arguments, and options for URDF and MJCF files.
 
 Each option is an argument of the same name of the files' readers, ``load_urdf`` and ``load_mjcf``.
 """

@@ -1,7 +1,4 @@
-"""Terminal output of the commands: text, warnings and errors as messages, exit status.
-
-Messages of the library in the words of the command line: commands, options, and entries of model files.
-"""
+"""Terminal output of the commands: text, exit status, and messages of the library in the words of the command line."""
 
 from __future__ import annotations
 

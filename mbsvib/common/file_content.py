@@ -1,7 +1,5 @@
-"""Files of unknown origin: read as plain bytes, no array larger than the file that is to hold it, and JSON with finite
-numbers and each key once in an object.
-
-XML files of unknown origin: elements and attributes only, no document type, no entities, no deep nesting.
+"""Files of unknown origin: plain bytes, no array larger than its file, JSON with finite numbers and each key once, and
+XML of elements and attributes only, without document type, entities or deep nesting.
 """
 
 from __future__ import annotations

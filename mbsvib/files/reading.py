@@ -1,13 +1,8 @@
-"""Files to documents: the suffix determines the format; every error of reading is a ModelError.
-
-A document: the plain values of a file, and the line number of each key.
-
-JSON text to plain values with line numbers.
+"""Files to documents: plain values of JSON or YAML text, and the line number of each key; every error of reading is a
+ModelError.
 
 JSON is nearly a subset of YAML 1.2, but with the standard parser a model is read ten times quicker, and its messages
 are about JSON. It gives no lines; a walk over the tokens of the text that it has found valid does.
-
-YAML 1.2 text to plain values with line numbers.
 
 Built on the parser's events: a model of 14 bodies is read in half the time that round-trip loading takes, and a scalar
 means what the core schema of YAML 1.2 says (``1e6`` is a number, ``yes`` and ``on`` are text).

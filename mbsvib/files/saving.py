@@ -1,7 +1,5 @@
-"""Models to model files: the arguments that made each part; files are written completely or not at all.
-
-The text of a model file: one key a line, a vector on one line, a matrix with one line a row.
-"""
+"""Models to model files: the arguments that made each part, one key a line. Files are written
+completely or not at all."""
 
 from __future__ import annotations
 

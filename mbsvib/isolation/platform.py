@@ -1,12 +1,10 @@
-"""Geometry of platforms on legs: radius, height, spread and angle of the rings of their ends, legs following.
+"""Geometry of platforms on legs: radius, height, spread and angle of the rings of their ends; all parts of legs follow.
 
 Where the ends of a leg go, its bodies, joints, springs and bushings follow. What belongs to an end keeps its place
 against it, and all turn with the line from end to end: by the least rotation R that brings its old direction u0 to the
 new one u. With A the start, L the length and s its share of it, a point p0 comes to
 
     p = A + R (p0 - A0) + s (L - L0) u,    R = exp([w]x),    w = (a / sin a) u0 x u,    cos a = u0 . u.
-
-Rings of leg ends around an axis, and the parts of legs that follow their ends: positions and orientations.
 """
 
 from __future__ import annotations

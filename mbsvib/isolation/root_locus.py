@@ -1,7 +1,4 @@
-"""Root loci: poles of the closed loop over a gain, each mode followed.
-
-Closed loops of a study: the loops of any plant, with the figures of isolation.
-"""
+"""Poles of the closed loop over a gain, each mode followed; closed loops with the figures of isolation."""
 
 from __future__ import annotations
 

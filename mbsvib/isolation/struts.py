@@ -1,7 +1,4 @@
-"""Struts as ideal lines: stiffness J^T k J in closed form, and rings of strut ends as variables.
-
-Legs for actuators: line springs, Maxwell elements, directions of bushings, and prismatic joints.
-"""
+"""Struts as ideal lines: stiffness J^T k J in closed form, rings of ends as variables; legs that may have actuators."""
 
 from __future__ import annotations
 

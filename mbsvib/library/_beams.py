@@ -1,7 +1,4 @@
-"""A cantilever with a mass at its tip.
-
-A clamped beam that carries two arms: a mechanism that swings through its stretched, singular pose.
-"""
+"""A cantilever with a mass at its tip, and a clamped beam with two arms that swing through their singular pose."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Arms, trees and closed chains from Denavit-Hartenberg rows.
-
-The words of Denavit-Hartenberg rows and of the joints that close loops, with their checks and frames.
-"""
+"""Arms, trees and closed chains from Denavit-Hartenberg rows, with the checks and frames of these rows."""
 
 from __future__ import annotations
 

@@ -1,13 +1,7 @@
-"""Common parts of chain, tree and ladder: the data of the chapter's Table 3, its joint letters, and the ports.
+"""The chapter's chain, ladder and binary tree, and their common parts: the data of Table 3, joint letters, and ports.
 
 Source: Jiang, Chen and Luo (2011), section 5.1. Table 3 divides stiffness and damping by the number s of
 spring-dampers between two bodies, so that the frequencies do not depend on s.
-
-The chapter's chain: n bodies in line, each joined to the one before and the first to ground.
-
-The chapter's ladder: one closed loop a layer.
-
-The chapter's binary tree: every body carries two, layer upon layer.
 """
 
 from __future__ import annotations

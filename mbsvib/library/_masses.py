@@ -1,9 +1,4 @@
-"""Masses and springs on an inclined rail, both ends fixed.
-
-The quarter car: body, wheel, suspension and tyre on one vertical line.
-
-An engine on its mounts.
-"""
+"""Bodies on springs: masses on an inclined rail, the quarter car, and an engine on its mounts."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The RSSR linkage and its equivalent of seven revolute joints.
-
-Slender bars between two points: the links of linkages.
-"""
+"""The RSSR linkage and its equivalent of seven revolute joints; slender bars between two points."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Stewart platforms: six extensible legs between a base and a platform, closed loops in space.
-
-The cubic hexapod: six springs along edges of a cube, decoupled in all six directions.
-
-Ports of a six-legged platform, and the shapes its bodies are made of.
-"""
+"""Six-legged platforms: Stewart platforms with extensible legs, and the cubic hexapod, which is decoupled."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Lyapunov equations of one matrix with many right-hand sides.
-
-Exponentials of one matrix over many lengths of time, applied to a vector each.
-"""
+"""Functions of one matrix: Lyapunov equations with many right-hand sides, exponentials over many lengths of time."""
 
 from __future__ import annotations
 

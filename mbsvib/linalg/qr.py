@@ -1,9 +1,4 @@
-"""QR factorizations: columns pivoted, rows sorted by size, or the triangle alone.
-
-Orthonormal columns, one after the other.
-
-Solutions of least norm of equations some of which may be redundant.
-"""
+"""QR factorizations: columns pivoted, rows sorted by size, or the triangle alone; orthonormal columns, least norm."""
 
 from __future__ import annotations
 

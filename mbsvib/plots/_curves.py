@@ -1,6 +1,4 @@
-"""Curves of frequency responses, with adaptive frequencies and a continuous phase.
-
-Selection of systems, inputs and outputs of a figure, and its layout of panels.
+"""Curves of frequency responses with adaptive frequencies and a continuous phase; systems, inputs and outputs.
 
 What figures draw, by name: these classes are above ``plots``, which takes them as they are.
 """

@@ -1,7 +1,4 @@
-"""Projection of a mechanism: lines, faces and marks on the plane of a figure, sorted by distance.
-
-The legend of a drawing of a mechanism: only symbols that occur.
-"""
+"""Projection of a mechanism: lines, faces and marks on the plane of a figure, sorted by distance, and their legend."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""Geometry of a mechanism for pictures: points fixed to bodies, connected by lines and faces.
+"""Geometry of a mechanism for pictures: points fixed to bodies, lines and faces between them, shapes of parts.
 
 A point between two bodies (on a spring) moves by a share of either: u = (1 - s) u_first(p) + s u_second(q). So the
 picture of any displacement of the bodies is one product, and no drawing needs to know of joints.
-
-Shapes of bodies and springs: bars, plates or hulls between the connection points of a body, and coils.
 """
 
 from __future__ import annotations

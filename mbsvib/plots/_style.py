@@ -1,9 +1,8 @@
-"""Style of all figures, of the library, the gallery and the documentation: what it is is said here alone.
+"""Style of all figures, of the library, the gallery and the documentation, and figures whose texts shrink with them, so
+that they fit a column of a paper as they fit a page.
 
 Colours are told apart by the colour-blind (Okabe and Ito); lines differ in dashes too. Texts have 8.5 to 10.5 pt in a
 figure as it is made, and 7 pt at least where it is made or shown smaller.
-
-Figures whose texts shrink with them, so that they fit a column of a paper as they fit a page.
 """
 
 from __future__ import annotations

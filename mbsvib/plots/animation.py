@@ -1,7 +1,4 @@
-"""Modes in motion, as figures, GIF, MP4 or a page with a player.
-
-The program that writes MP4: the one on the path, or the one that comes with the package imageio-ffmpeg.
-"""
+"""Modes in motion, as figures, GIF, MP4 (by ffmpeg on the path or of imageio-ffmpeg) or a page with a player."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Bode plots: magnitude with its unit and phase over frequency in Hz, from named inputs to named outputs.
-
-Nyquist plots: a response as a curve in the complex plane.
-"""
+"""Frequency responses from named inputs to named outputs: Bode plots and Nyquist plots."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Cycles of running machines: torque, shaking force and shaking moment over the drive, and the force's hodograph.
-
-Linear periodic equations: frequencies over the cycle, and Floquet multipliers against the unit circle.
-"""
+"""Cycles of running machines: torque, shaking force and moment, and the linear periodic equations about the cycle."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Transmissibility and compliance over frequency.
-
-Transmissibility from the base to the body, axis by axis.
-"""
+"""Transmissibility and compliance over frequency; transmissibility from the base to the body, axis by axis."""
 
 from __future__ import annotations
 

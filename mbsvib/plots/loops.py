@@ -1,11 +1,4 @@
-"""Loop gains of single actuators, on frequencies that resolve their peaks.
-
-Bode plots of loop gains, with the gain and phase margins of each actuator.
-
-Nyquist plots of loop gains, with the critical point and the modulus margin of each actuator.
-
-Sensitivity and complementary sensitivity of closed loops over frequency.
-"""
+"""Closed loops over frequency: Bode and Nyquist plots of the loop gain of each actuator, sensitivity."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Modes at a glance: natural frequencies and damping ratios.
-
-Energy shares of modes: strain energy by element, kinetic energy by body.
-"""
+"""Modes at a glance: natural frequencies and damping ratios; shares of strain and kinetic energy."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Root loci of a gain.
-
-Poles and zeros in the complex plane.
-"""
+"""Poles and zeros in the complex plane, and root loci of a gain."""
 
 from __future__ import annotations
 

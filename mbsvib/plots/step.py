@@ -1,9 +1,4 @@
-"""Step responses, from rest to settled, in units that are easy to read; rise, overshoot and settling marked.
-
-Rise, overshoot and settling of step responses: when they have settled, and marks in their panels.
-
-Times of a response until it has decayed.
-"""
+"""Step responses from rest to their final value, with rise, overshoot and settling marked; times until they decay."""
 
 from __future__ import annotations
 

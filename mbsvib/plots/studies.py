@@ -1,13 +1,4 @@
-"""Numbers over the variables of a study or a family: lines, maps, histograms.
-
-Trade-offs of several quantities: each against each, with the designs that none is better than.
-
-Pareto fronts of designs.
-
-Sets of sensors and actuators: their scores, and which candidates each has.
-
-Campbell diagrams.
-"""
+"""Results of studies: numbers over variables, trade-offs, Pareto fronts, sets of sensors, Campbell diagrams."""
 
 from __future__ import annotations
 

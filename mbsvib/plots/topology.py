@@ -1,7 +1,4 @@
-"""The topology of a mechanism: its spanning tree, the joints at which loops are cut, springs.
-
-Positions of bodies in a drawing of the topology: ground at the bottom, each body above its parent.
-"""
+"""The topology of a mechanism: its spanning tree with ground at the bottom, cut joints, springs."""
 
 from __future__ import annotations
 

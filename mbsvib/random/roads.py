@@ -1,6 +1,5 @@
-"""Profiles of roads over distance, and what a wheel of a vehicle meets of them over time.
-
-How the heights of one road under several wheels are related.
+"""Profiles of roads over distance, what a wheel meets of them over time, and how the heights under several wheels are
+related.
 """
 
 from __future__ import annotations

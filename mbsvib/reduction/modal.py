@@ -1,10 +1,4 @@
-"""Modal truncation: the modes that contribute most to the frequency response, with or without the static part of the
-others.
-
-Craig-Bampton reduction: displacements of an interface, and modes of the mechanism with the interface held.
-
-Equations of motion in fewer coordinates, q = T z, with all their factors.
-"""
+"""Reduction to fewer coordinates, q = T z, with all factors: modal truncation and Craig-Bampton."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Reduced models of a system by four methods, to an order or to an error.
-
-The error of a reduced model: the largest singular value of the difference of two frequency responses.
+"""Reduced models of a system by four methods, to an order or to an error: the largest singular value of the difference
+of two frequency responses.
 """
 
 from __future__ import annotations

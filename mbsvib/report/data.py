@@ -1,7 +1,4 @@
-"""Contents of a report, as plain lists and numbers for JSON.
-
-The order in which signals are shown: motions of the ground first, and motions of what is furthest from it.
-"""
+"""Contents of a report, as plain lists and numbers for JSON, and the order in which signals are shown."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""Campbell data: frequencies over the speed of rotors, whirl directions and critical speeds.
+"""Modes of a mechanism with rotors over their speeds: frequencies, whirl directions and critical speeds.
 
 Spin enters linearly, C = C0 + W G and K = K0 + W N, so that two linearizations serve all speeds. Modes are followed
 from speed to speed by their shapes, with more speeds in between where these change much.
-
-Modes of a mechanism with rotors over their speeds, and its critical speeds.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Sweeps: one question at many points of a model's parameters.
-
-The record of a study: one line of JSON for each point, appended as soon as it is computed.
+"""Sweeps: one question at many points of a model's parameters, each recorded as a line of JSON at once.
 
 The first line identifies the study. A line that was truncated by an interruption is dropped.
 """
