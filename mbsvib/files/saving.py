@@ -1,5 +1,6 @@
 """Models to model files: the arguments that made each part, one key a line. Files are written
-completely or not at all."""
+completely or not at all.
+"""
 
 from __future__ import annotations
 
