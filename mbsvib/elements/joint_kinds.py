@@ -245,6 +245,12 @@ SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 # What is said of kinds that no linear equations have.
 OPENS = ("Joints do not open or stick; mbsvib_export.to_exudyn(model) takes the scene to exudyn, which has contact and "
          "friction.")  # fmt: skip
+# Other programs' names of kinds
+OTHER_NAMES = {
+    "hinge": "revolute", "pin": "revolute", "continuous": "revolute", "slider": "prismatic", "slide": "prismatic",
+    "translational": "prismatic", "ball": "spherical", "cardan": "universal", "hooke": "universal", "helical": "screw",
+    "weld": "fixed", "rigid": "fixed", "floating": "free", "rod": "distance", "constant_velocity": "homokinetic",
+}  # fmt: skip
 # Smallest sine of the angle between the axes of a universal joint
 PARALLEL = 1e-6
 
@@ -255,7 +261,8 @@ def checked_kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] |
         if isinstance(kind, str) and kind in KINDS:
             return kind, None
         expected = f"one of {', '.join(KINDS)}, or free=(directions)"
-        hint = OPENS if str(kind).lower() in ("contact", "friction") else nearest(str(kind), KINDS).strip()
+        word = str(kind).lower()
+        hint = OPENS if word in ("contact", "friction") else nearest(OTHER_NAMES.get(word, str(kind)), KINDS).strip()
         raise check.refuse(who, "kind", kind, expected, hint)
     if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
         raise ModelError(

@@ -196,3 +196,12 @@ def test_lists_tuples_and_arrays(form):
 def test_joints_are_immutable():
     with pytest.raises(FrozenInstanceError):
         make().kind = "fixed"
+
+
+@pytest.mark.parametrize(("word", "kind"), [("hinge", "revolute"), ("Slider", "prismatic"), ("ball", "spherical"),
+                                            ("weld", "fixed"), ("revolut", "revolute")])  # fmt: skip
+def test_names_of_other_programs_lead_to_the_kind(word, kind):
+    model = mv.Model("m")
+    model.add_body("b", 1.0, (1.0, 1.0, 1.0))
+    with pytest.raises(mv.ModelError, match=f"joint 'j': kind = '{word}'.*Did you mean '{kind}'"):
+        model.add_joint("j", word, "ground", "b")
