@@ -120,6 +120,7 @@ def test_the_bound_holds_for_an_open_chain():
         assert (abs(found[key] - getattr(exact, key)).max(axis=(1, 2)) <= lpv.error_bound * size).all()
 
 
+@pytest.mark.slow
 def test_the_largest_of_several_numbers_counts_and_quantities_of_studies_will_do():
     family = mv.library.stewart().family({"leg*.slide.z": np.linspace(-3e-3, 3e-3, 4)})
     highest, lowest = family.worst(studies.frequency()), family.worst(studies.frequency(), largest=False)
@@ -135,6 +136,7 @@ def test_the_largest_of_several_numbers_counts_and_quantities_of_studies_will_do
         family.worst("peak")
 
 
+@pytest.mark.slow
 def test_singular_and_unreachable_poses_are_named():
     model = hanging_crank()
     at = STRETCHED - 0.8
@@ -147,6 +149,7 @@ def test_singular_and_unreachable_poses_are_named():
         heave.interpolated(1e-2)
 
 
+@pytest.mark.slow
 def test_loads_must_balance_in_each_pose():
     with pytest.raises(mv.EquilibriumError, match=r"^family: pose 1 \(pin\.rz = 0\.1\): .* is not in balance"):
         swinging().family({"pin.rz": [0.0, 0.1]}, relaxed=False)
@@ -191,6 +194,7 @@ def test_state_spaces_over_a_grid_for_matlab(tmp_path):
         lpv.to_mat(tmp_path / "lpv.mat", points=1000)
 
 
+@pytest.mark.slow
 def test_what_is_refused():
     model = mv.library.stewart()
     for values, text in (

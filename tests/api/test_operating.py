@@ -37,6 +37,7 @@ def test_near_a_resonance_it_is_the_mode_in_quadrature():
     assert_allclose(shape.body_shapes["b"][0], -1j / (10.0 * 0.4), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_it_moves_as_modes_do(tmp_path):
     system = library.stewart_isolator().linearize()
     motion = system.deflection_shape(9.6, "Fx").animate(tmp_path / "shape.gif", frames=3, amplitude=0.2)

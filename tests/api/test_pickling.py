@@ -109,6 +109,7 @@ def quantities():
         yield asked, None
 
 
+@pytest.mark.slow
 def test_quantities_and_constraints():
     for asked, system in quantities():
         other = sent(asked)
@@ -169,6 +170,7 @@ RESULTS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", RESULTS)
 def test_every_result(name):
     make, answer = RESULTS[name]

@@ -119,6 +119,7 @@ def test_systems_know_the_model_at_their_values():
     assert (np.abs(result - expected) <= 1e-9 * np.abs(expected).max(axis=1, keepdims=True)).all()
 
 
+@pytest.mark.slow
 def test_derivatives_to_beams():
     """They are linearized one variant after the other: complex steps would not reach them."""
     plant = library.cantilever().compile(["tube.rho", "tube.radius"])

@@ -201,6 +201,7 @@ def test_few_lines_and_few_at_a_time(monkeypatch):
         np.testing.assert_allclose(getattr(blocks, field), getattr(every, field), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_stated_variance_is_the_scatter():
     base, payload = (model.linearize() for model in apart())
     base, payload = base[["tip.*"], ["F", "tip.*"]], payload[["z", "root.*"], "root.*"]

@@ -104,7 +104,7 @@ def test_stiffness_of_a_leaf(sides, shear, method):
     assert_allclose(result / size, np.eye(6), atol=1e-9)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shape", CUTS)
 def test_stiffness_of_a_notch(shape):
     result, expected = compliance(held(shape)), 1 / np.array(stiffness_of_notch(shape))

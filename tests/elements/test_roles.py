@@ -58,6 +58,7 @@ def tried(part, rng):
     return names, values
 
 
+@pytest.mark.slow
 def test_batches_find_every_value_that_a_part_refuses():
     refused = set()
     for seed in range(12):

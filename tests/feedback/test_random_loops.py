@@ -120,6 +120,7 @@ def test_margins_of_each_loop(seed):
     assert got.modulus <= distance(w).min() * (1.0 + 1e-12)
 
 
+@pytest.mark.slow
 def test_a_loop_gain_that_is_not_real_at_an_end_of_the_band_limits_no_gain():
     """L = k / s - 1.5 p / (s + p) is -1 / 0.9 of the limit where w^2 = 2 p^2 / 3, for k = 0.6 p: s^2 + (1 - 0.9 g) p s
     + 0.6 g p^2 decays for all gains g from 0 to 1 / 0.9. At the low end of the band L is nearly imaginary, and its real

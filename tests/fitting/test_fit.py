@@ -151,6 +151,7 @@ def test_responses_that_the_model_does_not_have_leave_the_others_alone():
     np.testing.assert_allclose(relative(fit, model), 0.0, atol=5e-3)
 
 
+@pytest.mark.slow
 def test_springs_in_series_are_told_by_their_sum_only():
     """A node without mass between two springs: only 1/k + 1/k is known."""
 
@@ -287,6 +288,7 @@ def test_payloads_and_priors_and_ties():
     assert held.values["k*.stiffness"] == 1.8e4
 
 
+@pytest.mark.slow
 def test_loads_take_the_model_to_its_equilibrium():
     """A mass on a soft inclined spring under gravity: where it hangs, and how it vibrates, depend on the stiffness."""
 

@@ -57,6 +57,7 @@ def test_complex_symmetric_matrices(case):
     assert_allclose(matrix @ solution, right, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_unknown_is_eliminated_once_and_a_grid_fills_little():
     matrix = grid(60)
     parts = dissected(matrix.tocsr())

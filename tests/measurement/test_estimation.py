@@ -106,6 +106,7 @@ def closed_loop(r, v):
     return r - 8.0 * y, y
 
 
+@pytest.mark.slow
 def test_closed_loop_needs_the_reference():
     """u = r - 8 y with noise in y: H1 is biased, the reference removes it, whether averaged or local."""
     rng = np.random.default_rng(5)

@@ -25,7 +25,7 @@ def axes(count):
     return list(Figure(figsize=(6.0, 3.0 * count)).subplots(count, 1, squeeze=False)[:, 0])
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in NO_FIGURE])
 def test_every_kind_draws_on_given_axes(kind, monkeypatch):
     """It returns what was given, with something on each, and adds nothing to the figure around."""

@@ -202,6 +202,7 @@ def test_slim_mechanisms_leave_the_corner_to_the_directions(name, view):
     assert min(sizes) == pytest.approx(0.5 * max(sizes))
 
 
+@pytest.mark.slow
 def test_the_legend_names_the_families_that_occur():
     model = mv.Model("bench")
     model.add_body("mass", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0, 0))

@@ -32,7 +32,7 @@ def difference(value, at, step):
     return (low2 - 8.0 * low + 8.0 * high - high2) / (12.0 * step)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("plant", "noise", "settings"), [
     (plain, {"F1": 1.0, "F2": SHAPED}, {}),
     (plain, {"F1": TABLE}, {}),

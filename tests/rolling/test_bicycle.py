@@ -161,6 +161,7 @@ def test_responses_are_those_of_the_closed_form():
         np.testing.assert_allclose(got[:, :, k], exact, rtol=0, atol=1e-11 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_sensitivities_to_the_speed_are_exact():
     system = bicycle().linearize()
     values, slopes = system.modes().eigenvalues, system.mode_sensitivities("travel.x").eigenvalues[0]
@@ -176,6 +177,7 @@ def test_sensitivities_to_the_speed_are_exact():
     np.testing.assert_array_equal(system.eigenvalue_sensitivities(["travel.x"])[0], slopes)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "theirs"), [("frame.mass", "mB"), ("fork.mass", "mH"), ("frame.inertia.zz", "Bzz")])
 def test_sensitivities_to_other_parameters(name, theirs):
     system = bicycle().linearize()

@@ -60,6 +60,7 @@ def test_a_parallelogram_does_not_start_where_it_is_flat_or_beyond(distance):
         near.simulate([0.0, 0.01], initial={"crank.rz": (1e-4 - distance, 1.0)})
 
 
+@pytest.mark.slow
 def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
     model, flat = flat_parallelogram(1.0)
     with pytest.raises(mv.SimulationError, match="singular pose, from which they could go on in several ways") as error:
@@ -68,6 +69,7 @@ def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
     assert error.value.run.rates["crank.rz"] == pytest.approx(1.0, rel=1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("distance", "rate", "samples"), [
     (1e-4, 1.0, 2), (0.02, 30.0, 2), (0.7, 1.0, 101),
     *[pytest.param(*case, marks=pytest.mark.slow) for case in ((1e-4, 1.0, 101), (1e-3, -0.5, 2), (1e-3, -0.5, 101),

@@ -277,6 +277,7 @@ def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
         test_loaded_machines(make)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kinds", [("spherical", "revolute"), ("cylindrical", "revolute"), ("revolute", "fixed")])
 def test_forces_in_coaxial_shafts(kinds):
     """Each in two bearings and joined to the next: columns that are rounding hold nothing.

@@ -45,6 +45,7 @@ def test_responses_are_exact_at_the_frequencies_and_flat_about_them(damping):
     assert beside[1] > 8.0 * beside[0] or beside[1] < 1e-10
 
 
+@pytest.mark.slow
 def test_each_coefficient_adds_two_derivatives():
     """Of one port whose input and output are one: after q rounds the error is of order 2 q or higher."""
     system = truss(outputs=("z",))["z", "F"]
@@ -65,6 +66,7 @@ def test_matrices_stay_symmetric_and_definite():
     assert small.coordinates[0] == "mode1"
 
 
+@pytest.mark.slow
 def test_free_motions_stay_free():
     """Through the mass that remains: total mass, and no frequency of rounding."""
     system = truss(held=False, outputs=("z",))

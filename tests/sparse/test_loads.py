@@ -114,6 +114,7 @@ def test_what_lacks_balance_is_named():
         model.linearize(method="sparse")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_two_couplers_on_one_coordinate_of_a_cut_joint():
     """Forces of least norm in the joints do not say how couplers share them: K of this scene was off by 1e-3."""

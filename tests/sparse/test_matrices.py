@@ -172,6 +172,7 @@ def test_a_reduced_model_has_all_that_systems_have():
     assert "made of matrices" in system.explain()
 
 
+@pytest.mark.slow
 def test_one_strong_damper():
     mass, stiffness, _ = chain(200)
     strong = sp.diags(np.where(np.arange(200) == 150, 30.0, 0.0), format="csr")
@@ -223,6 +224,7 @@ def test_refusals(given, words, message):
         mv.System.from_matrices(*given, **words)
 
 
+@pytest.mark.slow
 def test_what_needs_a_mechanism_or_dense_matrices():
     mass, stiffness, _ = chain(200)
     system = mv.System.from_matrices(mass, None, stiffness, np.eye(200)[:, 0], name="line")
@@ -276,6 +278,7 @@ METHODS = [("modal", 20, True), ("modal", 20, False), ("static-corrected", 20, T
            ("craig-bampton", 20, True), ("balanced", 14, True)]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("method", "order", "held"), METHODS)
 def test_bounds_of_reduced_models(method, order, held):
     """The true error, from the dense response, is below the bound, and not far below."""
@@ -297,6 +300,7 @@ def test_the_bound_of_modes_in_closed_form():
     assert system.reduced(order, method="modal").error_bound == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_bounds_of_two_reductions_add_up():
     system, _ = structure()
     before = system.reduced(28, method="static-corrected")

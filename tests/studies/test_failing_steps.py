@@ -24,6 +24,7 @@ def frame():
 PLACES = {f"m{k}.position.{axis}": (-size, size) for k in (1, 2, 3, 4) for axis, size in (("x", 0.5), ("y", 0.35))}
 
 
+@pytest.mark.slow
 def test_steps_to_where_there_is_no_response_are_shortened():
     """The first step leads all mounts into one corner, where the frame is free to turn."""
     best = mv.optimize(frame(), PLACES, st.gain(["rx", "ry"], "F", 0.0) ** 2)

@@ -50,6 +50,7 @@ def test_quantities_of_studies_see_the_motion():
     assert np.ravel(next(iter(plain.results.values())))[0] == pytest.approx(rms(800.0, 1e-4), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_best_damper_is_that_of_a_scalar_search():
     found = mv.optimize(car(), {"strut.damping": (200.0, 6000.0)}, studies.rms("az", {"road": isolation.white(1e-4)}))
     exact = scipy.optimize.minimize_scalar(lambda d: rms(d, 1e-4), bounds=(200.0, 6000.0), method="bounded",

@@ -58,7 +58,7 @@ QUANTITIES = {
 }  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("plant", "form", "quantities"), [
     (sprung, OfLoop, ["rms", "damping"]), (filtered, OfLoop, ["white", "band", "peak", "gain", "damping", "frequency"]),
     (heavier, OfLoop, ["gain", "damping"]),

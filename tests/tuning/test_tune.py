@@ -113,6 +113,7 @@ def test_values_are_those_of_loops_closed_anew(monkeypatch):
     assert design.achieved["margin >= 0.6"] == pytest.approx(0.6, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_common_controller_is_no_better_than_one_at_home():
     plants = [oscillator(), oscillator(k=40.0, m=5.0)]
     goals = [G.rms("x", {"F": 4.0, "v.noise": 0.05})]

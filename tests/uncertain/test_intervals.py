@@ -124,6 +124,7 @@ def test_what_is_covered_leaves_gaps():
         assert all(low < high for low, high in gaps)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", [(0, (1, 2), (1, 2), 0.01), (3, (2,), (1, 1), 0.01)])
 def test_a_cover_is_a_proof_for_all_frequencies(case):
     """A gain well above the largest of samples is proven; one below it cannot be."""

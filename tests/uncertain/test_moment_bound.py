@@ -21,6 +21,7 @@ def value(coefficients, own, x):
     return np.tensordot(products, coefficients, axes=1)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("limits", "exact"), [
     ({"s.damping": (2.0, 5.0)}, 1.0 / (4.0 * 2.0 * K)),
     ({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)}, 1.0 / (4.0 * 2.0 * 0.8 * K)),
@@ -33,6 +34,7 @@ def test_it_is_near_the_closed_form(limits, exact):
     assert np.sqrt(exact) * (1.0 - 1e-9) <= worst.lower["x"] <= worst.upper["x"] < np.sqrt(exact) * 1.001
 
 
+@pytest.mark.slow
 def test_lightly_damped_boxes_are_halved():
     """A damping ratio of 5e-4 and a frequency that moves by 20 %: one polynomial of degree 12 does not suffice."""
     system = oscillator(c=0.04).linearize()

@@ -55,6 +55,7 @@ def test_repetitions_are_the_ranks():
     assert repr(plant) == "UncertainPlant('cubic_hexapod': 3 parameters, 5 channels)"
 
 
+@pytest.mark.slow
 def test_measured_forces_keep_their_actuators():
     """Actuators are in measured forces of a study's plant, which its model does not know."""
     active = isolation.actuated(library.cubic_hexapod(damping=20.0), "platform")
@@ -98,6 +99,7 @@ def test_a_damper_that_may_vanish():
     assert "Stable at all values within the limits." in str(stable)
 
 
+@pytest.mark.slow
 def test_static_divergence():
     """A spring that loses all of its stiffness, 1/0.2 times its width; no frequency but 0 shows it."""
     stable = oscillator().linearize().uncertain({"s.stiffness": 0.2}).robust_stability()
@@ -152,6 +154,7 @@ def test_masses_and_springs_exchange_energy_only(limits):
     assert stable.lower > 0.98 * stable.upper
 
 
+@pytest.mark.slow
 def test_a_mass_that_vanishes_makes_the_equations_singular():
     stable = oscillator().linearize().uncertain({"b.mass": 0.5}).robust_stability()
     assert (stable.upper, stable.omega) == (pytest.approx(2.0, rel=1e-9), np.inf)
