@@ -18,13 +18,12 @@ from mbsvib.elements.connection import line_between
 from mbsvib.elements.deformations import fields_of, length
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
+from mbsvib.elements.torsion_spring import NOWHERE
 from mbsvib.errors import ModelError
 from mbsvib.linalg.jets import variables
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-
-NOWHERE = (0.0, 0.0, 0.0)
 
 
 def expand(part: Any, *_: Any) -> ExpandedPart:

@@ -57,8 +57,7 @@ class Law:
 
     @property
     def follows_coefficients(self) -> bool:
-        """Whether the coefficients at rest determine the force in every pose, as ``posed_scene`` takes it.
-        """
+        """Whether the coefficients at rest determine the force in every pose, as in ``posed_scene``."""
         return self.energy is None and self.deformation in (length, six, twist)
 
     @property

@@ -105,17 +105,6 @@ def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPa
     return result if gravity is None or not any(gravity) else _with_weight(part, result, layout, gravity)
 
 
-def weight_rows(part: Superelement) -> Array:
-    """Return the first moments L of the potential -g . L d of weight, on the displacements d of the rows of K.
-
-    Returns (3, 6 nodes): the mass that moves along world axes per displacement of each node except the root, and of
-    each body of internal coordinates [kg, kg m].
-    """
-    layout = Layout(part, part.root_node)
-    moments = np.array(part.orientation) @ _moments(part)[1][:, layout.coordinates]
-    return on_carriers(layout.world(moments), part.internal)
-
-
 def _moments(part: Superelement) -> tuple[Array, Array]:
     """Rigid-body motions R (n, 6) without forces, and R_t^T M (3, n) of the translations R_t, in the part's axes."""
     points = np.array(part.without_forces().points)

@@ -278,7 +278,7 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0)
     total += INEXACT * move.sum(axis=0) + (back * (angles @ ahead)).sum(axis=0)
     errors = with_neighbours(eigen.values, total / speed)
-    # what mixes with one that Newton's step has not settled may have the distance to it wrong
+    # near an eigenvalue for which Newton's step has not converged, the distance to it is uncertain
     reach = np.where(errors > CORRECTION, INEXACT * errors * speed, 0.0)
     return np.minimum(np.maximum(errors, within_reach(eigen.values, np.minimum(errors, 1.0), reach)), 1.0)
 

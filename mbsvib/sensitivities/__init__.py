@@ -28,7 +28,7 @@ ports                  inputs and outputs as loads of the network; derivatives o
 
 Loaded scenes, through the equilibrium:
 loaded_network         a network under its forces: what these do to forms, by parameters and by the pose
-pose_motion            how the pose gives way to parameters, dq/dp = K^-1 dR/dp, also to those as described elsewhere
+pose_motion            how the pose changes with parameters, dq/dp = K^-1 dR/dp, also to those as described elsewhere
 forces                 the forces at the pose, with their work on small motions to second order
 """
 

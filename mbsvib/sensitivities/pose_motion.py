@@ -1,4 +1,4 @@
-"""How the pose of a loaded scene gives way to parameters, along its coordinates: dq/dp = K^-1 dR/dp.
+"""How the pose of a loaded scene changes with parameters, along its coordinates: dq/dp = K^-1 dR/dp.
 
 Rates dR/dp are those of the network under its forces, or what is left of the forces on variants in poses nearby.
 
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the motion of the pose by which it gives way to variables, and which of them load a motion that no
+    """Return the motion by which the pose follows variables, and which of them load a motion that no
     stiffness holds.
 
     The motion (variables, c) is along the coordinates, then along the other motions, of which each variable has its own
