@@ -2,8 +2,8 @@
 
     MBSVIB_BINARIES=all uv build --wheel
 
-Then zig is fetched for the build and compiles them, half a minute each the first time. Without it the wheel has none,
-and each is compiled at the first export that needs it: an editable install, as tests use it, shall be quick.
+Then zig is fetched for the build and compiles them, one or two minutes each the first time. Without it the wheel has
+none, and each is compiled at the first export that needs it: an editable install, as tests use it, shall be quick.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 ``HYPOTHESIS_PROFILE=random pytest -m "slow or not slow"`` tries others each time. The end of the run names
 the seed, with which ``--hypothesis-seed=SEED`` repeats it.
 
-Binaries compiled for the tests go to a cache of their own, once a run.
+Binaries compiled for the tests go to a cache of their own, once a run, and are those of this platform: zig takes
+minutes for the others when it runs for the first time.
 """
 
 import gc
@@ -103,4 +104,12 @@ def _own_cache(tmp_path_factory):
         return
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MBSVIB_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _this_platform():
+    """Exports without ``platforms=`` have the binary of this platform only; tests of the default put it back."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mbsvib_export.fmu_.binaries.COMMON", ())
         yield

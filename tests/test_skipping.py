@@ -291,7 +291,7 @@ def test_outputs_that_are_not_asked_for_change_nothing(model):
                     atol=1e-15 * np.abs(full.frequency_response(OMEGA)).max())  # fmt: skip
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_planar_loops_that_lose_all_they_can_are_not_moved(monkeypatch, seed):
     """A pose nearby would say the same: as many constraints are independent there."""

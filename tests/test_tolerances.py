@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path for package in ("mbsvib", "export/mbsvib_export") for path in (ROOT / package).rglob("*.py"))
 LARGEST = 0.02  # tolerances are smaller; sizes and counts are larger
@@ -30,6 +32,7 @@ def unexplained(text):
             and not lines[first - 2].startswith("#")]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_tolerances_are_explained():
     texts = {path: path.read_text(encoding="utf-8") for path in FILES}
     assert {path: lines for path, text in texts.items() if (lines := unexplained(text))} == {}

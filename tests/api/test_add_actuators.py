@@ -56,6 +56,7 @@ def same(found, expected, rtol=1e-11):
     np.testing.assert_allclose(found / np.abs(expected), expected / np.abs(expected), rtol=0.0, atol=rtol)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("inductance", [0.0, 1.2e-3])
@@ -101,6 +102,7 @@ def test_open_electrodes_are_stiffer_by_the_coupling():
     assert model.springs["a.spring"].stiffness == pytest.approx(2e7 / (1.0 - share), rel=1e-14)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("call", "words"), [
     ("voice_coil", COIL), ("voice_coil", COIL | {"inductance": 0.0}), ("voice_coil", {"constant": 12.0}),
     ("piezo_stack", STACK | {"resistance": 200.0}), ("piezo_stack", STACK | {"drive": "charge"}),

@@ -78,6 +78,7 @@ def compare(model):
     return True
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.AccuracyWarning", "ignore::mbsvib.LargeDisplacementWarning")
 @pytest.mark.parametrize("seed", SOME)
 def test_random_scenes_move_alike_anywhere_and_in_a_mirror(seed):

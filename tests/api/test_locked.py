@@ -253,6 +253,7 @@ def test_sparse():
     assert verbs(SparseSystem) == asked | {"truncation_error"}
 
 
+@pytest.mark.slow
 def test_worst_gain_is_that_of_the_largest_masses():
     """The foot carries F - m a, the masses are at most 2.2 and 3.3 kg; nothing moves, so that nothing is unstable."""
     plant = locked().linearize().uncertain({"*.mass": 0.1})

@@ -75,7 +75,7 @@ def test_gradients_of_eigenvalues(name, parameters, share):
     assert (error <= 1e-7 * size).all()
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("turned", [0.0, 0.3])
 @pytest.mark.parametrize("name", [
     "library_stewart", "library_cubic_hexapod", "library_four_bar", "library_engine_on_mounts", "spatial_loop_12",

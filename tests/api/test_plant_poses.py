@@ -137,6 +137,7 @@ def first_coordinate(model):
 ANEW = ("moved points", "loaded beam")
 
 
+@pytest.mark.few(3)
 @pytest.mark.filterwarnings("ignore:.*does not determine the outputs")
 @pytest.mark.parametrize("name", MODELS)
 def test_matrices_are_those_of_the_moved_model(name, monkeypatch):
@@ -227,6 +228,7 @@ def along(plant, x, k, step):
     return {key: np.tensordot(weights, getattr(batch, key), 1) for key in MATRICES}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in ANEW])
 @pytest.mark.filterwarnings("ignore:.*does not determine the outputs")
 def test_derivatives_to_parameters_and_pose_coordinates(name, monkeypatch):

@@ -12,6 +12,7 @@ xarray = pytest.importorskip("xarray")
 FREQUENCIES = np.array([0.5, 1.0, 3.0])
 
 
+@pytest.mark.slow
 def test_a_frequency_response():
     system = mv.library.quarter_car().linearize()
     data = mx.to_xarray(system, 2.0 * np.pi * FREQUENCIES, outputs=["travel", "body.az"])

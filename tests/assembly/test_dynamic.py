@@ -44,6 +44,7 @@ def test_a_table_is_exact_at_its_points_and_warns_beyond():
 
 
 # loss factor, decades, least error and error of relaxations [%], by a linear programme with 40 bins a decade
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("loss", "decades", "least", "error"), [
     (0.1, 1, 0.28, 3.4), (0.1, 2, 2.1, 7.1), (0.1, 4, 5.4, 9.4), (0.02, 2, 0.40, 1.45), (0.3, 1, 1.1, 10.5),
 ])  # fmt: skip

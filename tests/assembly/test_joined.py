@@ -30,6 +30,7 @@ def _connector(how):
 SOFT = ([1e5, 2e5, 3e5, 200, 300, 400.0], [10.0, 0, 30, 0.2, 0, 0])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("how", ["rigid", SOFT])
 @pytest.mark.parametrize("adds", [[_cross_coupled], [_rotor], [_cross_coupled, _rotor]])
 @pytest.mark.parametrize("where", ["base", "payload"])

@@ -95,6 +95,7 @@ def rail(name, mass, damping=0.0, stiffness=0.0):
     return model.linearize()[["x", "p.x"], ["F", "p.x"]]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("how", ["rigid", ([4e3], [9.0])])
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 @pytest.mark.parametrize("removed", [(), ("b",)])

@@ -26,6 +26,7 @@ def systems():
     return base[[name for name in base.outputs if "force" not in name], :], payload
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("how", ["rigid", SOFT])
 @pytest.mark.parametrize("which", ["base", "payload", "both"])
 def test_sparse_parts_are_joined_as_dense_ones(how, which):

@@ -48,6 +48,7 @@ def test_a_weighting_of_a_file(run, tmp_path):
     assert "expected Wk, Wd, or a file" in run(f"{line} Wz").stderr
 
 
+@pytest.mark.slow
 def test_controllers_add_their_noise(run, tmp_path):
     """Two static gains -g x: as one spring of 2 g more, whose sensor's noise acts as the force 2 g n."""
     gain = 300.0

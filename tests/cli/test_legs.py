@@ -11,6 +11,7 @@ from tests.support.cli import invoke
 FEEDBACK = ("isolation", "stewart_isolator", "platform", "--feedback", "force", "--gain", "60")
 
 
+@pytest.mark.slow
 def test_chosen_legs_get_actuators():
     result = invoke([*FEEDBACK, "--legs", "leg[1-3].k", "--json"])
     plant = isolation.actuated(library.stewart_isolator(), "platform", ["leg[1-3].k"])

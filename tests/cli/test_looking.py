@@ -98,6 +98,7 @@ def test_schema_is_one(run):
     Draft202012Validator.check_schema(schema)
 
 
+@pytest.mark.slow
 def test_axes_are_aligned_on_request(run, tmp_path):
     mv.save(mv.library.four_bar().replace("C", axis=(2e-5, 1, 0)), tmp_path / "drawn.yaml")
     assert "four_bar: 0 DOF" in run(f"check {tmp_path / 'drawn.yaml'}").stdout

@@ -27,6 +27,7 @@ def test_limits_of_damping_and_the_worst_gain(run):
     assert_allclose(data["rms"]["lower"]["x"], np.sqrt(0.5 / (4.0 * 2.0 * 0.8 * STIFFNESS)), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_not_robust(run, tmp_path):
     """A gain g that takes away stiffness: k - g > 0 up to (k - g) / (0.4 k) of the distances; exit status 1."""
     law = {"A": [[-1.0]], "B": [[0.0]], "C": [[0.0]], "D": [[4000.0]], "inputs": ["x"], "outputs": ["F"]}

@@ -43,6 +43,7 @@ def loop(kind, swap, coupled=True):
     return model
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("kind", CUT)
 def test_coordinates_of_cut_joints_against_fifty_digits(kind, swap):
@@ -56,6 +57,7 @@ def test_coordinates_of_cut_joints_against_fifty_digits(kind, swap):
     assert_allclose(model.linearize(cut=["cut"], method="sparse").frequency_response(omega), expected, rtol=1e-8)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("coefficients", [False, True])
 @pytest.mark.parametrize("kind", ["universal", "skew universal", "screw", "x and ry"])
 def test_every_variant_of_a_coupled_cut_joint(kind, coefficients):

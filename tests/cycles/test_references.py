@@ -179,7 +179,7 @@ def test_pins_of_a_linkage_against_the_matrix_method(angle):
     assert cycle.undetermined == dict.fromkeys(("crank", "pin12", "pin23", "rocker"), ("z", "rx", "ry"))
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "angles"),
     [(library.hoeken(), ANGLES), (library.hoeken(balance_radius=0.08), ANGLES), (library.carpet_scraper(), ANGLES),
@@ -267,7 +267,7 @@ KINDS = [("screw", {"pitch": 0.02}), ("cylindrical", {}), ("prismatic", {}), ("r
          ("universal", {}), (None, {"free": ("x", "z", "ry")}), (None, {"free": ("y", "rx", "rz")})]  # fmt: skip
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_what_joints_of_all_kinds_carry(seed):
     """Along a chain, a joint and its drives carry the inertia of all that is beyond; the joint alone does no work."""

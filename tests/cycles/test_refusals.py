@@ -48,6 +48,7 @@ def test_a_rocker_reaches_its_dead_centre():
     assert np.isfinite(before.torque).all()
 
 
+@pytest.mark.slow
 def test_near_a_singular_pose_it_warns_as_long_as_digits_are_left():
     """The torque grows as the square of the distance falls, as rates of the other bars do as its root."""
     model = four_bar(0.1, 0.25, 0.25, 0.2, 1.2)

@@ -187,6 +187,7 @@ def test_derivatives_to_the_place_are_differences_of_variants(name):
     np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_fit_finds_the_relaxations():
     def mass(k, weights, times):
         model = mv.Model("mass")

@@ -92,7 +92,7 @@ def test_files_batches_and_compiled_plants(kind, tmp_path):
             np.testing.assert_allclose(getattr(compiled, key), getattr(system, key), rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
 def test_runs_follow_the_linear_model_and_take_the_energy_that_is_given(kind):
     model = one_mass(kind)

@@ -104,7 +104,7 @@ def test_stiffness_of_a_leaf(sides, shear, method):
     assert_allclose(result / size, np.eye(6), atol=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", CUTS)
 def test_stiffness_of_a_notch(shape):
     result, expected = compliance(held(shape)), 1 / np.array(stiffness_of_notch(shape))
@@ -174,7 +174,7 @@ def bar(shape, count=None, mass=1e-3, **words):
     return model
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [FILLETED, ELLIPTIC | {"depth": 0.0005}])
 def test_mass_of_a_notch(shape):
     """How much its mass lowers the modes of a block on it, which are far below its own, as that of short beams does."""
@@ -309,7 +309,7 @@ def test_mass_that_goes_along_with_a_guide():
     assert_allclose(model.linearize().modes().frequencies[0], expected, rtol=1e-12)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [LEAF, NOTCH, ELLIPTIC, FILLETED])
 @pytest.mark.parametrize("gravity", [None, (1.0, -2.0, 3.0)])
 def test_sensitivities_are_slopes_of_variants(shape, gravity):

@@ -17,6 +17,7 @@ CASES = [pytest.param(kind, cut, marks=() if (kind, cut) in QUICK else pytest.ma
          for kind in CUT for cut in ("cut", "link")]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("kind", "cut"), CASES)
 def test_matrices_derivatives_and_variants(kind, cut):
     """The joint of this kind is cut, or in the tree of a loop that is cut at the other joint."""

@@ -43,7 +43,7 @@ def cases():
     return [name for name in scenes() if name not in LOCKED]
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", cases())
 @pytest.mark.usefixtures("unbalanced")
 def test_variants_are_those_of_single_models(name):

@@ -58,6 +58,7 @@ def at_once(monkeypatch):
     monkeypatch.setattr(BatchPlan, "_one_by_one", refuse)
 
 
+@pytest.mark.few(3)
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("names", [NAMES, *[(name,) for name in NAMES], ("soft.stiffness.x", "leg.g1")])
 def test_at_once_they_are_as_alone(names):

@@ -29,6 +29,7 @@ def four_bar(tilted, tilt, kinds=None, about=1, points=None):
     return model
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("joint", "ABCD")
 @pytest.mark.parametrize("tilt", [1e-10, 1e-6, 1e-3, 3e-2])

@@ -44,7 +44,7 @@ def prepared(name, wanted=COUNT):
     return model, plan, names, along_parameters(plan, base, dict(zip(names, np.eye(len(names)), strict=True)))
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(3)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.UndeterminedForceWarning")
 @pytest.mark.parametrize("name", scenes())
 @pytest.mark.usefixtures("unbalanced")
@@ -76,7 +76,7 @@ def single_fields():
     return list({(entry.part, entry.field): entry.name for entry in parameters.entries}.values())
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", single_fields())
 @pytest.mark.usefixtures("unbalanced")
 def test_one_parameter_alone(name):
@@ -93,7 +93,7 @@ def test_one_parameter_alone(name):
         assert np.abs(getattr(tangent, key) - expected).max(initial=0.0) <= 2e-7 * scale, key
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", [name for name in scenes() if not name.startswith(("loaded", "massless", "hunt"))])
 def test_derivatives_at_rest_are_those_of_the_adjoint(name):
     case = prepared(name)

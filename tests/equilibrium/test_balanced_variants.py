@@ -56,6 +56,7 @@ CASES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CASES)
 def test_variants_are_those_balanced_one_by_one(name):
     make, values = CASES[name]

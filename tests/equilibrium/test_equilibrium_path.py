@@ -68,7 +68,7 @@ def test_a_steep_arch_sways_before_it_snaps():
     assert path.forces == pytest.approx([force(4.0, v)[0] for v in path.values], rel=1e-12)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("sense", [1, -1])
 def test_the_crossing_path_of_a_steep_arch(sense):
     """Sideways one rod has its free length and the other one turns: balance of both forces across vanishes there."""

@@ -97,6 +97,7 @@ def test_the_statically_loaded_start_of_the_drop_test():
     assert there.linearize().dof == model.linearize().dof
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("share", [0.05, 1.0, 1.5, -0.2])
 def test_arms_that_move_bend_the_beam_that_they_are_on(share):
     """Up to where they are stretched and beyond: the middle goes as arms of their length say, the rest bends least."""

@@ -82,6 +82,7 @@ def test_two_loops_at_their_dead_points_at_once(case):
         np.testing.assert_allclose(there.joints[name].position[:2], pin(points, by, *lengths), atol=1e-8)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", range(6))
 def test_beyond_a_dead_point(case):
     points, by, *_ = near_dead_points(6, -0.05, -1e-3)[case]
@@ -132,7 +133,7 @@ def test_a_pose_with_open_loops_is_none_on_the_way(monkeypatch):
         np.testing.assert_allclose(found.bodies[name].position, body.position, rtol=0, atol=1e-10)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [189, 310])
 def test_a_branch_that_ends_at_a_dead_point_is_not_left_for_another(seed):
     """In steps of a thirtieth it ends under the same share of the load."""
@@ -140,6 +141,7 @@ def test_a_branch_that_ends_at_a_dead_point_is_not_left_for_another(seed):
         near_a_dead_point(seed).equilibrium()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", few(range(6), 3))
 def test_a_path_ends_at_a_dead_point(case):
     """Where the crank's end is as far from the rocker's pin as coupler and rocker reach, or as their difference."""

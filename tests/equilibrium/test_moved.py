@@ -65,6 +65,7 @@ def values_of(model, rng, size=0.7):
     return {name: float(rng.uniform(-size, size)) for name in posed_model(model).coordinates.names}
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("fixed", "custom")])
 @pytest.mark.parametrize("seeds", few([range(1), range(1, 3)], 1))

@@ -11,6 +11,7 @@ FREE = [("rx", "ry"), ("ry", "rz"), ("rx", "rz"), ("x", "y", "z", "rx", "rz"), (
         ("y", "z", "rx"), ("x", "rx", "ry", "rz"), ("x", "z"), ("y", "rz")]  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("free", FREE, ids="-".join)
 def test_custom_joints_stay_the_same_joint(free, swap):

@@ -21,7 +21,7 @@ def door(rng, offset, arm, *second):
     return model
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("second", [("revolute",), ("cylindrical", "spherical")])
 def test_a_door_sags_as_on_one_hinge(second):
     for seed in range(4):

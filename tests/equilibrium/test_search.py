@@ -332,6 +332,7 @@ def test_displacements_are_columns():
     assert list(columns) == ["body", "x", "y", "z", "rx", "ry", "rz"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("snap", [False, True])
 def test_the_search_is_the_same_in_any_unit_of_length(snap):
     """A slider with a rod hinged to it: as many steps of the same shares, whatever a metre is."""

@@ -32,7 +32,7 @@ def deflection(tension, force):
     return force / tension * (LENGTH - of(k * LENGTH) / k)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("tension", [5.0, 50.0, -10.0])
 def test_tension_resists_bending(tension):
     """The error falls with the fourth power of the elements' length, as that of the cubic deflection."""

@@ -21,7 +21,7 @@ CASES = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_resonances(case):
     model = CASES[case]()

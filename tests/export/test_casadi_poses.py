@@ -48,6 +48,7 @@ def test_casadi_has_the_slopes_of_matrices():
     np.testing.assert_allclose(np.array(slope(at)).ravel(), wanted, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_other_options_are_refused():
     for options in ({"parameters": "platform.mass"}, {"realization": "modal"}):
         with pytest.raises(mv.ExportError, match="an LPVSystem has its pose as parameters"):

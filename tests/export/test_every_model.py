@@ -40,7 +40,7 @@ WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "h5": mx.to_h
 NEEDS = {"h5": "h5py", "fmu": "fmpy"}
 
 
-@pytest.mark.few(30)
+@pytest.mark.few(7)
 @pytest.mark.parametrize("suffix", WRITERS)
 @pytest.mark.parametrize("name", SMALL_FIRST)
 def test_files_are_read_again(name, suffix, tmp_path):

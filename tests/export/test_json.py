@@ -97,6 +97,7 @@ MISTAKES = {
 OF_SIZE = {"short row", "long row", "row missing", "the same name twice", "huge integer"}  # beyond what a schema sees
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_mistakes_are_found_where_they_are(mistake, tmp_path):
     change, message = MISTAKES[mistake]

@@ -52,7 +52,7 @@ def test_every_bit_is_kept(binary, tmp_path):
         mx.to_op4(slider((), (), locked=True), path)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("binary", [False, True])
 def test_pyyeti_reads_what_is_written(binary, tmp_path):
     op4 = pytest.importorskip("pyyeti.nastran.op4", reason=YETI)

@@ -220,6 +220,7 @@ class Vee(Connection):
     damping: float
 
 
+@pytest.mark.slow
 def test_an_energy_of_two_lengths_is_two_springs(monkeypatch):
     monkeypatch.setitem(EXPANSIONS, Vee, by_law.expand)
     left, right, tip = (-0.2, 0.1, 0.3), (0.3, 0.0, 0.4), (0.05, 0.1, 0.0)
@@ -315,6 +316,7 @@ def test_a_point_on_a_circle_swings_as_a_pendulum():
     np.testing.assert_allclose(there.bodies["bead"].position, at, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_point_on_a_circle_runs_and_is_saved(tmp_path):
     model = bead()
     t = np.linspace(0.0, 0.5, 11)

@@ -104,6 +104,7 @@ def test_hexapod_without_damping_under_force_feedback():
     np.testing.assert_allclose(value[large], exact[large], rtol=1e-10)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("proportional", [0.0, 30.0, 300.0])
 @pytest.mark.parametrize("rate", [100.0, 1e4])
 def test_sampled_pi_on_a_velocity_at_rest(proportional, rate):

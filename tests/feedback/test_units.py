@@ -39,7 +39,7 @@ def same(answer, other, tolerance=1e-9):
     np.testing.assert_allclose(other, answer, rtol=tolerance, atol=tolerance * np.abs(answer).max(initial=0.0))
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_norms_reduction_zeros_and_steps(units):
     one, time = plant(), units[0]

@@ -120,6 +120,7 @@ def test_random_models_are_valid(tmp_path_factory, model):
     VALID.validate(json.loads(path.read_text("utf-8")))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("old", "new"),
     [

@@ -26,7 +26,7 @@ def bits(value):
     return tuple(map(bits, value)) if isinstance(value, tuple) else value
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @examples(15, slow=60)
 @pytest.mark.parametrize("suffix", MOST)
 @given(model=models())

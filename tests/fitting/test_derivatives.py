@@ -64,6 +64,7 @@ def scene(kind):
     return model, data, ["k*.stiffness", "k*.damping", "b*.mass"], ("gain", "delay", "lag")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("kind", ["chain", "shared", "modes", "quantities", "rotor", "springs"])
 def test_derivatives_of_residuals(kind, far):
@@ -87,6 +88,7 @@ def test_derivatives_of_residuals(kind, far):
                                    err_msg=problem.variables.names[k])  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("kind", ["chain", "shared", "modes"])
 def test_gradient_is_that_of_the_cost(kind, far):

@@ -235,6 +235,7 @@ def test_noise_of_a_candidate_of_another_quantity_is_as_large_against_its_respon
     assert one.gain == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_wrong_structure_is_said():
     """A mass that is 30 % off, and not fitted."""
     model = chain()

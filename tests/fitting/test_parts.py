@@ -275,6 +275,7 @@ def test_covariances_that_do_not_tell_the_noise_are_refused():
     assert fit.values["k1.stiffness"] == pytest.approx(2e4, rel=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize("seed", [3, 4])
 def test_uncorrelated_covariances_are_variances(noise, seed):

@@ -51,7 +51,7 @@ def off(fit, model):
     return np.array([value / model.parameters[name] - 1.0 for name, value in fit.values.items()])
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("hold", "most"), [("first", 1e-9), ("zero", 1e-9), ("band-limited", 3e-4)])
 def test_exact_records_give_exact_values_whatever_went_before(hold, most):
     """Displacement, velocity and acceleration, of two experiments; what is folded back is small where it is not held.

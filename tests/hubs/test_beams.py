@@ -28,7 +28,7 @@ def lowest(system, count=2):
     return np.sort(2.0 * np.pi * np.array(system.modes().frequencies) / UNIT)[:count]
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", FLAPPING)
 def test_rotating_cantilever_flaps_as_published_and_lags(speed):
     """In the plane of rotation the same mode has w^2 - W^2, but for the Coriolis coupling with stretch."""

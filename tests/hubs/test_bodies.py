@@ -106,7 +106,7 @@ def finite(tensor, mass, centre, w):
     return gyro, stiff, np.array([float(x) for x in gradient])
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [(0, 0, 1), (1, 2, -0.5)])
 def test_any_body_follows_lagrange(axis):
     """A body with products of inertia off the axis, held at rest by a bushing: G and K of its Lagrangian."""

@@ -82,7 +82,7 @@ def test_a_mass_on_a_light_leaf_flaps_in_closed_form():
     assert_allclose(frequencies(model, 1), expected, rtol=1e-6)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [LEAF, NOTCH])
 def test_engines(shape, tmp_path):
     """Sparse equations, variants, compiled plants, derivatives to speed and thickness, files, other poses."""

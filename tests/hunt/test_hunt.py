@@ -30,6 +30,7 @@ def report(record):
     return "\n\n".join([f"{len(record.failures)} failures", *smallest, *rest, record.summary()])
 
 
+@pytest.mark.slow
 def test_some_scenes():
     record = hunt(SOME)
     assert not record.failures, report(record)

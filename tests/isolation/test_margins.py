@@ -98,7 +98,7 @@ def test_gain_margin_of_a_sampled_loop_is_at_half_the_rate():
     assert got.modulus == pytest.approx(1 - 1 / got.gain[0], rel=1e-3)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(8), 4))
 def test_gain_margins_of_random_loops_are_where_poles_reach_the_axis(seed):
     """Two actuators with light dampers from 1e-6 on, each loop by itself while the other is closed."""

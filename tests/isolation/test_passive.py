@@ -127,7 +127,7 @@ def test_gradients_against_differences():
         assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), item.label
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("coupled", [False, True])
 def test_strokes_of_bushings_with_and_without_couplings(coupled):
     # a direction by itself tells its stroke by its force, one that is coupled by its motion

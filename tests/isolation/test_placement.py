@@ -144,6 +144,7 @@ def test_units_do_not_change_ranks(case):
         assert np.allclose([one.score for one in slow.sets], [one.score for one in plain.sets], rtol=1e-8)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize(("sensors", "actuators"), [(3, 0), (0, 3), (2, 2)])
 def test_bounds_hold_against_all_sets(case, sensors, actuators):

@@ -26,6 +26,7 @@ def test_white_base_acceleration_in_closed_form():
     assert result.force["mount"] == pytest.approx(MASS * result.acceleration[2], rel=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("ratio", [1e-5, 0.03, 0.7, 3.0])
 def test_moments_and_integrals_agree(ratio):
     study = isolation.study(one_axis(ratio), "payload", directions="z")

@@ -136,6 +136,7 @@ def test_variants_of_a_door_that_is_locked():
     assert linearized(1e-2, 0, 0.4).dof == 0
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kinds", COMMON, ids=" and ".join)
 def test_loops_of_a_centimetre_a_hundred_thousand_kilometres_off(kinds):
     """Points are rounded by 1e-6 of the loop: more than the poses nearby are off from this one."""

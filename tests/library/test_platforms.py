@@ -31,6 +31,7 @@ def test_stewart_against_the_published_modes():
     assert_allclose(100 * modes.damping_ratios, percent, rtol=0, atol=0.51e-4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("make", "dof"), [(stewart, 6), (stewart_isolator, 12)])
 def test_modes_against_fifty_digits(make, dof):
     model = make(ports="none")

@@ -38,6 +38,7 @@ def test_hinged_rod():
     assert_allclose(force[1:] * system.K[0, 0], [0.0, 0.0], atol=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("n", [1, 3, 12])
 def test_pendulum_chain(n):
     with mp.workdps(40):

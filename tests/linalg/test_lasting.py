@@ -34,6 +34,7 @@ CASES = {
 }
 
 
+@pytest.mark.few(11)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("seed", range(4))
 def test_groups_are_judged_alike_in_any_states(case, seed):

@@ -28,6 +28,7 @@ def small_fronts(monkeypatch):
     monkeypatch.setattr("mbsvib.linalg.multifrontal.LEAF", 30)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("share", [-0.1, 0.13, 0.6])
 def test_solutions_and_inertia(case, share):

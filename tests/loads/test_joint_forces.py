@@ -47,6 +47,7 @@ def test_a_small_load_changes_reactions_as_the_static_response_says(seed, loops,
     assert_static_response(model)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["x rx rz", "y z rx"])
 @pytest.mark.parametrize("seed", few((3, 0, 1, 2), 1))
 def test_couplers_that_measure_the_joint_at_which_a_loop_is_cut(kind, seed):

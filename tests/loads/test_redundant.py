@@ -58,6 +58,7 @@ def test_ball_joints_carry_no_moment():
         assert result[name] == pytest.approx([sign * couple / HEIGHT, 0, MASS * G / 2, 0, 0, 0], rel=1e-13, abs=1e-13)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", overconstrained.ALL)
 def test_at_rest_against_absolute_coordinates(name):
     model = redundant(name)
@@ -118,6 +119,7 @@ def assert_same_forces(model, other, by):
     assert max(abs(after[name] - value) for name, value in before.items()) < 1e-9 * size
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", SOME)
 @pytest.mark.parametrize("seed", range(2))
 def test_frame_order_and_names_make_no_difference(name, seed):
@@ -127,6 +129,7 @@ def test_frame_order_and_names_make_no_difference(name, seed):
     assert_same_forces(model, restated(model, by, (5.0, -3.0, 8.0), seed, backwards), by)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", SOME)
 def test_the_cut_makes_no_difference(name):
     """Nor do the coordinates that are then independent."""
@@ -213,6 +216,7 @@ def test_units_make_no_difference():
         np.testing.assert_allclose(result[name] / np.repeat((1.0, 1e3), 3), wrench, rtol=0, atol=1e-9 * size)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", overconstrained.ALL)
 def test_stiffness_does_not_depend_on_the_choice(name, monkeypatch):
     """Ten times as much self-stress as there are forces: constraints that are redundant nearby do no work on it."""

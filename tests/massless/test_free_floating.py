@@ -114,7 +114,7 @@ def check(model):
     assert_allclose(of_states(system.state_space("modal"), omega) / size, expected / size, rtol=0, atol=1e-7)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 33])  # in the second, a pair of eigenvalues is 5e4 apart: damping ratio 200
 def test_a_platform_on_relaxation_legs_and_a_cable(seed):
     check(platform(seed))

@@ -27,6 +27,7 @@ def test_springs_in_series():
     assert_allclose(result, expected, rtol=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["s3.stiffness", "s11.stiffness", "s13.stiffness", "s5.damping", "b.mass",
                                   "s13.start.x", "s7.start.x", "a.position.x"])  # fmt: skip
 def test_a_network_with_both_kinds(name):

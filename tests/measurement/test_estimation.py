@@ -41,6 +41,7 @@ def test_h1_and_coherence_are_those_of_scipy():
     assert data.notes == ("method H1", "resolution 0.166667 Hz", f"{m:.3g} independent averages")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("method", "noise", "options"),
     [("H1", (0.0, 0.1), {"segments": 10}), ("H2", (0.3, 0.0), {"segments": 10}),
@@ -84,6 +85,7 @@ def test_local_polynomials_do_not_leak():
         mv.Measurement.from_records(STEP, {"u": u[:1000]}, {"y": y[:1000]}, method="local", lowest=lowest)
 
 
+@pytest.mark.slow
 def test_estimators_are_biased_as_they_should():
     """H1 low by 1 / (1 + noise to signal) at the input's noise, H2 high by that at the output's."""
     u, y = records(200_000, 3, input_noise=0.5)

@@ -83,6 +83,7 @@ def test_total_least_squares_of_one_input_in_closed_form():
     np.testing.assert_allclose(found.responses[:, 0].T, root / (2.0 * syu.conj() / ratio**2), rtol=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("method", "sizes", "noise", "ratio"), [
     ("H1", (2, 2, 0), (0.3, 0.0), None), ("H2", (2, 2, 0), (0.0, 0.1), None),
     ("reference", (2, 2, 2), (0.3, 0.2), None),

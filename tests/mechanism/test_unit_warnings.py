@@ -87,6 +87,7 @@ def test_displacements_are_not_angles():
     assert len(model.moved({"rail.rz": 30.0}).doubts) == 1
 
 
+@pytest.mark.slow
 def test_angles_in_degrees_are_doubted_by_paths_cycles_and_runs():
     path = mv.library.hinged_rod().path("hinge.rz", [0.0, 10.0])
     assert "Doubtful: 'hinge.rz' is displaced by 10 rad, 1.59 turns" in str(path)

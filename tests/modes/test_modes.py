@@ -102,6 +102,7 @@ def test_error_estimates_hold_at_length(model, seed):
                 assert abs(result - expected) <= (10 * promised[complex(result)] + 4e-16) * abs(expected)
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(st.one_of(SMALL, FLOATING, UNSTABLE))
 def test_eigenvalues_come_in_pairs_in_ascending_order(model):

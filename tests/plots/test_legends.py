@@ -13,7 +13,7 @@ def loops():
     return [system.feedback([[-1.0]], system.outputs[0], system.inputs[0], name=name) for name in names]
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", [
     lambda: plots.mechanism(library.stewart_isolator()),
     lambda: plots.bode(loops(), frequencies=np.array([1.0, 2.0])),

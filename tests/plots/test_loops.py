@@ -34,6 +34,7 @@ def line_of(s):
     return 1.0 / s - 1.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("make", [single, several])
 def test_margins_are_where_they_are_said_to_be(make):
     loop = make()

@@ -195,6 +195,7 @@ def test_torques_have_two_heads():
     assert first[1][1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "view"), [("quarter_car", "y"), ("four_bar", "z")])
 def test_slim_mechanisms_leave_the_corner_to_the_directions(name, view):
     axes = mechanism(mv.library.build(name), view).axes[0]

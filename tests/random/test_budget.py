@@ -98,6 +98,7 @@ def test_rows_of_the_table_with_correlated_sources():
     assert ("", "correlation", "-3.464", "", f"-{1200 / (total - 12.0):.2f} %") in rows
 
 
+@pytest.mark.slow
 def test_it_is_drawn_and_written(tmp_path):
     budget = made()
     figure = budget.plot("v2")

@@ -141,6 +141,7 @@ def test_sampled_budgets_tend_to_continuous_ones():
             assert abs(slow.contributions[name][source] / value - 1.0) > 2e-3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("source", ["F", "x.noise"])
 def test_sampled_densities_add_up_to_the_mean_square(source):
     """Two ways with nothing in common: integrals of what sampling folds, and covariances from sample to sample."""
@@ -226,7 +227,7 @@ def test_sampling_folds_a_wide_table_as_white_noise():
     np.testing.assert_allclose(table, white, rtol=1e-4)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e5])
 def test_undamped_modes_beside_sampled_loops_in_any_unit_of_time(unit):
     """A mode that the loop does not reach has poles on the axis but for rounding, which grows with the frequency."""

@@ -265,7 +265,7 @@ def under(system, noise, outputs="x", band=None, correlation=None, weighting=Non
     return random(system, noise, outputs, band, correlation, weighting)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("first", [0.0, 2.0])
 @pytest.mark.parametrize("correlation", [None, [[1.0, 0.6], [0.6, 1.0]]])
 def test_integrals_up_to_frequencies(first, correlation):
@@ -344,6 +344,7 @@ def test_filters_in_several_forms_are_one_weighting(weighting):
     assert system.rms("x", {"base": 1.0}, band, weighting=weighting)["x"] == pytest.approx(exact, rel=1e-5)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("second", [isolation.shaped([9.0], [1.0, 9.0], 3.0), 2.0, [(0.1, 2.0), (60.0, 0.01)],
                                     isolation.shaped([40.0], [1.0, 40.0], 0.5)])  # fmt: skip
 @pytest.mark.parametrize("r", [0.6, -0.9, 0.5j])

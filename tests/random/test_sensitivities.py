@@ -32,7 +32,7 @@ def difference(value, at, step):
     return (low2 - 8.0 * low + 8.0 * high - high2) / (12.0 * step)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "noise", "settings"), [
     (plain, {"F1": 1.0, "F2": SHAPED}, {}),
     (plain, {"F1": TABLE}, {}),
@@ -134,6 +134,7 @@ def test_refusals():
     assert np.isnan(undamped["x1"]["k1.stiffness"])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("plant", [plain, static, dynamic])
 def test_derivatives_of_equations_are_those_of_responses(plant):
     """[C R 1] dX [R B; 1] along parameters and, of loops, along the controller."""

@@ -39,7 +39,7 @@ def vibrating(ratio, condition, seed):
     return mv.StateSpace.from_arrays(turn @ a @ np.linalg.inv(turn), turn @ b, c @ np.linalg.inv(turn), 0)
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", [5, 6])
 @pytest.mark.parametrize("condition", [1.0, 500.0])
 @pytest.mark.parametrize("ratio", [2e-7, 1e-4, 1e-2])

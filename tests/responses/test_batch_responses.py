@@ -85,7 +85,7 @@ def test_modes_solve_their_equations(model, seed):
             assert np.abs(modes.shapes.T @ system.M @ modes.shapes - np.eye(batch.dof)).max() < 1e-8
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @examples(6, slow=40)
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])
 @given(model=st.one_of(open_trees(damped=st.booleans()), planar_loops()), seed=seeds())

@@ -60,6 +60,7 @@ def by_hand(omega, order, damping=200.0, kind="spring"):
     return np.array(result).T
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("kind", ["spring", "bushing", "maxwell"])
@@ -343,6 +344,7 @@ def test_files_keep_motion_inputs(tmp_path):
                                   model.linearize().frequency_response(OMEGA))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", range(3))
 @pytest.mark.parametrize("kind", ["spring", "bushing"])
 def test_runs_of_straight_guides_are_the_linear_responses(kind, order):

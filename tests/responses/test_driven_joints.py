@@ -76,6 +76,7 @@ def test_a_drive_at_rest_is_a_fixed_joint():
 PROPER = ({"displacement"}, {"displacement", "velocity"}, {*QUANTITIES, "support", "spring", "floor", "torque"})
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 @pytest.mark.parametrize("order", range(3))
 def test_state_spaces_exist_where_no_derivative_is_needed(order, realization):
@@ -196,6 +197,7 @@ def test_mechanisms_without_other_freedom_are_kinematics():
     np.testing.assert_allclose(system.frequency_response(OMEGA)[1, 0], -1j * OMEGA * free.M[0, 0], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_variants_plants_and_slopes_take_drives_along():
     model = arm(quantity="acceleration")
     system = model.linearize()

@@ -9,7 +9,7 @@ from mbsvib.errors import ResponseError
 from tests.responses.test_driven import OMEGA, QUANTITIES, quarter
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", range(3))
 def test_slopes_of_time_responses_and_norms_are_those_of_neighbours(order):
     model, outputs = quarter(QUANTITIES[order]), ["displacement", "velocity"]

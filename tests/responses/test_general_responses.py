@@ -34,7 +34,7 @@ def test_frequency_response(family):
     assert (np.abs(direct - exact) <= 1e-9 * np.abs(exact)).all()
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("hold", ["zero", "first"])
 @pytest.mark.parametrize("family", CHOSEN)
 def test_time_response(family, hold):
@@ -63,7 +63,7 @@ def test_time_response_where_spin_just_stabilises(beyond):
     assert error.max() <= 1e-10
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("pairs", few([((0, 1), (1, 0)), ((0, 0), (1, 1))], 1), ids=["across", "own"])
 @pytest.mark.parametrize("family", ["spin and dampers", "spin", "all", "follower loads", "free", "massless ones",
                                     "massless and all"])  # fmt: skip

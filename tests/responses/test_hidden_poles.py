@@ -28,6 +28,7 @@ def grounded(kp, ki):
     return model.linearize().feedback(pi)["x", "F"]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kp", [1.0, 10.0])
 @pytest.mark.parametrize("ki", [1.0, 50.0, 300.0, 2000.0])
 def test_integral_feedback_of_a_velocity_is_a_spring(kp, ki):

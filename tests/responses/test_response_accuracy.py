@@ -220,7 +220,7 @@ def three_masses(c, free=False):
     return sliding_chain(m, k, c, (0, 2), outputs, free=free)
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("free", [True, False])
 @pytest.mark.parametrize("c", [[0.0, 0.0, 0.0], [1.6, 0.6, 0.4], [4.0, 60.0, 0.1], [800.0, 3.0, 1.0]])
 @pytest.mark.parametrize("hold", ["zero", "first"])

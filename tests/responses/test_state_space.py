@@ -29,7 +29,7 @@ def response(ss, omega):
     return np.stack([ss.C @ np.linalg.solve(1j * w * np.eye(n) - ss.A, ss.B) + ss.D for w in omega], axis=2)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @examples(10, slow=40)
 @BOTH
 @given(model=ANY)

@@ -208,6 +208,7 @@ def test_a_response_that_only_approaches_its_final_value():
     assert_allclose([info.overshoot, info.undershoot], 0.0, atol=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_sums_against_a_dense_grid(seed):
     rng = np.random.default_rng(seed)

@@ -59,6 +59,7 @@ def test_coefficients_of_the_reference_are_the_printed_ones():
         np.testing.assert_allclose([float(value) for value in matrix], values, rtol=1e-14, atol=1e-13)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("speed", PRINTED)
 def test_eigenvalues_are_the_printed_ones_and_those_of_extended_precision(speed):
     got, zeros = poles(bicycle(speed=speed))

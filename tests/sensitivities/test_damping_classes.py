@@ -37,6 +37,7 @@ def assert_close(result, expected, rtol):
     assert (np.abs(result - expected) <= rtol * size + 1e-9 * size.max()).all()
 
 
+@pytest.mark.few(4)
 def test_frequency_responses(case):
     p, system, names, rtol = case
     result = system.frequency_response_sensitivities(OMEGA, names)

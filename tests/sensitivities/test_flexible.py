@@ -109,7 +109,7 @@ def hanging(reduced, g):
     return model
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("reduced", [False, True])
 def test_gravity_along_a_part_that_bends(reduced):
     """K is linear in gravity: of its weight, of what hangs below, and of what a part that is turned weighs."""

@@ -82,7 +82,7 @@ def test_rotation_vectors_are_counted_beyond_a_turn(count):
     assert run.coordinates["ball.rz"][-1] == pytest.approx(13.0, rel=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("torque", [[0.0, 0.2], lambda t: 0.01 * (t + 20.0)], ids=["samples", "function"])
 def test_a_torque_that_grows_over_many_turns(torque):
     """One interval is gone in parts, of which each has its part of the ramp from rest: J a = c (t + 20 s)."""

@@ -61,7 +61,7 @@ def test_travel_of_a_slide_is_in_sizes_of_the_mechanism(size):
     assert len(found.sentences()) == 1
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.284, 0.05])
 def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
     model = toggle(angle=angle, spring_damping=1e-9)

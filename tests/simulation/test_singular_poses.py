@@ -19,6 +19,7 @@ def rocker_to_its_limit():
     return model, np.pi - inner - np.arctan2(y, x - 0.2)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rate", [0.0, -1.0])
 @pytest.mark.parametrize("distance", [1e-9, 1e-12, 0.0, -1e-13])
 def test_a_start_at_the_dead_centre_of_what_is_displaced(distance, rate):
@@ -28,7 +29,7 @@ def test_a_start_at_the_dead_centre_of_what_is_displaced(distance, rate):
         model.simulate([0.0, 0.01], initial={"rocker.rz": (limit * (1.0 - distance), rate)})
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-3, 1e-5])
 def test_near_a_dead_centre_rates_grow_as_the_root_of_the_distance(distance):
     """The crank turns by c sqrt(d), so that its rate is c / (2 sqrt(d)) times that of d."""
@@ -49,6 +50,7 @@ def flat_parallelogram(angle):
     return hoeken(crank=0.1, coupler=0.3, rocker=0.1, ground=0.3, angle=angle), np.pi - angle
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("distance", [1e-6, 1e-9, 0.0, -1e-3])
 def test_a_parallelogram_does_not_start_where_it_is_flat_or_beyond(distance):
     """There it may go on as an antiparallelogram: rates were anything between those of both."""
@@ -116,6 +118,7 @@ def test_a_slider_crank_passes_its_dead_centres(samples):
     assert run.coordinates["b.rz"] == pytest.approx(rod[0] - rod[1] - turned, abs=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("samples", [2, 51])
 @pytest.mark.parametrize("shorter", [1e-3, 1e-5])
 def test_nearly_a_parallelogram_passes_its_nearly_flat_pose(shorter, samples):

@@ -11,6 +11,7 @@ from mbsvib.sparse.choice import MANY
 from tests.sparse import scenes
 
 
+@pytest.mark.slow
 def test_size_decides_unless_said_otherwise():
     small, large = mv.library.chain(MANY), mv.library.chain(MANY + 1, line=(0, 1, 0))
     assert isinstance(small.linearize(), System)

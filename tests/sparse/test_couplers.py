@@ -61,7 +61,7 @@ def test_random_mechanisms(model):
     assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, retained) < 1e-9
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(5), 2))
 @pytest.mark.parametrize("words", [
@@ -81,6 +81,7 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
+@pytest.mark.few(2)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize(("seed", "words"), [
     (4, {"loops": 1, "kinds": ("universal", "spherical", "cylindrical")}), (3, {"loops": 1}), (4, {"loops": 1}),
@@ -96,6 +97,7 @@ def test_forces_of_couplers_at_cut_joints_make_stiffness(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("cut", ["j0", "j1", "j2", "j3"])
 @pytest.mark.parametrize("coefficients", [{"j0.rz": 1.0, "j1.rz": -0.7}, {"j0.rz": 1.0, "j3.rz": 2.0, "shaft.rz": 3.0}])
 def test_joints_of_a_loop_in_the_tree_or_cut(cut, coefficients):

@@ -74,7 +74,7 @@ def test_random_mechanisms(model):
     assert np.abs(result - expected).max() < 1e-8 / retained * np.abs(expected).max()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", few(sorted(overconstrained.ALL, key=lambda name: name.startswith("slider ")), 8))
 def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypatch):
     """Of least norm, at rest and as the pose changes; by dense factors and by the sparse ones of large groups."""
@@ -259,7 +259,7 @@ def weighed_stewart():
     return model.equilibrium(preload="leg*.k")
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [mv.library.four_bar, mv.library.trifilar_pendulum, weighed_stewart,
                                   lambda: mv.library.pendulum_chain(20)])  # fmt: skip
 def test_loaded_machines(make):
@@ -270,6 +270,7 @@ def test_loaded_machines(make):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA)) < 1e-9
 
 
+@pytest.mark.slow
 def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
     """Forces of the pose of least norm, with redundant constraints, as the dense factors find them."""
     monkeypatch.setattr("mbsvib.sparse.self_stress.MOST_DENSE_ENTRIES", 0)
@@ -277,7 +278,7 @@ def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
         test_loaded_machines(make)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kinds", [("spherical", "revolute"), ("cylindrical", "revolute"), ("revolute", "fixed")])
 def test_forces_in_coaxial_shafts(kinds):
     """Each in two bearings and joined to the next: columns that are rounding hold nothing.

@@ -33,7 +33,7 @@ def same_modes(dense, result, k, near, rtol=1e-12):
     np.testing.assert_array_equal(result.eigenvalues[pair], result.eigenvalues[pair + 1].conj())
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "near"), [*((words, 0.0) for words in SHAFTS), *((words, 100.0) for words in SHAFTS),
                                              (SHAFTS[0], 1e6), (SHAFTS[1], 1000.0), (SHAFTS[5], 1000.0)])  # fmt: skip
 def test_disks_that_spin(words, near):
@@ -42,7 +42,7 @@ def test_disks_that_spin(words, near):
                4, near)  # fmt: skip
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("near", [0.0, 10.0, 100.0])
 @pytest.mark.parametrize("words", CHAINS, ids=str)
 def test_chains_under_follower_loads(words, near):
@@ -53,7 +53,7 @@ def test_chains_under_follower_loads(words, near):
     same_modes(dense, model.linearize(method="sparse").modes(5, near=near), 5, near)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_random_mechanisms(seed, full, monkeypatch):
@@ -172,6 +172,7 @@ def test_static_correction_beside_follower_loads():
         free.reduced(8, correction=True)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("near", [0.0, 0.5, 2.0, 5.0])
 def test_some_dampers_along_a_chain_around_a_frequency(near):
     """Light damping of a few joints, which couples the modes: those nearest to a frequency [Hz]."""

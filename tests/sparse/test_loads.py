@@ -55,6 +55,7 @@ def test_same_answers_for_random_models(seed, words):
     same(loaded(seed, **words))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", [
     "universal", "homokinetic", "screw", "cylindrical", "planar", "distance", "point_on_line",
 ])  # fmt: skip

@@ -145,7 +145,7 @@ def _about_joint():
     return 1.0, 1.0, 0.125
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("off", few([0.0, 1e-12, 1e-15, 1e-9, 1e-6], 2))
 def test_around_a_mode_itself(off):
     """On an eigenvalue nothing but its own mode is left of a solve: its neighbours keep their digits nevertheless."""

@@ -71,7 +71,7 @@ def test_the_lowest_modes_of_a_long_chain_of_isolators():
     assert (modes.errors < 1e-10).all()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("near", "count"), [(0.0, 6), (0.3, 4)])
 def test_strong_dampers_that_relax_slowly(near, count):
     """Every element relaxes far below all vibrations: these modes are of first order, and the lowest."""
@@ -84,7 +84,7 @@ def test_strong_dampers_that_relax_slowly(near, count):
         assert modes.first_order.all()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "near"), [(9, 0.0), (45, 0.0), (45, 2.0)])
 def test_some_nodes_relax_and_others_follow_from_statics(n, near):
     model = with_static_nodes(n)

@@ -41,6 +41,7 @@ def dense(mass, damping, stiffness, *ports, **words):
     return mv.System.from_matrices(*arrays, *ports, **words)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("count", [1, 7, 30])
 def test_a_chain_in_closed_form(held, count):
@@ -278,7 +279,7 @@ METHODS = [("modal", 20, True), ("modal", 20, False), ("static-corrected", 20, T
            ("craig-bampton", 20, True), ("balanced", 14, True)]  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("method", "order", "held"), METHODS)
 def test_bounds_of_reduced_models(method, order, held):
     """The true error, from the dense response, is below the bound, and not far below."""
@@ -309,7 +310,7 @@ def test_bounds_of_two_reductions_add_up():
     assert system.reduced(14, method="balanced").error_bound == pytest.approx(small.error_bound)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["modal", "static-corrected", "balanced"])
 def test_the_smallest_model_within_an_error(method):
     system, full = structure()

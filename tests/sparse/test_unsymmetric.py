@@ -107,7 +107,7 @@ def same_forces(model):
     assert (np.abs(result - expected) <= 1e-10 * (size + 1e-2 * size.max(axis=0))).all()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("floating", [False, True])
 @pytest.mark.parametrize(("follower", "torque"), [(True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("loops", [0, 1])
@@ -115,6 +115,7 @@ def test_forces_beside_follower_loads_and_torques(loops, follower, torque, float
     same_forces(loaded(17 + loops, 4, loops, follower=follower, torque=torque, floating=floating))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_forces_beside_wheels(loops):
@@ -124,6 +125,7 @@ def test_forces_beside_wheels(loops):
     same_forces(model)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["cardan", "locomotive", "bennett"])
 @pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_forces_beside_wheels_where_joints_are_redundant(name):

@@ -70,6 +70,7 @@ def thin(size, ratio):
     return model
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("ratio", [1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11])
 def test_thin_loops(size, ratio):
@@ -103,6 +104,7 @@ def rods(ratio, seed, tensor=False):
     return model
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("ratio", [1e-6, 1e-9, 1e-12, 1e-14])
 @pytest.mark.parametrize("seed", range(3))
 def test_inertia_ratios(ratio, seed):

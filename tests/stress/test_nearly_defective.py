@@ -72,6 +72,7 @@ def test_residuals_and_honest_errors(scene, off):
         assert abs(result - nearest) <= 1e-7 * abs(nearest)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("off", OFF)
 def test_frequency_response(scene, off):

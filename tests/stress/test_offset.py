@@ -21,6 +21,7 @@ FAMILIES = {
 }
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("seed", range(4))
 def test_eigenvalues_far_from_the_origin(family, seed):

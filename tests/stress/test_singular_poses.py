@@ -42,6 +42,7 @@ def test_a_flat_four_bar_is_refused(height):
             four_bar(height, other).linearize()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("power", range(2, 42, 3))
 def test_a_four_bar_just_off_flat(power):
     """Right to eps / (smallest pivot), which is promised; warned of where that is more than 1e-12."""

@@ -55,7 +55,7 @@ def place(variable=None, change=0.0):
     return st.evaluation.DesignPoint.of(model.linearize(), VARIABLES)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_gradients_are_those_of_the_values(name):
     quantity, model = QUANTITIES[name], absorber(40.0, 0.8, below=2.0)

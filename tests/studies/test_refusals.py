@@ -77,6 +77,7 @@ REFUSALS = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("ask", "message"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_refusals_are_told(ask, message):
@@ -84,6 +85,7 @@ def test_refusals_are_told(ask, message):
         ask()
 
 
+@pytest.mark.slow
 def test_refusals_on_the_way_say_where():
     with pytest.raises(mv.ModelError) as refused:
         lighter(-1.0)

@@ -274,6 +274,7 @@ def test_figures_have_units(values, of, kind):
         result.plot("modes.frequences" if kind != "histogram" else "lowes")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("values", "scale"), [
     (np.geomspace(1e4, 2e5, 5), "log"), (np.geomspace(2e5, 1e4, 5), "log"), (np.linspace(1e4, 2e5, 5), "linear"),
     ([-1e4, 1e4, 2e4], "linear"), ([1e4, 2e4], "linear")])  # fmt: skip

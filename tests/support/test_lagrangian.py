@@ -18,6 +18,7 @@ def agree(model, system):
     assert np.allclose(mass, system.M, rtol=0, atol=1e-11 * np.abs(system.M).max(initial=1e-3))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(12))
 def test_without_loads_it_is_the_linearisation_of_random_trees(seed):
     model = spatial(seed, bodies=3, negative=True)

@@ -110,6 +110,7 @@ IMPOSSIBLE = [G.hinf("x", "F", most=1e-3), G.hinf("x", "F", FILTER, most=1e-3), 
               G.damping(0.9), G.margin(0.99), G.rolloff(0.01, 40.0)]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("goal", IMPOSSIBLE, ids=lambda goal: goal.label)
 def test_goal_of_each_kind_that_is_not_reached_is_said(goal):
     structure = T.gain("F", "x" if "margin" in goal.label else "v", bounds={"gain": (-0.5, -0.1)})

@@ -127,6 +127,7 @@ PEAKS = [G.hinf("x", "F"), G.hinf("v", "F"), G.hinf("x", "F", mv.isolation.shape
          G.rolloff(0.1, 20.0)]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("goal", PEAKS, ids=lambda goal: goal.label)
 @pytest.mark.parametrize("sensor", ["v", "x"])
 def test_a_search_is_told_where_the_library_finds_peaks(goal, sensor):

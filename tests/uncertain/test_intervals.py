@@ -124,7 +124,7 @@ def test_what_is_covered_leaves_gaps():
         assert all(low < high for low, high in gaps)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [(0, (1, 2), (1, 2), 0.01), (3, (2,), (1, 1), 0.01)])
 def test_a_cover_is_a_proof_for_all_frequencies(case):
     """A gain well above the largest of samples is proven; one below it cannot be."""
@@ -157,6 +157,7 @@ def plane(limits):
     return Proof((a, into, out, np.zeros((4, 4))), (1, 2), 1.0), worst
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("limits", [[(-1.0, 1.0), (-1.0, 1.0)], [(-0.3, 2.0), (-2.0, 0.1)], [(-1.7, 0.2), (-0.4, 3.0)]])
 def test_gains_are_proven_over_boxes_of_any_sides(limits):
     proof, worst = plane(limits)

@@ -85,6 +85,7 @@ def test_gains_of_samples_are_those_of_closed_equations():
     assert np.abs(vertices.mean(axis=0)).max() < 0.5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("band", [(0.0, 0.3), (0.8, 1.3), (3.0, 40.0)])
 def test_bounds_over_bands_are_above_the_integral_of_the_worst_gains(band):
     c = channels()
@@ -95,6 +96,7 @@ def test_bounds_over_bands_are_above_the_integral_of_the_worst_gains(band):
     assert exact < bound <= 1.2 * flat
 
 
+@pytest.mark.slow
 def test_bands_are_adjacent_and_narrow_where_gains_vary():
     c = channels(0.12)
     deltas = rms_bound._samples(c)
@@ -128,7 +130,7 @@ def test_beyond_the_last_band_gains_fall(unit):
     assert rms_bound._tail(still, rms_bound._samples(c))[1] == 0.0
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, 1e4])
 def test_a_mean_square_is_near_the_closed_form(size):
     """1 / (s + 2 + 0.5 d) is worst at d = -1 for all frequencies: 1 / (2 1.5); bands add 10 %."""

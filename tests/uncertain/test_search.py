@@ -84,7 +84,7 @@ def test_an_ascent_ends_at_the_highest_point_within_limits():
     np.testing.assert_allclose(where, [0.4, -0.2], atol=1e-5)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("rates", "changes", "limits", "expected"), [
     ([-1.0, -3.0], [[0.5, 0.1], [0.2, 0.3]], [[-1.0, 1.0], [-1.0, 1.0]], 1.0 / 0.6),
     ([-1.0, -3.0], [[-0.5, 0.1], [0.2, 0.3]], [[-2.0, 0.3], [-1.0, 0.5]], 1.0 / 1.05),

@@ -31,6 +31,7 @@ def closed(plant, delta):
     return mv.StateSpace.from_arrays(a, b, c, d, plant.inputs, plant.outputs)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_the_map_is_the_system_at_other_values(seed):
     """Within the limits and beyond, a mass and its inertia too, to rounding of the responses."""
@@ -196,6 +197,7 @@ def test_worst_root_mean_square():
     assert "proven" in str(worst)
 
 
+@pytest.mark.slow
 def test_an_unstable_plant_within_the_limits_has_no_gain():
     worst = oscillator(c=0.5).linearize().uncertain({"s.damping": (-0.1, 2.0)}).worst_gain("x", "F")
     assert worst.lower == worst.upper == np.inf
@@ -352,6 +354,7 @@ def test_a_free_body_that_nothing_shows_changes_no_bound():
     np.testing.assert_allclose(found, bounds(False), rtol=1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("noise", [False, True])
 def test_loops_are_those_of_the_plant_at_other_values(noise):
     """Closed one after the other, with the noise of the first controller."""

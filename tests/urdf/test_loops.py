@@ -146,6 +146,7 @@ def test_a_yaml_beside_is_remarked(tmp_path):
         assert mv.load_urdf(path, loops=tmp_path / "robot.yaml").linearize().dof == 1
 
 
+@pytest.mark.slow
 def test_loops_that_stay_open_are_told(tmp_path):
     """The crank away from the rocker: 0.5 - 0.65 m apart at most; the named joint holds the loop open, another not."""
     path = write(tmp_path, HINGED.replace("0.35 0 0", "0.15 0 0") + link("arm", 1.0)

@@ -108,9 +108,9 @@ def to_fmu(
     platforms : str, sequence of str or None
         "x86_64-linux", "aarch64-linux", "x86_64-windows", "x86-windows", "x86_64-darwin", "aarch64-darwin" or "all".
         Default: this one, those that the wheel of mbsvib brought, and Linux and Windows of 64 bits where zig is
-        installed. What is not there yet is compiled once, in some seconds, and kept: for this platform by gcc or clang,
-        for others by zig (``pip install "mbsvib[fmu]"``). The ``repr`` of the result
-        says what is in the file.
+        installed. What is not there yet is compiled once and kept: for this platform by gcc or clang in a second, for
+        others by zig (``pip install "mbsvib[fmu]"``) in one or two minutes the first time. The ``repr`` of the
+        result says what is in the file.
     outputs, inputs : str or sequence of str, optional
         Names or patterns of those to export; default: all.
 

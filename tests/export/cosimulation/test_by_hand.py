@@ -132,7 +132,7 @@ def radius(method):
     return largest
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("excitation", [EXCITED, {}], ids=["excited", "released"])
 def test_masters_by_hand(excitation, tmp_path):
     files = [mx.to_fmu(system, tmp_path / f"{side}.fmu") for side, system in (("plant", plant()), ("law", law()))]

@@ -152,6 +152,7 @@ FORGERIES = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("case", FORGERIES)
 def test_numbers_that_contradict_each_other(case, tmp_path):
     change, message = FORGERIES[case]
