@@ -9,10 +9,12 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 import mbsvib as mv
+from mbsvib.equations.batch_equations import of_variant
 from mbsvib.linalg.products import single_entries
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes import modes
 from mbsvib.modes import undamped as ladder
-from mbsvib.modes.batch_undamped import _orthonormalized
+from mbsvib.modes.batch_undamped import _orthonormalized, undamped_batch
 from mbsvib.modes.undamped import undamped
 from tests.support.unsymmetric import eigenvalues
 
@@ -245,3 +247,24 @@ def test_large_rotations_of_shapes_in_a_batch():
     assert_allclose(rotated @ rotated.swapaxes(1, 2), np.tile(np.eye(4), (2, 1, 1)), atol=1e-15)
     assert_allclose(rotated[0], expm(angle[0]), atol=2e-5)
     assert_allclose(rotated[1], expm(angle[1]), atol=1e-15)
+
+
+@pytest.mark.parametrize("clean", [False, True])
+def test_errors_of_quotients_include_the_rounding_of_their_roots_and_sums(clean):
+    """Masses on springs, sqrt(k / m), of which roots, products and quotient happen to be rounded in one direction."""
+    numbers = np.array([[1.0973565284571143, 1.0820926829229462], [1.0459891903123704, 1.0229285088092035]])
+    model = mv.Model("soft and stiff")
+    for name, stiffness in (("soft", 1.0), ("stiff", 1e7)):
+        model.add_body(name, 1.0, (1, 1, 1))
+        model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(0, 0, 1))
+        model.add_spring(f"{name}.k", "ground", name, (0, 0, -1), (0, 0, 0), stiffness=stiffness)
+    values = {"soft.k.stiffness": numbers[:, 0], "soft.mass": numbers[:, 1]}
+    batch = model.linearize(values=values)
+    several = undamped_batch(batch, 1e-15)
+    for i, (k, m) in enumerate(numbers.tolist()):
+        single = undamped(of_variant(batch, i), 1e-10, clean=clean)
+        with mp.workdps(40):
+            exact = mp.sqrt(mp.mpf(k) / mp.mpf(m))
+            results = (single.omega[0], single.errors[0]), (np.sqrt(several.square[i, 0]), several.errors[i, 0])
+            for omega, error in results:
+                assert abs(mp.mpf(float(omega)) / exact - 1) <= error <= 5 * EPS
