@@ -249,7 +249,7 @@ def _rayleigh(
     """
     complex_count = _complex_count(values)
     inertia, damping, elastic = products = forms.of(y)
-    a, b, c = np.einsum("ij,kij->kj", y, products)
+    a, b, c = np.add.reduce(y * products, axis=1)
     improved = values
     for _ in range(2):  # the second step squares the error of the first
         slope, none = 2.0 * improved * a + b, np.zeros(len(a), dtype=complex)
@@ -270,17 +270,16 @@ def _rayleigh(
     distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
     projection, separation, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    weight = np.maximum(np.abs(exact_slope) * speed, TINY)
-    slopes = np.sqrt(np.maximum(np.abs(exact_slope), TINY))
+    steepness = np.maximum(np.abs(exact_slope), TINY)
+    weight, slopes = np.maximum(steepness * speed, TINY), np.sqrt(steepness)
     together = projection * (_both(slopes, complex_count)[:, None] / slopes)  # of what eigenvalues that meet share
-    r = slice(basis.rigid)  # damped rigid-body modes, at the eigenvalue 0 with the slope Gamma
-    brakes = forms.matrices[1].diagonal()[r, None]
-    at_rest = np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
+    r = slice(basis.rigid)
+    at_rest = _at_rest(residual[r], improved, forms.matrices[1].diagonal()[r, None]) if basis.rigid else y[r]
     ratio = projection / np.maximum(np.maximum(separation, together), TINY)
     uncertainty = (projection * ratio).T.dot(_both(growth, complex_count))
     uncertainty = INEXACT * (uncertainty + np.add.reduce(np.abs(residual[r] * at_rest)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
-    uncertainty += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
+    uncertainty += 4.0 * EPS * speed * np.add.reduce(size * forms.magnitude.dot(size))
     reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
     reducible[~small] = reducible[growth > TWICE] = 1.0
     if np.count_nonzero(small) < len(small):
@@ -298,13 +297,18 @@ def _rayleigh(
     y[r] -= at_rest
     y *= 1.0 / _lengths(y)
     damping = forms.matrices[1].dot(y.view(float)).view(complex)
-    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + damping)
+    exact_slope = np.add.reduce(y * (2.0 * improved * y + damping))
     return improved, y, exact_slope, bound, reducible
+
+
+def _at_rest(residual: Complex, values: Complex, brakes: Array) -> Complex:
+    """Shares of damped rigid-body modes, at the eigenvalue 0 with the slope Gamma, in the vectors."""
+    return np.divide(residual, brakes * values, out=np.zeros_like(residual), where=brakes * np.abs(values) > 0.0)
 
 
 def _lengths(y: Complex) -> Array:
     """Lengths of complex columns."""
-    return np.asarray(np.sqrt(np.add.reduce(np.square(np.abs(y)))))
+    return np.asarray(np.sqrt(np.add.reduce(np.square(y.real) + np.square(y.imag))))
 
 
 def _trust(speed: Array, size: Array, basis: Undamped) -> Array:

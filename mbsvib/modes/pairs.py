@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 ROUNDED = 1e-9
 # Eigenvalues that are nearer than this share may have vectors that are mixtures of theirs.
 TOGETHER = 1e-9
+# The least divisor.
+TINY = float(np.finfo(float).tiny)
 
 
 def natural_frequencies(pairs: Complex) -> Array:
@@ -44,14 +46,13 @@ def with_neighbours(values: Complex, errors: Array, conjugates: int = 0) -> Arra
     What moves two eigenvalues by e and f couples them by up to sqrt(e f), which moves each by up to e f / gap, and by
     no more than sqrt(e f).
     """
-    size, n = np.abs(values), np.arange(len(values))
+    size, n = np.abs(values), len(values)
     move = errors * size
-    every, others = np.append(values, values[:conjugates].conj()), np.append(move, move[:conjugates])
-    gap = np.abs(every[:, None] - values)
-    gap[n, n] = np.inf
-    both = others[:, None] * move
-    moved = both / np.maximum(np.maximum(gap, np.sqrt(both)), np.finfo(float).tiny)
-    return np.asarray(errors + moved.sum(axis=0) / size)
+    gap = np.abs(np.concatenate((values, values[:conjugates].conj()))[:, None] - values)
+    gap.reshape(-1)[: n * n : n + 1] = np.inf
+    both = np.concatenate((move, move[:conjugates]))[:, None] * move
+    moved = both / np.maximum(np.maximum(gap, np.sqrt(both)), TINY)
+    return np.asarray(errors + np.add.reduce(moved) / size)
 
 
 def within_reach(values: Complex, uncertainty: Array, reach: Array) -> Array:
@@ -69,14 +70,19 @@ def nearness(values: Complex, y: Complex, products: tuple[Complex, Complex], slo
     ``products``: M y and C y; ``slopes``: y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles
     in (lambda_1 + lambda_2) M + C.
     """
-    result, order = np.ones(len(values)), np.argsort(np.abs(values), kind="stable")
-    near = np.abs(values[order[1:]] - values[order[:-1]]) <= TOGETHER * np.abs(values[order[1:]])
-    if np.count_nonzero(near):
-        first, second = order[1:][near], order[:-1][near]
-        image = (values[first] + values[second]) * products[0][:, second] + products[1][:, second]
-        share, size = np.abs(np.einsum("ij,ij->j", y[:, first], image)), np.sqrt(np.abs(slopes[first] * slopes[second]))
-        growth = size / np.maximum(np.abs(size - share), EPS * np.maximum(size, np.finfo(float).tiny))
-        np.maximum.at(result, np.concatenate((first, second)), np.tile(growth, 2))
+    size = np.abs(values)
+    result, order = np.ones(len(values)), size.argsort(kind="stable")
+    ascending = values.take(order)
+    near = (np.abs(ascending[1:] - ascending[:-1]) <= TOGETHER * size.take(order[1:])).nonzero()[0]
+    if len(near):
+        first, second = order.take(near + 1), order.take(near)
+        turn = values.take(first) + values.take(second)
+        image = turn * products[0].take(second, axis=1) + products[1].take(second, axis=1)
+        share = np.abs(np.add.reduce(y.take(first, axis=1) * image))
+        length = np.sqrt(np.abs(slopes.take(first) * slopes.take(second)))
+        growth = length / np.maximum(np.abs(length - share), np.maximum(EPS * length, TINY))
+        result[first] = np.maximum(growth, 1.0)
+        result[second] = np.maximum(growth, result.take(second))  # which may be the first one of another two
     return result
 
 

@@ -14,6 +14,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import near_frequency, real
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
+from mbsvib.linalg.products import real_product
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
@@ -369,7 +370,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
         result = damped(system, basis, rtol, follows_stiffness) or result
-    shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
+    shapes = result.shapes if result.vectors is None else real_product(result.shapes, result.vectors[:, :, 0])
     if result.vectors is not None:
         largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]
         shapes = shapes * (np.abs(largest) / largest)
