@@ -49,8 +49,8 @@ class Modes(Columnar, Displayed):
     where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
     ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
     classical (``classical`` is the reason, else empty); shapes^T M shapes = 1 for these, and a unit vector in
-    the undamped modes for the others (phi^H M phi = 1 where C or K has no symmetry). ``rigid`` counts the rigid-body
-    modes.
+    the undamped modes for the others (phi^H M phi = 1 where C or K has no symmetry), whose largest entry is real and
+    positive. ``rigid`` counts the rigid-body modes.
 
     A massless motion with damping has a mode of ``first_order``: one real eigenvalue in place of two, with natural
     frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 if unstable). ``first_order`` (n,) marks these

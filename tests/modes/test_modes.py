@@ -1,6 +1,8 @@
 """Modes: eigenvalues, damping, shapes, exact zeros, and error estimates that hold."""
 
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.modes import damped
+from mbsvib.modes import damped, modes
 from mbsvib.modes.pairs import pair_numbers
 from tests.support.chains import stiff_chain
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
@@ -284,6 +286,18 @@ def test_the_table():
     assert "oscillator" in text
     assert f"{10 / (2 * np.pi):.6f}" in text
     assert "1 DOF" in text
+
+
+def test_the_largest_entry_of_complex_shapes_is_real_and_positive():
+    """Whatever phases a solver gives its vectors: damping that couples modes, in batches too, and spin."""
+    model = mv.library.chain(4, line=(0, 1, 0)).with_values({"spring2.damping.rz": 3.0})
+    batch = model.linearize(values={"spring1.damping.rz": np.array([0.1, 0.3])})
+    system = model.linearize()
+    spin = replace(system, gyroscopic=np.triu(np.full((4, 4), 0.3), 1) - np.tril(np.full((4, 4), 0.3), -1))
+    for shapes in (modes(system).shapes, *batch.modes().shapes, modes(spin).shapes):
+        largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(4)]
+        assert np.abs(shapes.imag).max() > 1e-3
+        assert_allclose(largest, np.abs(largest), rtol=1e-14)
 
 
 def test_some_of_the_modes():
