@@ -1,10 +1,10 @@
-"""Every rung of the ladder of undamped modes: run time against error, on chains that ask for more and more.
+"""Every solver of undamped modes: run time against error, on chains whose numbers span more and more decades.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/ladder.py [--bodies 30] [--repeat 15] [--out benchmarks/images/ladder.png]
 
-Stiffness of the chains spans 0 to 16 decades and mass two thirds of that. ``eigh`` is scipy's on M and K; the rungs
-are eigenproblem, singular values and Jacobi, each with its frequencies taken from the factors, and each with the rungs
-below it in its time. Errors are the largest relative ones of any frequency, against 80 digits.
+Stiffness of the chains spans 0 to 16 decades and mass two thirds of that. ``eigh`` is scipy's on M and K; the others
+are eigenproblem, singular values and Jacobi, each with its frequencies taken from the factors, and each with those
+before it in its time. Errors are the largest relative ones of any frequency, against 80 digits.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ METHODS = {"eigh": bare, "products": products, "factors": factors, "jacobi": jac
 
 
 def measure(decades, bodies, repeat):
-    """Return {method: (CPU time [ms], largest error, largest error promised)} on one chain."""
+    """Return {method: (CPU time [ms], largest error, stated bound)} on one chain."""
     model = wide(SEED, bodies, far=0, stiffness_span=float(decades), mass_span=decades * 2 / 3)
     system = model.linearize()
     exact = reference.squares(reference.exact(model))
@@ -69,34 +69,37 @@ def measure(decades, bodies, repeat):
         omega = found if name == "eigh" else found.omega
         with mp.workdps(reference.DIGITS):
             errors = [abs(mp.mpf(float(a)) / mp.sqrt(b) - 1) for a, b in zip(omega, exact, strict=True)]
-        promised = None if name == "eigh" else float(found.errors.max())
-        result[name] = statistics.median(times), float(max(errors)), promised
+        bound = None if name == "eigh" else float(found.errors.max())
+        result[name] = statistics.median(times), float(max(errors)), bound
     return result
 
 
 def figure(results, bodies, path):
-    """Draw the work-precision diagram; hollow is what is promised."""
+    """Draw the work-precision diagram; hollow marks are stated bounds."""
     from matplotlib.figure import Figure
+    from matplotlib.style import context
 
+    from mbsvib.plots import STYLE
     from mbsvib.plots._style import logarithmic
 
-    drawing = Figure(figsize=(7, 4.2), layout="constrained")
-    axes = drawing.subplots()
-    for decades, mark in zip(results, "osD^v", strict=True):
+    with context(STYLE):
+        drawing = Figure(figsize=(7, 4.2), layout="constrained")
+        axes = drawing.subplots()
+        for decades, mark in zip(results, "osD^v", strict=True):
+            for k, name in enumerate(METHODS):
+                milliseconds, error, bound = results[decades][name]
+                axes.loglog(milliseconds, error, mark, color=f"C{k}", markersize=7)
+                if bound is not None:
+                    axes.loglog(milliseconds, bound, mark, color=f"C{k}", markersize=7, fillstyle="none")
         for k, name in enumerate(METHODS):
-            milliseconds, error, promised = results[decades][name]
-            axes.loglog(milliseconds, error, mark, color=f"C{k}", markersize=8)
-            if promised is not None:
-                axes.loglog(milliseconds, promised, mark, color=f"C{k}", markersize=8, fillstyle="none")
-    for k, name in enumerate(METHODS):
-        axes.plot([], [], "s", color=f"C{k}", label=name)
-    for decades, mark in zip(results, "osD^v", strict=True):
-        axes.plot([], [], mark, color="0.5", label=f"{decades} decades")
-    axes.set(xlabel="CPU time [ms]", ylabel="largest relative error of a frequency", title=f"Chains of {bodies} bodies")
-    axes.grid(alpha=0.3)
-    logarithmic(axes.xaxis)
-    drawing.legend(fontsize="small", loc="outside right center")
-    drawing.savefig(path, dpi=110)
+            axes.plot([], [], "s", color=f"C{k}", label=name)
+        for decades, mark in zip(results, "osD^v", strict=True):
+            axes.plot([], [], mark, color="0.5", label=f"{decades} decades")
+        axes.set(xlabel="CPU time [ms]", ylabel="largest relative error of a frequency",
+                 title=f"Chains of {bodies} bodies; hollow: stated bounds")  # fmt: skip
+        logarithmic(axes.xaxis)
+        drawing.legend(loc="outside right center")
+        drawing.savefig(path, dpi=110)
 
 
 def main():
@@ -108,12 +111,12 @@ def main():
     arguments = parser.parse_args()
     results = {decades: measure(decades, arguments.bodies, arguments.repeat) for decades in DECADES}
     table = Table(title=f"Undamped modes, chains of {arguments.bodies} bodies")
-    for header in ("decades of stiffness", "method", "CPU ms", "error", "promised"):
+    for header in ("decades of stiffness", "method", "CPU ms", "error", "bound"):
         table.add_column(header, justify="right")
     for decades, methods in results.items():
-        for name, (milliseconds, error, promised) in methods.items():
+        for name, (milliseconds, error, bound) in methods.items():
             table.add_row(str(decades), name, f"{milliseconds:.3f}", f"{error:.0e}",
-                          "" if promised is None else f"{promised:.0e}")  # fmt: skip
+                          "" if bound is None else f"{bound:.0e}")  # fmt: skip
     Console(width=100).print(table)
     figure(results, arguments.bodies, arguments.out)
 

@@ -71,8 +71,7 @@ def draw():
     import matplotlib.pyplot as plt
 
     rigid = both.with_values({name: 1e6 * value for name, value in both.parameters.items() if "tube.stiff" in name})
-    f = omega / (2 * np.pi)
-    _, axes = plt.subplots(figsize=(8, 5), layout="constrained")
+    f, (_, axes) = omega / (2 * np.pi), plt.subplots(figsize=(8, 5), layout="constrained")
     low, high = np.maximum(np.abs(found) - 2 * deviation, 1e-9), np.abs(found) + 2 * deviation
     axes.fill_between(f, low, high, alpha=0.3, label="two deviations")
     axes.loglog(f, np.abs(found), "-", label="hexapod with the measured camera")
@@ -81,6 +80,7 @@ def draw():
     axes.loglog(f, np.abs(response), ":", label="hexapod with a rigid mass")
     axes.set(xlabel="frequency [Hz]", ylabel="image z per force on the platform [m/N]")
     axes.set_xticks([20, 50, 100, 200], ["20", "50", "100", "200"])
+    axes.set_xticks([], minor=True)
     axes.legend()
     plt.show()
 

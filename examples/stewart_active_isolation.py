@@ -57,13 +57,7 @@ def draw():
     import matplotlib.pyplot as plt
 
     _, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), layout="constrained")
-    for column in locus.modes:
-        path = locus.poles[:, column] / (2 * np.pi)
-        left.plot(path.real, abs(path.imag), ".-", markersize=2)
-    left.plot(locus.zeros.real / (2 * np.pi), abs(locus.zeros.imag) / (2 * np.pi), "ko", mfc="none",
-              label="zeros")
-    left.legend()
-    left.set(xlim=(-1500, 50), ylim=(0, 1500), xlabel="real part [1/s]", ylabel="damped frequency [Hz]")
+    mv.plots.root_locus(locus, imaginary=(0.0, 2000.0), real=(-1500.0, 50.0), ax=left)
     for name, study in studies.items():
         right.loglog(study.frequencies, study.index, label=name)
     right.set(xlim=(10, 5000), xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")

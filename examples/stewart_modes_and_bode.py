@@ -46,6 +46,7 @@ def draw():
             axes.axvline(natural, color="0.8", linewidth=0.8, zorder=0)
         axes.grid(alpha=0.3)
     magnitude.set(title="Stewart platform: six modes, two of them double", ylabel="magnitude [nm/N]")
+    magnitude.set_yticks([10, 100, 1000], labels=["10", "100", "1000"])
     magnitude.legend(loc="lower left")
     phase.set(ylabel="phase [deg]", xlabel="frequency [Hz]", yticks=(0, -90, -180), xlim=(300, 3000))
     ticks = (300, 500, 700, 1000, 2000, 3000)

@@ -25,6 +25,7 @@ assert np.argmax(modes["frequencies"][-1]) != 5, "sorting would take another mod
 
 car = mv.library.quarter_car()
 damping = np.geomspace(50.0, 5e4, 800)  # N s/m
+damping = np.union1d(damping, np.linspace(4800.0, 5100.0, 1000))  # where poles meet on the real axis, and part
 locus = mv.track(car, {"suspension.damping": damping}, {"body": 1, "wheel": 2})
 body, wheel = locus.mode("body", "eigenvalues"), locus.mode("wheel", "eigenvalues")
 # A damper that locks leaves one mass on the tyre, without any damping.

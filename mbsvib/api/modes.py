@@ -24,7 +24,7 @@ class Modes(result.Modes):
     ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
     classical (``classical`` is the reason, else empty). ``rigid`` counts the rigid-body modes; ``first_order``
     (n,) marks massless motions that dampers hold, which have one eigenvalue in place of two, and is None where there is
-    none. ``rung`` names the solver of undamped modes that was accurate enough.
+    none. ``solver`` names the solver of undamped modes that was accurate enough.
     """
 
     @cached_property

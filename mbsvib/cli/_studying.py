@@ -28,7 +28,8 @@ def equilibrium(
         save(result.model, file)
     if as_json:
         shell.say_json({
-            "name": result.model.name, "stable": result.stable, "iterations": result.iterations,
+            "name": result.model.name, "stable": result.stable, "unstable_modes": list(result.unstable_modes),
+            "iterations": result.iterations, "residual": result.residuals[-1], "units": ["m"] * 3 + ["rad"] * 3,
             "displacements": {name: motion.tolist() for name, motion in result.displacements.items()},
         })  # fmt: skip
     else:

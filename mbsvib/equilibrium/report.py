@@ -91,8 +91,9 @@ class Equilibrium(Columnar, Displayed, Generic[M]):
             f"Equilibrium of {self.model.name} after {counted(self.iterations, 'step')}{steps}; residual of the "
             f"forces: {self.residuals[-1]:.1e}",
             f"  {self._stability()}",
-            "  relative residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),
         ]
+        if len(self.residuals) > 1:
+            lines.append("  residuals step by step: " + ", ".join(f"{value:.1e}" for value in self.residuals))
         return "\n".join(lines + ([self._table()] if self.displacements else []))
 
     def _table(self) -> str:

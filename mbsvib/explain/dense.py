@@ -260,8 +260,8 @@ def _modal_skips(basis: Basis | None) -> list[str]:
     result, modes = [], basis.modes
     if modes.classical:
         result.append(f"{modes.classical}: modes are real, and no eigenvalue problem of twice the size was solved")
-    if modes.rung in _ENOUGH:
-        result.append(_ENOUGH[modes.rung])
+    if modes.solver in _ENOUGH:
+        result.append(_ENOUGH[modes.solver])
     if "modal_sum" in basis.computed and "schur" not in basis.computed:
         result.append("responses are sums over modes: no equations were solved frequency by frequency")
     return result

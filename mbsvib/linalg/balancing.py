@@ -59,12 +59,6 @@ def column_units(b: Array, size: float) -> Array:
     return np.asarray(np.where(used, np.exp2(np.round(np.log2(size / np.where(used, largest, size)))), 1.0))
 
 
-def scaled_matrix(a: Array) -> Array:
-    """Return T^-1 A T (n, n), T = diag(2^k) with k by ``matrix_exponents``, for eigenvalues."""
-    power = matrix_exponents(a)
-    return np.asarray(np.ldexp(a, power[None, :] - power[:, None]))
-
-
 def matrix_exponents(a: Array) -> Exponents:
     """Return k (n,) so that the rows and columns of T^-1 A T, T = diag(2^k), are of like size.
 

@@ -58,10 +58,10 @@ class Modes(Columnar, Displayed):
 
     ``frequency_intervals`` (n, 2) [Hz] hold the natural frequencies with a probability of 95 %, by the confidence of a
     fit; None without one. The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative,
-    at most. ``rung`` is the name of the solver of undamped modes that was accurate enough.
+    at most. ``solver`` is the name of the solver of undamped modes that was accurate enough.
     """
 
-    _engine = "MOST body_motion check_accuracy damped inertia_factor mixed natural rung starts strongest"
+    _engine = "MOST body_motion check_accuracy damped inertia_factor mixed natural solver starts strongest"
 
     MOST: ClassVar[str] = "largest motion"
 
@@ -81,7 +81,7 @@ class Modes(Columnar, Displayed):
     damped: Damped | General = field(repr=False)
     first_order: NDArray[np.bool_] | None = None
     mixed: float = field(default=0.0, repr=False)
-    rung: str = field(default="", repr=False)
+    solver: str = field(default="", repr=False)
     frequency_intervals: Array | None = field(default=None, repr=False)
     _provenance: Provenance | None = field(default=None, repr=False)
 
@@ -376,7 +376,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
         shapes = shapes * (np.abs(largest) / largest)
     return form(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
                  shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,
-                 mixed=basis.mixed, rung=basis.method, _provenance=system.provenance)  # fmt: skip
+                 mixed=basis.mixed, solver=basis.method, _provenance=system.provenance)  # fmt: skip
 
 
 def _without_symmetry(system: Equations, rtol: float, form: type[Form]) -> Form:

@@ -168,6 +168,7 @@ def remark(axes: Axes, words: str, top: bool = False) -> None:
 
 LEAST, LEGIBLE = 0.6, 7.0  # of the size of texts, and points: less is not legible in print
 MOST_TICKS = 8  # of a log axis with 2 and 5
+LONG = 4.0  # letters of a tick's text for which matplotlib counts on room
 TOUCH = 3.0  # pixels by which boxes of texts may overlap or leave the figure: their margins
 
 
@@ -230,10 +231,15 @@ class LogTicks(LogLocator):
         if 0.0 < high < 3.0 * low:
             return MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
         decades = np.log10(high / low)
-        room = 1 if self.axis is None else min(self.axis.get_tick_space(), MOST_TICKS)
+        room = 1 if self.axis is None else min(int(self.axis.get_tick_space() * self._share(low)), MOST_TICKS)
         within = (1.0, 2.0, 5.0) if decades < 1.0 or 3.0 * decades <= room else (1.0,)
         self.set_params(subs=(1.0, 2.0, 3.0, 5.0) if decades < 0.9 and room > 4 else within)
         return super().tick_values(low, high)
+
+    def _share(self, low: float) -> float:
+        """The share of the ticks for which there is room if their plain numbers are long, as 0.005 is."""
+        axis: Any = self.axis
+        return min(1.0, LONG / len(f"{low:.0g}")) if axis is axis.axes.xaxis and low > 0.99e-4 else 1.0
 
 
 class LogTexts(Formatter):

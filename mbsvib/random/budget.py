@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 # Contributions to a variance below this share of it are counted together in the table.
 SMALL = 1e-3
 ROUNDING = 1e-10  # share of an rms below which what is left is rounding, which has no row
-DECADES = 2.0  # of the frequencies that figures show beyond poles and break-points
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -15,7 +15,7 @@ from tests.test_display import RESULTS
 # Words of the engine that no completion may list.
 ENGINE = {
     "MOST", "basis", "declared_parts", "derived", "expansion", "far", "gathered", "inertia_factor", "judged", "law",
-    "null_inertia", "provenance", "realized", "returned", "row_owner", "rung", "scene", "selection",
+    "null_inertia", "provenance", "realized", "returned", "row_owner", "solver", "scene", "selection",
     "suspects", "tableau", "wrenches",
 }  # fmt: skip
 
