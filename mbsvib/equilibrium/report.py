@@ -93,7 +93,7 @@ class Equilibrium(Columnar, Displayed, Generic[M]):
             f"  {self._stability()}",
         ]
         if len(self.residuals) > 1:
-            lines.append("  residuals step by step: " + ", ".join(f"{value:.1e}" for value in self.residuals))
+            lines.append("  residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals))
         return "\n".join(lines + ([self._table()] if self.displacements else []))
 
     def _table(self) -> str:
