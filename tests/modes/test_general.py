@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.modes.energy_state import energy_state
-from mbsvib.modes.general_spectrum import _separated
+from mbsvib.modes.general_spectrum import _inverse, _separated
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import undamped
 from tests.support.sizes import few
@@ -117,6 +117,19 @@ def test_equal_real_eigenvalues_that_rounding_makes_pairs(unit):
     right, left = (np.array(rows, dtype=complex).T for rows in ([[1, 1e-8j, 0], [0, 0, 1]], [[1e-8j, 1, 0], [0, 0, 1]]))
     torn = np.array([-1.0 + 1e-14j, -3.0])
     np.testing.assert_array_equal(_separated(chained, torn, left, right)[0], torn)
+
+
+def test_slow_eigenvalues_of_a_free_system_come_from_an_inverse_where_k_is_symmetric():
+    """A with its inverse is the identity off the zeros; forces that turn with a motion leave K without symmetry."""
+    system = massless(chain(5, 0, ground=False, damp=3.0), [2])
+    state = energy_state(system, 1e-12)
+    inverse = _inverse(state)
+    off = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
+    projected = inverse - state.right @ (state.left.T @ inverse)
+    np.testing.assert_allclose(off.T @ state.a @ off @ (off.T @ projected @ off), np.eye(off.shape[1]), atol=1e-9)
+    swirl = np.zeros((5, 5))
+    swirl[:3, :3] = [[0.0, 1.0, -1.0], [-1.0, 0.0, 1.0], [1.0, -1.0, 0.0]]
+    assert _inverse(energy_state(replace(system, circulatory=swirl, K=system.K + swirl), 1e-12)) is None
 
 
 def test_zeros_are_exact():
