@@ -251,7 +251,9 @@ def test_large_rotations_of_shapes_in_a_batch():
 
 @pytest.mark.parametrize("clean", [False, True])
 def test_errors_of_quotients_include_the_rounding_of_their_roots_and_sums(clean):
-    """Masses on springs, sqrt(k / m), of which roots, products and quotient happen to be rounded in one direction."""
+    """Masses on springs, sqrt(k / m), of which roots, products and quotient happen to be rounded in one direction: both
+    roots, their products with the shape and its quotient take half a rounding each, squares a quarter.
+    """
     numbers = np.array([[1.0973565284571143, 1.0820926829229462], [1.0459891903123704, 1.0229285088092035]])
     model = mv.Model("soft and stiff")
     for name, stiffness in (("soft", 1.0), ("stiff", 1e7)):
@@ -267,4 +269,5 @@ def test_errors_of_quotients_include_the_rounding_of_their_roots_and_sums(clean)
             exact = mp.sqrt(mp.mpf(k) / mp.mpf(m))
             results = (single.omega[0], single.errors[0]), (np.sqrt(several.square[i, 0]), several.errors[i, 0])
             for omega, error in results:
-                assert abs(mp.mpf(float(omega)) / exact - 1) <= error <= 5 * EPS
+                assert abs(mp.mpf(float(omega)) / exact - 1) <= error
+                assert 2.75 * EPS <= error <= 5 * EPS
