@@ -157,6 +157,11 @@ def test_accelerations_change_the_mass():
     assert loop.state_space()["a", "disturbance"].D[0, 0] == pytest.approx(1.0 / 5.0, rel=1e-14)
     with pytest.raises(mv.ResponseError, match="algebraic loop"):
         slider(200.0).feedback([[2.0]], "a", "F").poles()
+    # of 2 kg nearly all cancels: what is left, exact in binary, is told from rounding down to 1e-12
+    light = slider(200.0).feedback([[2.0 - 2.0**-31]], "a", "F")
+    np.testing.assert_allclose(np.abs(light.poles()), np.sqrt(200.0 * 2.0**31), rtol=1e-5)
+    with pytest.raises(mv.ResponseError, match="algebraic loop"):
+        slider(200.0).feedback([[2.0 - 2.0**-41]], "a", "F").poles()
 
 
 def test_python_control_closes_the_same_loop():
