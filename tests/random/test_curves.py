@@ -98,6 +98,19 @@ def test_weighted_vibration():
         np.testing.assert_allclose(after, before * (gain if name == "a_abs" else 1.0), rtol=1e-12)
 
 
+def test_gains_of_averages_keep_their_digits_at_low_frequencies():
+    """1 - sinc^2(pi f T) in 40 digits, on both sides of where a series takes over."""
+    import mpmath
+
+    turns = np.array([1e-9, 1e-3, 0.03, 0.0499, 0.0501, 0.3, 2.0])
+    f = turns / (0.8 * np.pi)
+    with mpmath.workdps(40):
+        exact = [1 - mpmath.sinc(mpmath.pi * mpmath.mpf(x) * mpmath.mpf(0.8)) ** 2 for x in f.tolist()]
+    within, mean = (average(0.8)(f) ** 2 for average in (isolation.moving_deviation, isolation.moving_average))
+    np.testing.assert_allclose(within, [float(value) for value in exact], rtol=1e-12)
+    np.testing.assert_allclose(mean, [float(1 - value) for value in exact], rtol=1e-14)
+
+
 @pytest.mark.parametrize("time", [1e-5, 0.02, 0.7, 30.0])
 def test_averages_over_a_time(time):
     """Of a first-order process with R(t) = exp(-a t) / 2 a: mean 2 (x - 1 + exp(-x)) / x^2 of the variance, x = a T."""
