@@ -364,3 +364,11 @@ def test_correlated_sources_of_any_densities(second, r):
         np.testing.assert_allclose(signed, budget.rms[name] ** 2, rtol=1e-12)
     alike = isinstance(second, type(first)) and second.alike(first) and not isinstance(r, complex)
     assert (budget._random.cross is not None) is alike
+
+
+@pytest.mark.parametrize("rate", [1e-8, 3.0, 1e8])
+@pytest.mark.parametrize("noise", [2.0, lambda f: np.full(f.shape, 2.0)], ids=["number", "function"])
+def test_slow_processes_are_finite(rate, noise):
+    """Noise of a one-sided density of 2 on x' = -a x + w has the mean square 1 / 2 a, however slow its decay is."""
+    space = mv.StateSpace.from_arrays([[-rate]], [[1.0]], [[1.0]], 0)
+    assert space.rms("y1", {"u1": noise})["y1"] == pytest.approx(np.sqrt(0.5 / rate), rel=1e-12)
