@@ -2,12 +2,14 @@
 
 import itertools
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
+from mbsvib.uncertain import certain
 from mbsvib.uncertain.certain import Proof
 from mbsvib.uncertain.intervals import Channels, cover, least
 from mbsvib.uncertain.results import RobustStability
@@ -376,3 +378,24 @@ def test_loops_are_those_of_the_plant_at_other_values(noise):
                                        rtol=1e-8)  # fmt: skip
         by_hand = plant.at(values).feedback([[-0.4]], ["v2"], ["F1"], noise=noise)
         np.testing.assert_allclose(loop.at(values).frequency_response(w), by_hand.frequency_response(w), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_bounds_of_the_worst_gain_come_as_near_as_asked(monkeypatch):
+    """Of bounds that hold from 1.0012 of the gain that is reached on, one is halfway nearer than the first that holds.
+    """
+    plant = oscillator().linearize().uncertain({"s.damping": (2.0, 5.0)})
+    reached = plant.worst_gain("x", "F").lower
+    proof = SimpleNamespace(unit=1.0, holds=lambda _limits, _starts, g: g >= 1.0012 * reached)
+    monkeypatch.setattr(certain, "_proof", lambda *_: proof)
+    assert 1.0012 <= plant.worst_gain("x", "F").upper / reached < 1.003
+
+
+@pytest.mark.slow
+def test_worst_gain_of_more_outputs_than_inputs():
+    """(1 + w^2) / ((k - m w^2)^2 + c^2 w^2) of displacement and velocity, highest with the weakest damper."""
+    worst = oscillator().linearize().uncertain({"s.damping": (2.0, 5.0)}).worst_gain(["x", "v"], "F")
+    w = np.linspace(19.9, 20.1, 100_001)
+    highest = np.sqrt(((1.0 + w * w) / ((K - M * w * w) ** 2 + 4.0 * w * w)).max())
+    assert worst.lower == pytest.approx(highest, rel=1e-7)
+    assert worst.lower <= worst.upper < 1.005 * worst.lower
