@@ -60,29 +60,45 @@ HELP = (
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Pivots of the nominal pose in a group of loops: the columns ``dependent`` (r,) and ``others``, the ``rows``,
-    those of A first, the ``inverse`` (r, r) of the nominal A and its ``reciprocal_condition``.
+    """Pivots of the nominal pose in ``groups`` (g,) of loops of like shape: the columns ``dependent`` (g, r) and
+    ``others``, the ``rows``, those of A first, the ``inverse`` (g, r, r) of the nominal A and its
+    ``reciprocal_condition`` (g,); ``length`` (g, 1) [m] makes their rows and columns dimensionless.
     """
 
-    group: LoopGroup
+    groups: tuple[LoopGroup, ...]
     dependent: Index
     others: Index
     rows: Index
+    length: Array
     inverse: Array
-    reciprocal_condition: float
+    reciprocal_condition: Array
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are rows beside those of A."""
+        return self.rows.shape[1] > self.dependent.shape[1]
+
+    def row_scale(self, cuts: Cuts) -> Array:
+        """Return factors (..., g, rows) that make the rows dimensionless."""
+        if cuts.couplings is None:
+            return cuts.row_scale(self.length, self.rows)
+        each = zip(self.length[:, 0].tolist(), self.rows, strict=True)
+        return np.stack([cuts.row_scale(length, rows) for length, rows in each], axis=-2)
+
+    def unit(self, coordinates: Twists, columns: Index) -> Array:
+        """Return factors (g, columns) that make coordinates dimensionless."""
+        return np.where(coordinates.turns[columns], 1.0, self.length)
 
 
 @dataclass(frozen=True, slots=True)
 class LoopPivots:
-    """Pivots of the nominal pose: its ``reduction``, and a block of each group of loops."""
+    """Pivots of the nominal pose: its ``reduction``, the independent rows and the dependent coordinates of each group
+    of loops, and the ``blocks`` of groups of like shape.
+    """
 
     reduction: Reduction
+    kept: tuple[tuple[Index, Index], ...]
     blocks: tuple[Block, ...]
-
-    @property
-    def kept(self) -> list[tuple[Index, Index]]:
-        """The independent rows and the dependent coordinates of each group of loops."""
-        return [(block.rows[: len(block.dependent)], block.dependent) for block in self.blocks]
 
     def multipliers(self, phi: Array, gradient: Array) -> Array:
         """Return the multipliers (..., locked rows) of loops, see ``loop_multipliers``."""
@@ -92,17 +108,24 @@ class LoopPivots:
 def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
     """Return the pivots of the nominal pose, which all variants use."""
     if scene.cuts is None or not nominal.groups:
-        return LoopPivots(nominal, ())
+        return LoopPivots(nominal, (), ())
     phi = scene.closure(scene.relative())[None]
-    blocks = []
-    for group, (kept, dependent) in zip(nominal.groups, kept_rows(scene.cuts, nominal), strict=True):
+    like: dict[tuple[int, ...], list[tuple[LoopGroup, Index, Index, Index]]] = {}
+    kept = tuple(kept_rows(scene.cuts, nominal))
+    for group, (rows, dependent) in zip(nominal.groups, kept, strict=True):
         others = np.setdiff1d(group.columns, dependent, assume_unique=True)
-        rows = np.concatenate((kept, np.setdiff1d(group.rows, kept, assume_unique=True)))
-        block = Block(group, dependent, others, rows, np.zeros((0, 0)), 0.0)
-        a = _scaled(scene.coordinates, scene.cuts, phi, block)[:, : len(dependent), : len(dependent)]
-        inverse, reciprocal_condition = inverse_of(a)
-        blocks.append(replace(block, inverse=inverse[0], reciprocal_condition=float(reciprocal_condition[0])))
-    return LoopPivots(nominal, tuple(blocks))
+        ordered = np.concatenate((rows, np.setdiff1d(group.rows, rows, assume_unique=True)))
+        like.setdefault((len(dependent), len(others), len(ordered)), []).append((group, dependent, others, ordered))
+    blocks = []
+    for members in like.values():
+        groups, dependent, others, rows = zip(*members, strict=True)
+        length = np.array([[group.length] for group in groups])
+        block = Block(groups, *(np.array(index, dtype=np.intp) for index in (dependent, others, rows)), length,
+                      np.zeros((0, 0)), np.zeros(0))  # fmt: skip
+        r = block.dependent.shape[1]
+        inverse, reciprocal_condition = inverse_of(_scaled(scene.coordinates, scene.cuts, phi, block)[0, :, :r, :r])
+        blocks.append(replace(block, inverse=inverse, reciprocal_condition=reciprocal_condition))
+    return LoopPivots(nominal, kept, tuple(blocks))
 
 
 def reduce_batch(
@@ -125,10 +148,11 @@ def reduce_batch(
     uncertain = np.zeros(count, dtype=bool)
     for block in pivots.blocks:
         solution, remainder, doubtful = _solved(scene.coordinates, cuts, phi, block)
-        result[:, block.dependent[:, None], column[block.others]] = solution
-        uncertain |= doubtful
-        if len(block.rows) > len(block.dependent):
-            uncertain |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
+        result[:, block.dependent[:, :, None], column[block.others][:, None]] = solution
+        uncertain |= doubtful.any(axis=-1)
+        if block.redundant:
+            noise = np.stack([_noise(scene.coordinates, cuts, group) for group in block.groups], axis=-1)
+            uncertain |= (remainder > CLEARLY_REDUNDANT * RANK_FACTOR * noise).any(axis=-1)
     reduction = replace(nominal, matrix=result)
     jumps = _may_jump(scene, variants, pivots, reduction)
     own = np.flatnonzero(uncertain | jumps).tolist()
@@ -143,61 +167,62 @@ def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: R
     assert scene.cuts is not None
     assert reduction.matrix is not None
     result = np.zeros(len(reduction.matrix), dtype=bool)
-    blocks = [block for block in pivots.blocks if len(block.rows) > len(block.dependent)]
+    blocks = [block for block in pivots.blocks if block.redundant]
     if reduction.matrix.shape[2] and blocks:
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, variants.axes,
                             variants.lengths)  # fmt: skip
         for block in blocks:
             remainder = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
-            result |= ~(remainder <= CLEARLY_REDUNDANT * NEIGHBOUR_PIVOT)
+            result |= ~(remainder <= CLEARLY_REDUNDANT * NEIGHBOUR_PIVOT).all(axis=-1)
     return result
 
 
 def _scaled(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> Array:
-    """Phi of a group of loops, rows of A first, dependent columns first, (variants, rows, columns) without units."""
-    length, columns = block.group.length, np.concatenate((block.dependent, block.others))
-    result: Array = phi.reshape(len(phi), -1).take(block.rows[:, None] * phi.shape[2] + columns, axis=1)
-    result *= cuts.row_scale(length)[..., block.rows, None]
-    result *= np.where(coordinates.turns[columns], 1.0, length)
+    """Phi of groups of loops, rows of A first, dependent columns first, (variants, g, rows, columns) without units."""
+    columns = np.concatenate((block.dependent, block.others), axis=1)
+    result: Array = phi.reshape(len(phi), -1).take(block.rows[:, :, None] * phi.shape[2] + columns[:, None], axis=1)
+    result *= block.row_scale(cuts)[..., None]
+    result *= block.unit(coordinates, columns)[:, None]
     return result
 
 
 def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
-    """Part of B'', the residual of the redundant rows, and a mask of variants in which A may be nearly singular."""
-    scaled, r = _scaled(coordinates, cuts, phi, block), len(block.dependent)
-    a, right = scaled[:, :r, :r], scaled[:, :r, r:]
+    """Parts of B'' (variants, g, r, others), the residuals (variants, g) of the redundant rows, and a mask of variants
+    and groups in which A may be nearly singular.
+    """
+    scaled, r = _scaled(coordinates, cuts, phi, block), block.dependent.shape[1]
+    a, right = scaled[..., :r, :r], scaled[..., :r, r:]
     size = np.maximum(1.0, _size(a))  # rows have size one: all of A may be rounding
     difference = _size(np.eye(r) - block.inverse @ a)
-    reciprocal_condition = np.maximum(0.0, 1.0 - difference) / (size * max(float(_size(block.inverse)), 1e-300))
-    doubtful = near_singular(reciprocal_condition, block)
+    reciprocal_condition = np.maximum(0.0, 1.0 - difference) / (size * np.maximum(_size(block.inverse), 1e-300))
+    doubtful = near_singular(reciprocal_condition, block.reciprocal_condition)
     if doubtful.any():
-        doubtful[doubtful] = near_singular(inverse_of(a[doubtful])[1], block)
+        nominal = np.broadcast_to(block.reciprocal_condition, doubtful.shape)[doubtful]
+        doubtful[doubtful] = near_singular(inverse_of(a[doubtful])[1], nominal)
     try:
         solution = np.linalg.solve(a, right)
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(a)[0] == 0.0
-        solution = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), right)
+        solution = np.linalg.solve(np.where(singular[..., None, None], np.eye(r), a), right)
         solution[singular] = 0.0
-    remainder = np.zeros(len(phi))
-    if len(block.rows) > r and len(block.others):
-        redundant = scaled[:, r:, r:] - scaled[:, r:, :r] @ solution
-        remainder = np.abs(redundant).max(axis=(1, 2))
-    scale = np.where(coordinates.turns, 1.0, block.group.length)
-    solution *= -(scale[block.dependent, None] / scale[block.others])
+    remainder = np.zeros(scaled.shape[:2])
+    if block.redundant and block.others.shape[1]:
+        redundant = scaled[..., r:, r:] - scaled[..., r:, :r] @ solution
+        remainder = np.abs(redundant).max(axis=(-2, -1))
+    solution *= -(block.unit(coordinates, block.dependent)[..., None] / block.unit(coordinates, block.others)[:, None])
     return np.asarray(solution), remainder, doubtful
 
 
-def near_singular(reciprocal_condition: Array, block: Block) -> Mask:
-    """Return where the dependent columns of a group of loops may be nearly singular."""
-    limit = min(CLEARLY_REGULAR * NEAR_SINGULAR, AS_NOMINAL * block.reciprocal_condition)
-    return np.asarray(reciprocal_condition < limit)
+def near_singular(reciprocal_condition: Array, nominal: Array) -> Mask:
+    """Return where the dependent columns of groups of loops may be nearly singular, ``nominal`` is that of the pose."""
+    return np.asarray(reciprocal_condition < np.minimum(CLEARLY_REGULAR * NEAR_SINGULAR, AS_NOMINAL * nominal))
 
 
 def inverse_of(a: Array) -> tuple[Array, Array]:
-    """Return A^-1 (variants, r, r) and the reciprocal condition 1 / (max(1, |A|) |A^-1|), 0 if A is singular."""
+    """Return A^-1 (..., r, r) and the reciprocal condition 1 / (max(1, |A|) |A^-1|), 0 if A is singular."""
     unit = np.eye(a.shape[-1])
     singular = np.linalg.slogdet(a)[0] == 0.0
-    inverse = np.linalg.inv(np.where(singular[:, None, None], unit, a))
+    inverse = np.linalg.inv(np.where(singular[..., None, None], unit, a))
     growth = np.maximum(1.0, _size(a)) * _size(inverse)
     reciprocal_condition = np.divide(1.0, growth, out=np.ones_like(growth), where=growth > 0.0)
     return inverse, np.where(singular, 0.0, reciprocal_condition)
@@ -272,21 +297,21 @@ def closure_along(
     change = phi.imag @ before
     result = np.broadcast_to(before, (*change.shape[:-2], *before.shape[-2:])).astype(complex)
     for block in pivots.blocks:
-        kept = len(block.dependent)
-        row_scale = np.broadcast_to(cuts.row_scale(block.group.length), phi.shape[:-1])[:, block.rows, None]
-        column_scale = np.where(coordinates.turns[block.dependent], 1.0, block.group.length)
-        matrix = row_scale * phi.real[:, block.rows[:, None], block.dependent] * column_scale
+        kept = block.dependent.shape[1]
+        row_scale, column_scale = block.row_scale(cuts)[..., None], block.unit(coordinates, block.dependent)
+        matrix = row_scale * phi.real[:, block.rows[:, :, None], block.dependent[:, None]] * column_scale[:, None]
         right = row_scale * change[:, block.rows]
-        regular = ~near_singular(inverse_of(matrix[:, :kept])[1], block)
-        solution = np.empty((len(phi), kept, right.shape[-1]))
+        regular = ~near_singular(inverse_of(matrix[..., :kept, :])[1], block.reciprocal_condition)
+        solution = np.empty((*matrix.shape[:2], kept, right.shape[-1]))
         solution[regular] = np.linalg.solve(matrix[regular, :kept], right[regular, :kept])
         solution[~regular] = np.linalg.pinv(matrix[~regular]) @ right[~regular]
-        result.imag[:, block.dependent] = -column_scale[:, None] * solution
+        result.imag[:, block.dependent] = -column_scale[..., None] * solution
         left = np.abs(right - matrix @ solution)
-        unit = np.where(coordinates.turns, 1.0, block.group.length)[block.group.columns, None]
-        largest = (np.abs(before[..., block.group.columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
-        limit = ZERO_ALONG * _moved(values, block.group.length)[:, None, None] * largest
-        lost |= (left > limit).any(axis=(1, 2))
+        columns = np.concatenate((block.dependent, block.others), axis=1)
+        unit = block.unit(coordinates, columns)[..., None]
+        largest = (np.abs(before[..., columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
+        moved = np.stack([_moved(values, group.length) for group in block.groups], axis=-1)
+        lost |= (left > ZERO_ALONG * moved[..., None, None] * largest).any(axis=(1, 2, 3))
     return replace(nominal, matrix=result), lost
 
 
