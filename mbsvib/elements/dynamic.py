@@ -324,18 +324,18 @@ class Dynamic(Displayed):
         if (poles.real >= 0.0).any():
             raise ModelError(f"{WHO}.transfer: pole at {poles[poles.real.argmax()]:.4g} rad/s; expected stable ones, "
                              f"with a negative real part.")  # fmt: skip
-        sizes = np.abs(np.concatenate((poles, np.roots(num))))
-        sizes = sizes[sizes > 0.0]
+        sizes = np.array([size for size in np.abs([*poles, *np.roots(num)]) if size > 0.0])
         around = np.geomspace(0.01 * sizes.min(), 100.0 * sizes.max(), 400) if len(sizes) else np.ones(1)
         value = np.polyval(num, 1j * around) / np.polyval(den, 1j * around)
         if (value.imag < -PASSIVE * np.abs(value)).any():
             w = around[int((value.imag / np.abs(value)).argmin())]
             raise ModelError(f"{WHO}.transfer: at {w / (2 * np.pi):.4g} Hz its imaginary part is negative; expected "
                              f"0 or more, as only these take energy.")  # fmt: skip
+        if (rest := np.polyval(num, 0.0) / np.polyval(den, 0.0)) < 0.0:
+            raise ModelError(f"{WHO}.transfer: it is {rest:.4g} at rest; expected 0 or more, as less gives energy.")
         terms = forms.relaxations_of(num, den, poles)
-        if terms is None:
-            return Dynamic("transfer", partial(forms.ratio, num=num, den=den))
-        return _rational("transfer", *terms)
+        other = Dynamic("transfer", partial(forms.ratio, num=num, den=den))
+        return other if terms is None else _rational("transfer", *terms)
 
     def rational(self, band: tuple[float, float], static: float | None = None) -> Dynamic:
         """Return the sum of relaxations that is nearest over a band of frequencies, stable and passive everywhere.

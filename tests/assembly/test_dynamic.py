@@ -203,6 +203,7 @@ def test_force_outputs_feel_a_dynamic_mount():
     (lambda: Dynamic.transfer([1.0, 0.0, 0.0, 1.0], [1.0, 1.0]), "at most one degree more"),
     (lambda: Dynamic.transfer([1.0], [1.0, -1.0]), "pole at 1 rad/s; expected stable ones"),
     (lambda: Dynamic.transfer([1.0], [0.1, 1.0]), "imaginary part is negative"),
+    (lambda: Dynamic.transfer([1.0, -1.0], [1.0, 1.0]), "it is -1 at rest; expected 0 or more"),
 ])  # fmt: skip
 def test_factors_that_no_element_has_are_refused(make, words):
     with pytest.raises(ModelError, match=f"(?s){words}"):
