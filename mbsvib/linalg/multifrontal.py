@@ -94,7 +94,7 @@ def _separator(graph: Any, size: Index) -> Index | None:
     c = distance(int(np.minimum(a, b).argmax()))
     d = distance(int(c.argmax()))
     best, result, whole = np.inf, None, float(size.sum())
-    for level in (a - b, c - d):
+    for level in (a - b, c - d, a + c - b - d, a + d - b - c, a, c):
         order = np.argsort(level, kind="stable")
         share = np.cumsum(size[order]) / whole
         for at in SPLITS:
@@ -112,6 +112,8 @@ def _separator(graph: Any, size: Index) -> Index | None:
 
 # Largest memory of factors [bytes].
 LARGEST = 4e9
+# Columns of a product of which the lower triangle is needed that are computed at a time.
+COLUMNS = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,19 +201,19 @@ class SymmetricFactor:
             return self._solve(np.ascontiguousarray(b.real)) + 1j * self._solve(np.ascontiguousarray(b.imag))
         x = (b * self.scale[:, None])[f.permutation].astype(dtype)
         getrs = lapack.zgetrs if np.issubdtype(dtype, np.complexfloating) else lapack.dgetrs
-        for i, (factor, across) in enumerate(self.factors):
+        for i, (factor, below) in enumerate(self.factors):
             own = slice(f.start[i], f.start[i + 1])
             if not isinstance(factor, tuple):
                 x[own] = blas.dtrsm(1.0, factor, x[own], lower=1)
             if len(f.reached[i]):
-                x[f.reached[i]] -= across.T @ x[own]
+                x[f.reached[i]] -= below @ x[own]
         for i in range(len(self.factors) - 1, -1, -1):
-            factor, across = self.factors[i]
+            factor, below = self.factors[i]
             own = slice(f.start[i], f.start[i + 1])
             if isinstance(factor, tuple):
-                x[own] = getrs(*factor, x[own])[0] - across @ x[f.reached[i]]
+                x[own] = getrs(*factor, x[own])[0] - below.T @ x[f.reached[i]]
             else:
-                x[own] = blas.dtrsm(1.0, factor, x[own] - across @ x[f.reached[i]], lower=1, trans_a=1)
+                x[own] = blas.dtrsm(1.0, factor, x[own] - below.T @ x[f.reached[i]], lower=1, trans_a=1)
         result = np.empty_like(x)
         result[f.permutation] = x
         return result * self.scale[:, None]
@@ -226,55 +228,89 @@ def factored(matrix: Any, structure: Fronts) -> SymmetricFactor:
     a.data = a.data * scale[order][a.indices] * np.repeat(scale[order], np.diff(a.indptr))
     position = np.empty(len(order), dtype=np.intp)
     waiting: dict[int, NDArray[Any]] = {}
+    spare: list[NDArray[Any]] = []
     factors, negative = [], 0
     for i, reached in enumerate(structure.reached):
         first, last = int(structure.start[i]), int(structure.start[i + 1])
-        own, n = last - first, last - first + len(reached)
-        position[first:last], position[reached] = np.arange(own), np.arange(own, n)
-        front = np.zeros((n, n), dtype=a.dtype, order="F")
+        own, n = last - first, len(reached)
+        position[first:last], position[reached] = np.arange(own), np.arange(n)
+        corner, below = (np.zeros((m, own), dtype=a.dtype, order="F") for m in (own, n))
+        waiting[i] = _zeros(n * n, spare, a.dtype)
+        rest = _square(waiting[i], n)
         entries = slice(a.indptr[first], a.indptr[last])
         row, column = a.indices[entries], np.repeat(np.arange(own), np.diff(a.indptr[first : last + 1]))
-        below = row >= first
-        front[position[row[below]], column[below]] = a.data[entries][below]
+        inside, beyond = (row >= first) & (row < last), row >= last
+        corner[position[row[inside]], column[inside]] = a.data[entries][inside]
+        below[position[row[beyond]], column[beyond]] = a.data[entries][beyond]
         for child in structure.children[i]:
-            _add(front.T, position[structure.reached[child]], waiting.pop(child).T)
-        factor, across, rest, count = _eliminated(front, own)
-        factors.append((factor, across))
+            at, k = position[structure.reached[child]], int(np.searchsorted(structure.reached[child], last))
+            memory = waiting.pop(child)
+            part = _square(memory, len(at)).T
+            _add(corner.T, at[:k], part[:k, :k])
+            _add(rest.T, at[k:], part[k:, k:])
+            for rows, row in _runs(at[:k]):
+                below.T[row, at[k:]] += part[rows, k:]
+            spare.append(memory)
+        factor, below, count = _eliminated(corner, below, rest)
+        factors.append((factor, below))
         negative += count
-        waiting[i] = rest
     return SymmetricFactor(matrix, structure, scale, factors, negative)
+
+
+def _zeros(size: int, spare: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+    """Zeros, in the smallest of the spare arrays that has room for ``size`` numbers, which is taken out, or in new
+    memory: the system takes longer to provide this than the numbers take to compute.
+    """
+    room = [(len(memory), i) for i, memory in enumerate(spare) if len(memory) >= size]
+    if not room:
+        return np.zeros(size, dtype=dtype)
+    result = spare.pop(min(room)[1])
+    result[:size] = 0.0
+    return result
+
+
+def _square(memory: NDArray[Any], n: int) -> NDArray[Any]:
+    """The first numbers as a matrix (n, n) by columns."""
+    return memory[: n * n].reshape((n, n), order="F")
+
+
+def _runs(at: Index) -> list[tuple[slice, slice]]:
+    """Runs of consecutive numbers in ``at``, ascending: where they stand in it, and which they are."""
+    first = np.flatnonzero(np.diff(at, prepend=-2) != 1).tolist()
+    pairs = zip(first, [*first, len(at)][1:], strict=True)
+    return [(slice(i, j), slice(int(at[i]), int(at[i]) + j - i)) for i, j in pairs]
 
 
 def _add(upper: NDArray[Any], at: Index, part: NDArray[Any]) -> None:
     """Add the upper triangle of a matrix in the rows and columns ``at``, ascending, by runs of consecutive rows."""
-    starts = np.flatnonzero(np.diff(at, prepend=-2) != 1).tolist()
-    for first, last in zip(starts, [*starts[1:], len(at)], strict=True):
-        row = int(at[first])
-        upper[row : row + last - first, at[first:]] += part[first:last, first:]
+    for rows, row in _runs(at):
+        upper[row, at[rows.start :]] += part[rows, rows.start :]
 
 
-def _eliminated(front: NDArray[Any], own: int) -> tuple[Any, NDArray[Any], NDArray[Any], int]:
-    """Factors of F11, F11^-1 F12 (L^-1 F12 by Cholesky), S, and the negative eigenvalues of F11; lower triangles."""
+def _eliminated(corner: NDArray[Any], below: NDArray[Any], rest: NDArray[Any]) -> tuple[Any, NDArray[Any], int]:
+    """Factors of F11, F21 F11^-1 (F21 L^-T by Cholesky), and the negative eigenvalues of F11; S replaces F22.
+
+    ``corner`` F11 and ``rest`` F22: lower triangles; ``below`` F21 may be overwritten.
+    """
     from scipy.linalg import blas, lapack
 
-    real = not np.iscomplexobj(front)
-    corner, below = front[:own, :own], front[own:, :own]
-    rest = front[own:, own:]
+    real = not np.iscomplexobj(corner)
     if real:
         factor, failed = lapack.dpotrf(corner, lower=1)
         if not failed:
-            across = blas.dtrsm(1.0, factor, below.T, lower=1)
             if len(rest):
-                rest = blas.dsyrk(-1.0, across, 1.0, rest, trans=1, lower=1)
-            return factor, across, rest, 0
-    lower = np.tril(corner)
-    full = np.asfortranarray(lower + np.tril(corner, -1).T)
+                below = blas.dtrsm(1.0, factor, below, side=1, lower=1, trans_a=1, overwrite_b=1)
+                blas.dsyrk(-1.0, below, 1.0, rest, lower=1, overwrite_c=1)
+            return factor, below, 0
+    full = np.asfortranarray(np.tril(corner) + np.tril(corner, -1).T)
     count = _negative(full) if real else 0
     lu, pivot, failed = (lapack.dgetrf if real else lapack.zgetrf)(full)
     if failed:
         raise np.linalg.LinAlgError("a front is singular")
-    across = (lapack.dgetrs if real else lapack.zgetrs)(lu, pivot, below.T)[0]
-    return (lu, pivot), across, rest - below @ across, count
+    solved = (lapack.dgetrs if real else lapack.zgetrs)(lu, pivot, below.T)[0]
+    for first in range(0, len(rest), COLUMNS):  # the lower triangle
+        rest[first:, first : first + COLUMNS] -= below[first:] @ solved[:, first : first + COLUMNS]
+    return (lu, pivot), np.asfortranarray(solved.T), count
 
 
 def _negative(matrix: Array) -> int:

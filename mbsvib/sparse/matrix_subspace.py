@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 BELOW = 1e-9
 # Residual of Ritz values: the error of eigenvalues is its square. One more solve makes that of shapes smaller.
 TOLERANCE = 1e-9
-# Vectors of a block: repeated modes of up to this multiplicity are found by one search. The factor is read once for a
-# block: eight vectors take hardly longer than six, and converge in fewer blocks.
-BLOCK = 8
+# Vectors of a block, at least and at most, and modes per vector between: repeated modes of up to this multiplicity are
+# found by one search. The factor is read once for a block: larger blocks take less time for a vector, but more vectors.
+BLOCK, MODES = (8, 16), 3
 # Additional modes, among which the count finds a gap, and the least relative gap.
 GUARDS, GAP = 4, 1e-6
 # Coordinates up to which all modes are computed.
@@ -122,7 +122,8 @@ def _basis(t: Operator, requested: int) -> Array:
     def apply(y: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(unit * t.factor.solve(given.M @ (y / unit), 0))
 
-    start = apply(np.random.default_rng(2).standard_normal((n, BLOCK)))
+    block = int(np.clip(requested // MODES, *BLOCK))
+    start = apply(np.random.default_rng(2).standard_normal((n, block)))
     last = min(MOST * requested + MORE, n)
     ritz = arnoldi(apply, start, lambda r: r.converged(TOLERANCE) >= requested, (int(FIRST * requested), last),
                    GROWTH)  # fmt: skip

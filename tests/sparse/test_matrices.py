@@ -58,7 +58,7 @@ def test_a_chain_in_closed_form(held, count):
 @pytest.mark.parametrize("block", [6, 1])
 def test_repeated_modes_are_counted(monkeypatch, block):
     """Single vectors miss the second one of each pair, until the count finds that some are missing."""
-    monkeypatch.setattr(matrix_subspace, "BLOCK", block)
+    monkeypatch.setattr(matrix_subspace, "BLOCK", (block, block))
     mass, stiffness, exact = membrane(36)
     modes = mv.System.from_matrices(mass, None, stiffness).modes(24)
     assert modes.missed == 0
