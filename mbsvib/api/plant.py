@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mbsvib.equations.batch_values import Values, with_checked_parts
 from mbsvib.equilibrium.posed_variants import PosedVariants, pose_coordinates
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import Slots
+from mbsvib.modes.result import modes as modes_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -170,8 +171,7 @@ class Plant(Displayed):
             As of ``plant(values)``.
         """
         array, single = self._checked(values)
-        batch = self._batch(array)
-        return cast("Modes", batch.modes()[0]) if single else batch.modes()
+        return self.system(values).modes() if single else self._batch(array).modes()
 
     def eigenvalues(self, values: ArrayLike, gradient: bool = False) -> Complex | tuple[Complex, Complex]:
         """Return the eigenvalues for values of the parameters, with their derivatives if asked for.
@@ -198,11 +198,15 @@ class Plant(Displayed):
             As of ``plant(values)``.
         """
         array, single = self._checked(values)
+        if len(array) == 1 and not gradient:  # by itself, which costs less than a batch of one
+            equations = replace(self._plan.nominal, **vars(self._plan.single(self._values(array))))
+            eigenvalues = modes_of(equations, clean=False).eigenvalues
+            return eigenvalues if single else eigenvalues[None]
         batch = self._differentiable(array, "eigenvalues") if gradient else self._batch(array)
         modes = batch.basis.modal if gradient else batch.modes()
-        eigenvalues = modes.eigenvalues[0] if single else modes.eigenvalues
         if not gradient:
-            return eigenvalues
+            return modes.eigenvalues
+        eigenvalues = modes.eigenvalues[0] if single else modes.eigenvalues
         from mbsvib.sensitivities.eigenvalues import eigenvalue_slopes
 
         slopes = eigenvalue_slopes(self._plan, batch, modes)
