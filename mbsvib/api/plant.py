@@ -200,8 +200,8 @@ class Plant(Displayed):
         array, single = self._checked(values)
         if len(array) == 1 and not gradient:  # by itself, which costs less than a batch of one
             equations = replace(self._plan.nominal, **vars(self._plan.single(self._values(array))))
-            eigenvalues = modes_of(equations, clean=False).eigenvalues
-            return eigenvalues if single else eigenvalues[None]
+            alone: Complex = modes_of(equations, clean=False).eigenvalues
+            return alone if single else alone[None]
         batch = self._differentiable(array, "eigenvalues") if gradient else self._batch(array)
         modes = batch.basis.modal if gradient else batch.modes()
         if not gradient:

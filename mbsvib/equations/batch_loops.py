@@ -76,7 +76,7 @@ class Block:
     @property
     def redundant(self) -> bool:
         """Whether there are rows beside those of A."""
-        return self.rows.shape[1] > self.dependent.shape[1]
+        return bool(self.rows.shape[1] > self.dependent.shape[1])
 
     def row_scale(self, cuts: Cuts) -> Array:
         """Return factors (..., g, rows) that make the rows dimensionless."""
@@ -113,15 +113,15 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
     like: dict[tuple[int, ...], list[tuple[LoopGroup, Index, Index, Index]]] = {}
     kept = tuple(kept_rows(scene.cuts, nominal))
     for group, (rows, dependent) in zip(nominal.groups, kept, strict=True):
-        others = np.setdiff1d(group.columns, dependent, assume_unique=True)
-        ordered = np.concatenate((rows, np.setdiff1d(group.rows, rows, assume_unique=True)))
-        like.setdefault((len(dependent), len(others), len(ordered)), []).append((group, dependent, others, ordered))
+        free = np.setdiff1d(group.columns, dependent, assume_unique=True)
+        every = np.concatenate((rows, np.setdiff1d(group.rows, rows, assume_unique=True)))
+        like.setdefault((len(dependent), len(free), len(every)), []).append((group, dependent, free, every))
     blocks = []
     for members in like.values():
-        groups, dependent, others, rows = zip(*members, strict=True)
+        groups = tuple(group for group, *_ in members)
+        dependents, others, ordered = (np.array([member[k] for member in members], dtype=np.intp) for k in (1, 2, 3))
         length = np.array([[group.length] for group in groups])
-        block = Block(groups, *(np.array(index, dtype=np.intp) for index in (dependent, others, rows)), length,
-                      np.zeros((0, 0)), np.zeros(0))  # fmt: skip
+        block = Block(groups, dependents, others, ordered, length, np.zeros((0, 0)), np.zeros(0))
         r = block.dependent.shape[1]
         inverse, reciprocal_condition = inverse_of(_scaled(scene.coordinates, scene.cuts, phi, block)[0, :, :r, :r])
         blocks.append(replace(block, inverse=inverse, reciprocal_condition=reciprocal_condition))
