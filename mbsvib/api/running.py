@@ -136,7 +136,7 @@ class Running(Mechanism):
 
     def cycle(
         self, drive: str | None = None, angles: ArrayLike | None = None, *, speed: float | None = None,
-        motion: Mapping[str, Any] | None = None, about: ArrayLike | None = None,
+        motion: Mapping[str, Any] | None = None, about: ArrayLike | None = None, period: float | None = None,
     ) -> Cycle:  # fmt: skip
         """Return the inverse dynamics of a running machine: what drives must supply, joints carry and the ground feels.
 
@@ -145,6 +145,8 @@ class Running(Mechanism):
 
         over finite motion, loops followed exactly from the pose as described. Gravity, springs, dampers and loads count
         in torques and reactions; the shaking force F and moment M_O are those of inertia alone. Inputs are left out.
+        Beams and superelements bend in the periodic motion that belongs to the period, in the small displacements of
+        ``simulate``: the steady state, from which they follow the drives at all harmonics.
 
         Parameters
         ----------
@@ -159,18 +161,21 @@ class Running(Mechanism):
         about : array-like, shape (3,), optional
             Point O of the shaking moment [m], world axes; default: the joint of the first drive as
             described, the origin where that has no point.
+        period : float, optional
+            Of models with beams or superelements: period [s], over which the samples are evenly spread, without its
+            end; default: one turn of a drive at constant speed.
 
         Returns
         -------
         Cycle
-            ``torque``, ``shaking_force``, ``shaking_moment``, ``reactions``, the motion of all bodies, ``rms`` and
-            ``peak`` values, and exact ``sensitivities``.
+            ``torque``, ``shaking_force``, ``shaking_moment``, ``reactions``, the motion of all bodies and nodes of
+            beams, ``rms`` and ``peak`` values, and exact ``sensitivities``, those of rigid bodies.
 
         Raises
         ------
         ModelError
-            If a drive is unknown, does not move the mechanism, or leaves some of its motion open; or a part has no
-            statement in finite motion.
+            If a drive is unknown, does not move the mechanism with rigid beams, or leaves some of its motion open; a
+            part has no statement in finite motion; or beams have no periodic motion that is found.
         SingularPoseError
             If the cycle meets a singular pose, with the angle where.
         MbsvibError
@@ -180,24 +185,32 @@ class Running(Mechanism):
         -----
         NearSingularWarning
             If the cycle comes so near a singular pose that digits are lost.
+        AccuracyWarning
+            If the samples do not resolve the motion of beams.
+        LargeDisplacementWarning
+            If a beam bends too far for small displacements.
 
         Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), chapters 3 to 6.
+        A. H. Nayfeh, D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1, for the periodic motion.
         """
         kwargs = {"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about}
-        return cycle_of(self, kwargs)
+        return cycle_of(self, kwargs, period=period)
 
 
-def cycle_of(model: Mechanism, kwargs: Mapping[str, Any], like: Machine | None = None) -> Cycle:
+def cycle_of(
+    model: Mechanism, kwargs: Mapping[str, Any], like: Machine | None = None, period: float | None = None
+) -> Cycle:
     """Return the cycle of a model.
 
-    ``kwargs``: the arguments of ``Model.cycle``. ``like``: a machine that differs by values of symbols only: its
-    equations are used, and its motion if it is the same.
+    ``kwargs``: the arguments of ``Model.cycle`` but the ``period``. ``like``: a machine that differs by values of
+    symbols only: its equations are used, and its motion if it is the same.
     """
     _check_casadi()
+    from mbsvib.cycles.elastic import with_elastic_motion
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
     from mbsvib.cycles.machine import machine
 
-    return inverse_dynamics(machine(model, **kwargs, like=like), Cycle)
+    return inverse_dynamics(with_elastic_motion(machine(model, **kwargs, like=like), period), Cycle)
 
 
 def compiled_for(model: Mechanism, kwargs: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:

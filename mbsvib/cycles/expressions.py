@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.excited import with_interfaces
 from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression
@@ -57,6 +58,13 @@ class Statement:
         """Which parameters p loops depend on, so that the motion does."""
         return np.array(ca.which_depends(self.closures[0], self.p, 1, False), dtype=bool)
 
+    @property
+    def elastic(self) -> tuple[str, ...]:
+        """Names of the coordinates of beams and superelements."""
+        blocks = self.motion.blocks
+        own = {name for block in blocks for name in (*block.mode_names, *block.interface_names)}
+        return tuple([name for name in self.motion.motion.names if name in own])
+
     def rate(self, expression: Expression) -> Expression:
         """Return the time derivative of an expression of q and q'."""
         return rate_in_motion(expression, self.q, self.qd, self.qdd)
@@ -79,10 +87,6 @@ def statement(
     for name in model.hubs:
         raise ModelError(f"hub '{name}': a prescribed motion is one in the world; drive a revolute joint in place of "
                          f"the hub.", element=name, field="hub")  # fmt: skip
-    for part in model.composed.values():
-        raise ModelError(f"{part.family} '{part.name}': bends, which a prescribed motion does not "
-                         f"determine; make rigid bodies and springs of it for a cycle, or simulate.",
-                         element=part.name)  # fmt: skip
     motion = finite_motion(model, parameters, cut=cut, bases=bases)
     if motion.yield_names:
         name = motion.yield_names[0].rpartition(".")[0]
@@ -92,7 +96,10 @@ def statement(
     kinematics = motion.motion
     q, qd, qdd, numbers = kinematics.q, kinematics.qd, ca.SX.sym("qdd", kinematics.q.shape[0]), kinematics.numbers
     about, momentum, angular = ca.SX.sym("about", 3), ca.SX.zeros(3), ca.SX.zeros(3)
-    for body in model.bodies.values():
+    for part in motion.bends.values():
+        momentum += part.momentum
+        angular += part.angular_momentum - ca.cross(about, part.momentum)
+    for body in with_interfaces(model, motion.blocks).bodies.values():
         r = kinematics.point(body.name, numbers.vector(body, "position"))
         v = numbers.scalar(body, "mass") * kinematics.rate(r)
         momentum += v

@@ -14,7 +14,9 @@ from mbsvib.cycles.expressions import Statement, statement
 from mbsvib.cycles.following import ACCEPTED, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.elastic_block import elastic_blocks
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
+from mbsvib.finite_motion.excited import with_interfaces
 from mbsvib.finite_motion.following import DrivenLoops
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.pose import length_of
@@ -81,9 +83,18 @@ class Machine:
         """Coordinates, rates and accelerations at every sample."""
         return solved(self, self.statement) if self.known is None else self.known
 
+    def refuse_elastic(self, what: str) -> None:
+        """Refuse what needs a motion in which each sample follows from the drives alone."""
+        for part in self.model.composed.values() if self.statement.elastic else ():
+            raise ModelError(f"cycle: {what} of '{self.model.name}' are for rigid bodies, and {part.family} "
+                             f"'{part.name}' bends over the whole period; take differences of cycles, or make rigid "
+                             f"bodies and springs of it.", element=part.name)  # fmt: skip
+
     def moves_alike(self, other: Machine) -> bool:
         """Whether another machine with the same equations and drives has the same motion, as loops close alike."""
         closing = self.statement.closing
+        if self.statement.elastic:
+            return False
         return bool((self.values(self.statement)[closing] == other.values(self.statement)[closing]).all())
 
 
@@ -112,7 +123,13 @@ def machine(
     prescription = prescribed(model, drive, angles, speed, motion)
     model = with_angles(model, dict(zip(prescription.names, prescription.values.T, strict=True)), TURNS_OF_CYCLES)
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
-    cut, closing = cut_elsewhere(model, {*prescription.joints, *coupled})
+    blocks = elastic_blocks(model)
+    links = {name for block in blocks for name in block.joints}
+    jointed = with_interfaces(model, blocks)
+    cut, closing = cut_elsewhere(jointed, {*prescription.joints, *coupled, *links})
+    while closing in links:  # of frames of beams, whose links make up loops
+        links.remove(closing)
+        cut, closing = cut_elsewhere(jointed, {*prescription.joints, *coupled, *links})
     if closing is not None:
         raise ModelError(f"cycle: all joints of the loop that '{closing}' closes are driven or coupled; leave one of "
                          f"them to follow from the others.", element=closing, field="motion")  # fmt: skip

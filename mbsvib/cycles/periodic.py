@@ -22,6 +22,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.cycles.inverse_dynamics import inverse_dynamics
+from mbsvib.cycles.prescribed import EVEN, period_of
 from mbsvib.cycles.result import CycleData
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
 
-# Samples are evenly spread over a period to this share of it.
-EVEN = 1e-9
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11
 # Highest harmonics above this share of the largest are not resolved by the samples; coefficients that differ by more
@@ -150,9 +149,10 @@ def periodic(cycle: CycleData, released: Any = None, period: float | None = None
 
     ``released``: drives that may deviate. ``period``: period [s].
     """
+    cycle.machine.refuse_elastic("periodic equations")
     impedances = _released(cycle, released)
     which = [cycle.drives.index(name) for name in impedances]
-    length = _period(cycle, period)
+    length = period_of(cycle.machine.motion, period)
     _check_repeats(cycle, which, length)
     mass, damping, stiffness = _coefficients(cycle, which)
     impedance = np.array([impedances[name] for name in impedances])
@@ -213,26 +213,6 @@ def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]
         k, c = check.numbers(pair, (2,), f"drive '{name}'", "released", "stiffness and damping, two numbers")
         result[name] = (k, c)
     return result
-
-
-def _period(cycle: CycleData, period: float | None) -> float:
-    """The period, of a drive at constant speed that of its turn; samples must be spread evenly over it."""
-    n, drive = len(cycle.shaking_force), cycle.drives[0]
-    if period is not None:
-        length = check.number(period, "cycle", "period", "a positive number [s]")
-        if length <= 0.0:
-            raise check.refuse("cycle", "period", period, "a positive number [s]")
-        return length
-    rates, angles = cycle.rates[drive], cycle.angles
-    if len(cycle.drives) > 1 or not rates[0] or np.ptp(rates) > EVEN * abs(rates[0]):
-        raise check.refuse("cycle", "period", None, "the period [s], over which the samples are evenly spread, where "
-                           "not just one drive turns at constant speed")  # fmt: skip
-    step = np.copysign(2.0 * np.pi / n, rates[0])
-    if np.abs(angles - angles[0] - step * np.arange(n)).max() > EVEN * 2.0 * np.pi:
-        raise ModelError(f"cycle: the samples of '{drive}' are not evenly spread over one turn, in the sense of its "
-                         f"speed; give angles = 2 * np.pi * np.arange(n) / n, or the period.",
-                         element=drive, field="angles")  # fmt: skip
-    return float(2.0 * np.pi / abs(rates[0]))
 
 
 def _first_order(mass: Array, damping: Array, stiffness: Array) -> Array:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 WHO = "cycle"
+# Samples are evenly spread over a period to this share of it.
+EVEN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -105,3 +107,23 @@ def _check_drive(model: Mechanism, name: Any) -> None:
         raise ModelError(f"cycle: '{name}' is a component of the rotation vector of joint '{joint.name}' "
                          f"({joint.kind}), which is no angle in finite motion; drive a joint with one free rotation, "
                          f"or two successive ones.", element=name, field="drive")  # fmt: skip
+
+
+def period_of(motion: Prescribed, period: float | None) -> float:
+    """Return the period [s]: of a drive at constant speed, that of its turn, over which samples must be evenly spread.
+    """
+    if period is not None:
+        length = check.number(period, WHO, "period", "a positive number [s]")
+        if length <= 0.0:
+            raise check.refuse(WHO, "period", period, "a positive number [s]")
+        return length
+    n, drive, rates, angles = len(motion.values), motion.names[0], motion.rates[:, 0], motion.values[:, 0]
+    if len(motion.names) > 1 or not rates[0] or np.ptp(rates) > EVEN * abs(rates[0]):
+        raise check.refuse(WHO, "period", None, "the period [s], over which the samples are evenly spread, where "
+                           "not just one drive turns at constant speed")  # fmt: skip
+    step = np.copysign(2.0 * np.pi / n, rates[0])
+    if np.abs(angles - angles[0] - step * np.arange(n)).max() > EVEN * 2.0 * np.pi:
+        raise ModelError(f"cycle: the samples of '{drive}' are not evenly spread over one turn, in the sense of its "
+                         f"speed; give angles = 2 * np.pi * np.arange(n) / n, or the period.",
+                         element=drive, field="angles")  # fmt: skip
+    return float(2.0 * np.pi / abs(rates[0]))

@@ -129,6 +129,7 @@ def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivitie
     ``parameters``: names or patterns.
     """
     names = _names(cycle, parameters)
+    cycle.machine.refuse_elastic("derivatives")
     expressions = cycle.machine.with_symbols(names)
     slopes = total_derivatives(cycle, expressions, "parameters", expressions.names)
     slopes = slopes[:, :, [expressions.names.index(name) for name in names]]

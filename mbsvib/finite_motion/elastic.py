@@ -8,17 +8,22 @@ Source: Zwoelfer & Gerstmayr (2021), The nodal-based floating frame of reference
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.equilibrium.linear_range import TURNED
+from mbsvib.errors import LargeDisplacementWarning
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity
 from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.elastic_block import Bending, ElasticBlock
     from mbsvib.finite_motion.kinematics import Kinematics
@@ -29,7 +34,8 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class ElasticEnergies:
-    """What an elastic block stores and dissipates [J, W], and its ``momentum`` (3,) [N s], world axes.
+    """What an elastic block stores and dissipates [J, W], its ``momentum`` (3,) [N s] and its ``angular_momentum`` (3,)
+    [N m s] about the origin, world axes.
 
     ``angle`` [rad] is the largest rotation at its interface.
     """
@@ -39,6 +45,7 @@ class ElasticEnergies:
     dissipation: Expression
     angle: Expression
     momentum: Expression
+    angular_momentum: Expression
 
 
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
@@ -61,15 +68,13 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
         added = _of_slopes(block.bending, block, both, rates)
         potential, relative = potential + added[0], relative + added[1]
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
-    along = np.zeros((3, len(block.mass)))  # a translation of all stations
-    along[:, : 6 * len(block.points)] = np.tile(np.eye(3, 6), len(block.points))
+    change, speed = ca.SX(span) @ both, ca.SX(span) @ rates
     if motion.frames[block.root] is REST:
         forms = [0.5 * _form(span.T @ matrix[np.ix_(columns, columns)] @ span, rates)
                  for matrix in (block.mass, block.damping)]  # fmt: skip
         potential -= sum((ca.dot(ca.SX(_clean(force)), both) for force in [_weight(block) @ span]), ca.SX(0.0))
-        momentum = ca.SX((along @ block.mass)[:, columns] @ span) @ rates
+        momentum = _momentum(block, change, ca.SX(block.mass[:, columns] @ span) @ rates)
     else:
-        change, speed = ca.SX(span) @ both, ca.SX(span) @ rates
         frame, ground = motion.frames[block.root], motion.frames[GROUND]
         origin, spin = motion.velocity(block.root, frame.shift), motion.angular_velocity(block.root)
         velocities, fallen = _stations(block, change, speed, frame, (origin, spin))
@@ -80,11 +85,30 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
             of_dampers, _ = _stations(block, change, speed, seen, twist)
         forms = [0.5 * _form(block.mass, velocities), 0.5 * _form(block.damping, of_dampers)]
         potential -= fallen
-        momentum = frame.vector(ca.SX(along @ block.mass) @ velocities)
+        linear, angular = map(frame.vector, _momentum(block, change, ca.SX(block.mass) @ velocities))
+        momentum = linear, angular + ca.cross(frame.shift, linear)
     turns = [ca.norm_2(ca.SX(span[6 * s + 3 : 6 * s + 6]) @ both + ca.SX(block.state[6 * s + 3 : 6 * s + 6]))
              for s in block.interface]  # fmt: skip
     largest = ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0.0)
-    return ElasticEnergies(forms[0], potential, relative + forms[1], largest, momentum)
+    return ElasticEnergies(forms[0], potential, relative + forms[1], largest, *momentum)
+
+
+def warn_of_bending(
+    who: str, bends: Mapping[str, ElasticEnergies], motion: Kinematics, q: Array, bases: Array, level: int
+) -> None:
+    """Warn of beams and superelements that bend too far for small displacements.
+
+    ``q`` (samples, n) and ``bases`` (9 b,) or (samples, 9 b): the motion. ``level``: frames up to the call of the user.
+    """
+    if not bends:
+        return
+    function = ca.Function("bending", [motion.q, motion.bases], [ca.vertcat(*(part.angle for part in bends.values()))])
+    angles = np.asarray(function(q.T, bases.T)).max(axis=1)
+    for name, angle in zip(bends, angles.tolist(), strict=True):
+        if angle > TURNED:
+            warnings.warn(f"{who}: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame "
+                          f"of the body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts "
+                          f"of it, with a body between them.", LargeDisplacementWarning, stacklevel=level)  # fmt: skip
 
 
 def strain_of_slopes(bending: Bending, block: ElasticBlock, both: Expression) -> Expression:
@@ -147,6 +171,23 @@ def _stations(
         if block.weight[i].any():
             fallen += ca.dot(ca.SX(block.weight[i]), frame.point(at + turned) - start - arm)
     return ca.vertcat(*parts, speed[6 * len(block.elastic) :]), fallen
+
+
+def _momentum(block: ElasticBlock, change: Expression, momenta: Expression) -> tuple[Expression, Expression]:
+    """Linear momentum (3,), and the angular one about the origin, in the axes of the root, of the momenta M V.
+
+    p = sum p_i,  L = sum (r_i x p_i + h_i)
+    """
+    linear, angular = ca.SX.zeros(3), ca.SX.zeros(3)
+    number_of = {station: k for k, station in enumerate(block.elastic)}
+    for i, point in enumerate(block.points):
+        at, own = ca.SX(point), momenta[6 * i : 6 * i + 6]
+        if i in number_of:
+            k = 6 * number_of[i]
+            at += ca.SX(block.state[k : k + 3]) + change[k : k + 3]
+        linear += own[:3]
+        angular += ca.cross(at, own[:3]) + own[3:]
+    return linear, angular
 
 
 def _weight(block: ElasticBlock) -> Array:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from mbsvib.finite_motion.elastic_nodes import node_displacement
 from mbsvib.finite_motion.forces import generalized
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.connections import Connected
     from mbsvib.finite_motion.elastic import ElasticEnergies
     from mbsvib.finite_motion.elastic_block import ElasticBlock
+    from mbsvib.finite_motion.frames import Frame
     from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.finite_motion.rotations import Expression
 
@@ -103,6 +105,17 @@ class FiniteMotion:
         result = ca.gradient(lagrangian, motion.q) - ca.jtimes(self.momenta, motion.q, motion.qd) + self.load_forces
         rayleigh = _sum(self.dissipation)
         return result - ca.gradient(rayleigh, motion.qd) + self.cross_forces
+
+    @cached_property
+    def frames(self) -> dict[str, Frame]:
+        """Displacements of all bodies by name, ground and nodes of beams and superelements among them."""
+        result = dict(self.motion.frames)
+        for block in self.blocks:
+            b, z = self.motion.elastic[block.name]
+            for k, node in enumerate(block.nodes):
+                if node not in result:
+                    result[node] = result[block.root].then(node_displacement(block, k, ca.vertcat(z, b)))
+        return result
 
     @cached_property
     def jacobian(self) -> Expression:

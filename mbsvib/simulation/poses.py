@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.finite_motion.elastic_nodes import node_displacement
-
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.simulation.trace import Trace
@@ -21,12 +19,7 @@ def frames(run: Trace) -> dict[str, tuple[Array, Array]]:
     """
     statement = run.session.statement
     motion = statement.motion
-    frames = dict(motion.frames)
-    for block in statement.blocks:
-        b, z = motion.elastic[block.name]
-        for k, node in enumerate(block.nodes):
-            if node not in frames:
-                frames[node] = frames[block.root].then(node_displacement(block, k, ca.vertcat(z, b)))
+    frames = statement.frames
     function = ca.Function("frames", [motion.q, motion.bases], [
         ca.vertcat(*(ca.vec(frame.rotation) for frame in frames.values())),
         ca.vertcat(*(frame.shift for frame in frames.values()))])  # fmt: skip

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
@@ -14,8 +13,8 @@ from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import Progress, counting
 from mbsvib.elements.motion_input import MotionInput
-from mbsvib.equilibrium.linear_range import TURNED
-from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
+from mbsvib.errors import ModelError, SimulationError, nearest
+from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.responses.driven import drives
 from mbsvib.simulation.events import events
@@ -80,7 +79,9 @@ def simulate(
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
                       RuntimeWarning, stacklevel=3)  # fmt: skip
     result = start.with_samples(samples, None if event is None else event.name)
-    _warn_of_bending(result)
+    q, bases = (np.array(rows) for rows in zip(*((sample.state.q, sample.chart.bases) for sample in result.samples),
+                                               strict=True))  # fmt: skip
+    warn_of_bending("simulate", statement.bends, statement.motion, q, bases, 4)
     return result, complete
 
 
@@ -116,20 +117,3 @@ def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
                              f"{nearest(str(name), model.loads)} It has {', '.join(model.loads) or 'none'}.",
                              element=str(name), field="without")  # fmt: skip
     return result
-
-
-def _warn_of_bending(run: Trace) -> None:
-    """Warn of beams and superelements that bend too far for small displacements."""
-    statement = run.session.statement
-    if not statement.bends:
-        return
-    motion = statement.motion
-    function = ca.Function("bending", [motion.q, motion.bases],
-                           [ca.vertcat(*(part.angle for part in statement.bends.values()))])  # fmt: skip
-    q = np.array([sample.state.q for sample in run.samples]).T
-    bases = np.array([sample.chart.bases for sample in run.samples]).T
-    for name, angle in zip(statement.bends, np.asarray(function(q, bases)).max(axis=1).tolist(), strict=True):
-        if angle > TURNED:
-            warnings.warn(f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame "
-                          f"of the body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts "
-                          f"of it, with a body between them.", LargeDisplacementWarning, stacklevel=4)  # fmt: skip

@@ -120,11 +120,6 @@ def test_parts_without_finite_motion():
     model.add_maxwell("soft", "ground", "link1", (0, 0, 0.1), (0.05, 0, 0), stiffness=1.0, damping=1.0)
     with pytest.raises(mv.ModelError, match=r"Maxwell element 'soft': has a state of its own"):
         model.cycle("crank.rz", [0.0], speed=1.0)
-    bending = library.hoeken()
-    steel = {"E": 2.1e11, "nu": 0.3, "rho": 7800.0}
-    bending.add_beam("tube", "ground", None, {"type": "circle", "radius": 0.01}, steel, start=(0, 0, 1), end=(0, 0, 2))
-    with pytest.raises(mv.ModelError, match=r"beam 'tube'"):
-        bending.cycle("crank.rz", [0.0], speed=1.0)
 
 
 def test_questions_that_have_no_answer():
