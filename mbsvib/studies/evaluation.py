@@ -132,7 +132,8 @@ class DesignPoint:
     @property
     def model(self) -> Model:
         """The mechanism."""
-        origin: Any = self.changed if self.equations is None else self.equations.provenance.origin
+        source = getattr(getattr(self.equations, "plant", None), "source", self.equations)  # of loops: the mechanism
+        origin = getattr(getattr(source, "provenance", None), "origin", None) if self.changed is None else self.changed
         if origin is None:
             raise ModelError("quantities of cycles are those of a model; a system that no model was linearized to has "
                              "none.", element="system")  # fmt: skip

@@ -7,6 +7,7 @@ from scipy.optimize import lsq_linear
 
 import mbsvib as mv
 from mbsvib import library, studies
+from mbsvib.errors import ModelError
 from tests.support.slow_cases import some
 
 TURN = 2 * np.pi
@@ -174,6 +175,16 @@ def test_several_drives_are_summed():
     machine = studies.cycle(motion={"joint1.rz": ([0, 1], 1, 0), "joint2.rz": ([0, 1], 2, 0)})
     assert machine.weighted(arm, {"torque": 2.0})(arm) == pytest.approx(4.0)
     assert machine.rms("torque", "joint2.rz")(arm) == machine.cycle(arm).rms("torque", "joint2.rz")
+
+
+def test_a_cycle_beside_a_loop_is_that_of_its_mechanism():
+    model, machine = library.hoeken(), studies.cycle("pin12.rz", [0.0, 0.3], speed=2.0)
+    model.add_output("rate", "link1", "rz", quantity="velocity")
+    torque, expected = machine.rms("torque"), machine.cycle(model).rms("torque")
+    loop = model.linearize().feedback([[-1.0]], "rate", "torque")
+    assert [torque(loop), torque(loop.sampled(1e3))] == pytest.approx([expected, expected], rel=1e-12)
+    with pytest.raises(ModelError, match="no model was linearized to has none"):
+        torque(loop.state_space())
 
 
 @pytest.mark.parametrize(
