@@ -20,6 +20,7 @@ from mbsvib.random.moments import Equations, moments
 from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
+from mbsvib.uncertain.energy_bound import energy_bound
 from mbsvib.uncertain.intervals import Channels, cover
 from mbsvib.uncertain.moment_bound import affine, moment_bound
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
@@ -268,16 +269,21 @@ def worst_rms(plant: Any, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
         places[name] = values_at(plant, delta)
         result[name] = float(np.sqrt(value))
         upper[name] = result[name] if value in {0.0, np.inf} else max(
-            result[name], _rms_bound(plant, problem, single, result[name]))
+            result[name], _rms_bound(plant, problem, single, result[name], name))
     return WorstRms(plant.name, result, places, upper)
 
 
-def _rms_bound(plant: Any, problem: Perturbed, under: Any, reached: float) -> float:
+def _rms_bound(plant: Any, problem: Perturbed, under: Any, reached: float, output: str) -> float:
     """A root mean square that no values exceed, infinite if none is proven."""
-    white = behind_filters(problem, [part.filter for part in under.sources.densities])
+    filters = [part.filter for part in under.sources.densities]
+    bound = float(np.sqrt(energy_bound(plant.linear, plant.parameters, output, under.sources.names, filters)))
+    if bound <= (1.0 + CLOSE) * reached:
+        return bound
+    white = behind_filters(problem, filters)
     space, unit = _decaying(plant, white)
     equations = affine(space, white.owner, white.limits)
-    bound = np.inf if equations is None else float(np.sqrt(unit * moment_bound(equations, reached**2 / unit)))
+    if equations is not None:
+        bound = min(bound, float(np.sqrt(unit * moment_bound(equations, reached**2 / unit))))
     if bound <= (1.0 + CLOSE) * reached:
         return bound
     forms = [_proof(plant, white, velocities).channels(white.limits, 1.0) for velocities in (True, False)]

@@ -211,11 +211,13 @@ class UncertainPlant(Displayed):
     def worst_rms(self, outputs: Names, floor: Mapping[str, Any]) -> WorstRms:
         """Return the largest root mean squares under noise within the limits.
 
-        ``lower`` is reached at ``values``. ``upper`` is proven, as a rule within 2 % of it: the covariance is a
-        polynomial of the parameters, what it leaves of Lyapunov's equation bounds its error, and the box is halved
-        where that is large. Where this does not succeed, as for many parameters that let lightly damped modes cross, or
-        accelerations under an uncertain mass, it is the integral over bands of frequencies of the worst gain of each,
-        whose values may differ from band to band: up to a few times ``lower``.
+        ``lower`` is reached at ``values``. ``upper`` is proven, as the least of three bounds. Of a mechanism whose
+        dampers act on all motions: energy against dissipation, which the modes do not change, near ``lower`` for noise
+        and outputs at one place in one direction. Of all plants, as a rule within 2 %: the covariance is a polynomial
+        of the parameters, what it leaves of Lyapunov's equation bounds its error, and the box is halved where that is
+        large. Where this does not succeed, as for many parameters that let lightly damped modes of a loop cross: the
+        integral over bands of frequencies of the worst gain of each, whose values may differ from band to band, up to
+        a few times ``lower``, or infinite where limits move resonances by many times their widths.
 
         Parameters
         ----------

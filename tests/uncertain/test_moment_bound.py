@@ -15,6 +15,12 @@ K, M = SYSTEM.K[0, 0], SYSTEM.M[0, 0]
 RNG = np.random.default_rng(5)
 
 
+@pytest.fixture(autouse=True)
+def _no_energy_bound(monkeypatch):
+    """Bounds by energy and dissipation would be taken first."""
+    monkeypatch.setattr("mbsvib.uncertain.certain.energy_bound", lambda *_: np.inf)
+
+
 def value(coefficients, own, x):
     """A polynomial by Chebyshev's definition, cos(n arccos x)."""
     products = np.prod(np.cos(np.array(own.powers) * np.arccos(x)), axis=1)

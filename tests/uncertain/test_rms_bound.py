@@ -14,6 +14,12 @@ from mbsvib.uncertain.search import perturbed
 from tests.random.scenes import oscillator
 
 
+@pytest.fixture(autouse=True)
+def _no_energy_bound(monkeypatch):
+    """Bounds by energy and dissipation would be taken first."""
+    monkeypatch.setattr("mbsvib.uncertain.certain.energy_bound", lambda *_: np.inf)
+
+
 @pytest.mark.slow
 def test_bound_of_a_loop_against_samples_and_in_other_units():
     stage = library.cubic_hexapod(stiffness=2e5, damping=20.0)
