@@ -253,13 +253,15 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
                 part = replace(part, drives=raised)
         return first_order_zeros(space.A, space.B, space.C, space.D)
 
-    def uncertain(self, limits: Mapping[str, Any]) -> UncertainPlant:
+    def uncertain(self, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
         """Return the system with parameters that lie within limits; see ``System.uncertain``.
 
         Parameters
         ----------
         limits : mapping of str to float or (float, float)
             By name or pattern, half the width relative to the nominal value, or (lower, upper).
+        order : int
+            Of polynomials in parameters in which the equations are not affine.
 
         Returns
         -------
@@ -271,7 +273,7 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         ModelError
             As of ``System.uncertain``.
         """
-        plant = self.ends.uncertain(limits)
+        plant = self.ends.uncertain(limits, order)
         count = sum(plant.blocks.values())
         added = zip(plant.linear.inputs[:count], plant.linear.input_units[:count], strict=True)
         channels = tuple([Drive(name, unit, (name,)) for name, unit in added])

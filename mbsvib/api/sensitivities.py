@@ -35,7 +35,7 @@ class SensitiveVerbs:
         def _slopes(self, question: str, *arguments: Any) -> Any:
             """The derivatives that a function of ``mbsvib.sensitivities`` returns."""
 
-    def uncertain(self, limits: Mapping[str, Any]) -> UncertainPlant:
+    def uncertain(self, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
         """Return the system with parameters that lie within limits, as an exact linear fractional map of these.
 
         M + d dM, C + d dC, ...: each parameter enters as w = d z, as often as the rank of what it changes: a stiffness
@@ -46,6 +46,10 @@ class SensitiveVerbs:
         limits : mapping of str to float or (float, float)
             By name or pattern, half the width relative to the nominal value, 0.1 for 10 %, or (lower, upper). A pattern
             makes each parameter that it picks uncertain by itself.
+        order : int
+            1: exact maps; what is not affine is refused. Higher, for places and directions: polynomials of this order
+            in each parameter, with the products of two; ``error`` of the plant is what they miss at sampled values, as
+            a share of the change. Proofs are those of the polynomials, ``at`` and ``sample`` linearize anew.
 
         Returns
         -------
@@ -56,13 +60,14 @@ class SensitiveVerbs:
         ------
         ModelError
             If a parameter is unknown, limits are refused, the equations are not affine in a parameter (as in places
-            and directions), or a value within the limits is no mechanism.
+            and directions, of order 1), polynomials miss more than a tenth of a change, or a value within the limits
+            is no mechanism.
 
         Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 10.2.
         """
         from mbsvib.uncertain.plant import uncertain
 
-        return uncertain(self, limits)
+        return uncertain(self, limits, order)
 
     def eigenvalue_sensitivities(self, parameters: Requested = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters.

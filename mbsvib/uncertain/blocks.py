@@ -5,16 +5,22 @@ d D (q'', q', q, u), with D = [dM dC dK -dB; dCa dCv dCq dD] = L R^T of least ra
 acts through -L on the equations and L on the outputs: a spring enters once, also where its force is an output, a mass
 by the rank of its motion.
 
+Changes that are no straight lines, such as those by places, are polynomials of a stated order, the sum over k of D_k
+d^k = L d (1 - N d)^-1 R^T with L N^(k-1) R^T = D_k, from the factors of the block Hankel matrix of D_1, D_2, ...;
+products of two parameters, L d d' R^T, pass through a channel of one behind that of the other.
+
 Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 10.2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
@@ -29,6 +35,8 @@ _MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 ROUNDINGS = 1e3
 # Frequencies, in parts of a typical pole, at which the sizes of signals are compared
 OFF_POLES = np.array([0.013, 0.71, 1.37, 29.0])
+# Values at random at which polynomials are compared, and the largest share of the change that they may miss
+CHECKED, COARSE = 12, 0.1
 # Ends of the names of inputs w and outputs z
 CHANGE, SEEN = ".w", ".z"
 
@@ -96,26 +104,86 @@ def _limits(name: str, nominal: float, value: Any) -> tuple[float, float, float]
     return nominal, low, high
 
 
-def with_blocks(
-    system: Any, found: Mapping[str, tuple[float, float, float]], vary: Callable[[Mapping[str, float]], Any]
-) -> tuple[Any, tuple[Block, ...]]:
-    """Return a system with inputs w and outputs z of its uncertain parameters first, and these parameters.
+class Channels(NamedTuple):
+    """``left`` (m + outputs, r) of w, ``right`` (3 m + inputs, r) of z, and ``inner`` (r, r) from w to z."""
 
-    ``vary`` returns the system with other values of parameters; what is not affine in them is refused.
+    left: Array
+    right: Array
+    inner: Array
+
+
+def with_blocks(
+    system: Any, found: Mapping[str, tuple[float, float, float]], vary: Callable[[Mapping[str, float]], Any], order: int
+) -> tuple[Any, tuple[Block, ...], float]:  # fmt: skip
+    """Return a system with inputs w and outputs z of its uncertain parameters first, these parameters, and the error.
+
+    ``vary`` returns the system with other values of parameters. Of order 1 what is not affine in them is refused.
     """
-    slopes = system.matrix_derivatives(list(found))
-    known, blocks, into, out = system.parameters, [], [], []
+    if order > 1:
+        parts, error = _polynomials(system, found, vary, order)
+    else:
+        slopes, error = system.matrix_derivatives(list(found)), 0.0
+        parts = {(k,): _factors(system, [0.5 * (found[name][2] - found[name][1]) * _joined(slopes, k)], name)
+                 for k, name in enumerate(found)}  # fmt: skip
+        _check_affine(system, slopes, found, vary)
+    known, blocks = system.parameters, []
+    owner = np.array([k for key, part in parts.items() for k in np.repeat(key, len(part.inner) // len(key))])
+    chosen = np.argsort(owner, kind="stable")
+    left, right = (np.concatenate([getattr(part, key) for part in parts.values()], axis=1)[:, chosen] for key in
+                   ("left", "right"))  # fmt: skip
+    inner = block_diag(*[part.inner for part in parts.values()])[np.ix_(chosen, chosen)]
     for k, (name, (nominal, low, high)) in enumerate(found.items()):
-        left, right = _factors(system, {key: getattr(slopes, key)[k] for key in _MATRICES}, name)
-        inertial = not left[system.dof :].any() and not right[system.dof :].any()
-        blocks.append(Block(name, known.units[name], nominal, low, high, left.shape[1], inertial))
-        root = np.sqrt(blocks[-1].half)
-        into.append(root * left)
-        out.append(root * right)
-    _check_affine(system, slopes, found, vary)
-    left, right = np.concatenate(into, axis=1), np.concatenate(out, axis=1)
-    units = _units(_augmented(system, tuple(blocks), left, right), blocks)
-    return _augmented(system, tuple(blocks), left / units, right * units), tuple(blocks)
+        own = owner[chosen] == k
+        inertial = not (left[system.dof :, own].any() or right[system.dof :, own].any() or inner[own].any())
+        blocks.append(Block(name, known.units[name], nominal, low, high, int(own.sum()), inertial))
+    units = _units(_augmented(system, tuple(blocks), Channels(left, right, inner)), blocks)
+    scaled = Channels(left / units, right * units, inner * units[:, None] / units)
+    return _augmented(system, tuple(blocks), scaled), tuple(blocks), error
+
+
+def _joined(source: Any, k: int | None = None) -> Array:
+    """The matrices [M C K -B; Ca Cv Cq D], or their derivatives to a parameter."""
+    part = {key: np.asarray(getattr(source, key) if k is None else getattr(source, key)[k]) for key in _MATRICES}
+    return np.block([[part["M"], part["C"], part["K"], -part["B"]], [part["Ca"], part["Cv"], part["Cq"], part["D"]]])
+
+
+def _polynomials(
+    system: Any, found: Mapping[str, tuple[float, float, float]], vary: Callable[[Mapping[str, float]], Any], order: int
+) -> tuple[dict[tuple[int, ...], Channels], float]:  # fmt: skip
+    """Channels of each parameter and of pairs, and the largest error at sampled values as a share of the change."""
+    names, nominal = list(found), _joined(system)
+
+    def change(x: Mapping[int, float]) -> Array:
+        """The change by parameters in units of half their width."""
+        return _joined(vary({names[k]: found[names[k]][0] + 0.5 * (found[names[k]][2] - found[names[k]][1]) * value
+                             for k, value in x.items()})) - nominal  # fmt: skip
+
+    ends = [((low - middle) / (0.5 * (high - low)), (high - middle) / (0.5 * (high - low)))
+            for middle, low, high in found.values()]  # fmt: skip
+    terms: dict[tuple[int, ...], Array] = {}
+    for k, (low, high) in enumerate(ends):
+        nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(order + 2) + 0.5) / (order + 2))
+        inverse = np.linalg.pinv(nodes[:, None] ** np.arange(1, order + 1))
+        terms[(k,)] = np.tensordot(inverse, np.array([change({k: x}) for x in nodes.tolist()]), 1)
+    largest = max(float(np.abs(part).max()) for part in terms.values())
+    for i, j in combinations(range(len(names)), 2):
+        mixed = sum(s * t * change({i: ends[i][s > 0], j: ends[j][t > 0]}) for s in (-1, 1) for t in (-1, 1))
+        product = mixed / ((ends[i][1] - ends[i][0]) * (ends[j][1] - ends[j][0]))
+        if np.abs(product).max() > NOT_AFFINE * largest:
+            terms[(i, j)] = product[None]
+    rng, error = np.random.default_rng(0), 0.0
+    sampled = [*np.array(ends).T, *[rng.uniform(*np.array(ends).T) for _ in range(CHECKED)]]
+    for x in sampled:
+        modelled = sum(np.tensordot(x[key[0]] ** np.arange(1, order + 1), part, 1) if len(key) == 1 else
+                       x[key[0]] * x[key[1]] * part[0] for key, part in terms.items())  # fmt: skip
+        there = change(dict(enumerate(x.tolist())))
+        apart = [np.abs(there - modelled)[rows].max(initial=0.0) / (np.abs(there)[rows].max(initial=0.0) or 1.0)
+                 for rows in (slice(0, system.dof), slice(system.dof, None))]  # fmt: skip
+        error = max(error, *apart)
+    if error > COARSE:
+        raise ModelError(f"uncertain: polynomials of order {order} miss the changes of '{system.name}' by {error:.2g} "
+                         f"of these; expected at most {COARSE}. Give a higher order, or narrower limits.")  # fmt: skip
+    return {key: _factors(system, list(part), names[key[0]], len(key)) for key, part in terms.items()}, float(error)
 
 
 def _units(linear: Any, blocks: list[Block]) -> Array:
@@ -135,13 +203,12 @@ def _typical_speed(system: Any) -> float:
     return float(np.median(speed[speed > 0.0])) if (speed > 0.0).any() else 1.0
 
 
-def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array, Array]:
-    """L (m + outputs, r) and R (3 m + inputs, r) of the change by one parameter."""
-    if not all(np.isfinite(part).all() for part in slope.values()):
+def _factors(system: Any, terms: Sequence[Array], name: str, factors: int = 1) -> Channels:
+    """Channels of the powers of a parameter, or of a product of two ``factors``, of least number."""
+    whole = np.sum(np.abs(terms), axis=0)
+    if not np.isfinite(whole).all():
         raise ModelError(f"uncertain: the equations of '{system.name}' do not change smoothly with '{name}', or it "
                          f"takes degrees of freedom away; leave it out.", element=name)  # fmt: skip
-    whole = np.block([[slope["M"], slope["C"], slope["K"], -slope["B"]],
-                      [slope["Ca"], slope["Cv"], slope["Cq"], slope["D"]]])  # fmt: skip
     m = system.dof
     mass = np.sqrt(np.maximum(np.diagonal(system.M), np.finfo(float).tiny))
     speed = _typical_speed(system)
@@ -151,13 +218,24 @@ def _factors(system: Any, slope: Mapping[str, Array], name: str) -> tuple[Array,
     # ports have units of their own
     of_rows, of_columns = (np.abs(scaled).max(axis=axis, initial=np.finfo(float).tiny) for axis in (1, 0))
     of_rows[:m], of_columns[: 3 * m] = 1.0, 1.0
-    u, sizes, v = np.linalg.svd(scaled / of_rows[:, None] / of_columns)
-    rank = int((sizes > ZERO_BLOCK * sizes[0]).sum()) if sizes.any() else 0
+    rows, columns, count = rows * of_rows, columns * of_columns, len(terms)
+    none = np.zeros_like(whole)
+    hankel = np.block([[terms[i + j] / rows[:, None] / columns if i + j < count else none for j in range(count)]
+                       for i in range(count)])  # fmt: skip
+    u, sizes, v = np.linalg.svd(hankel)
+    least = ZERO_BLOCK if count == 1 and factors == 1 else NOT_AFFINE
+    rank = int((sizes > least * sizes[0]).sum()) if sizes.any() else 0
     if not rank:
         raise ModelError(f"uncertain: '{name}' changes nothing in '{system.name}'; leave it out.", element=name)
-    root = np.sqrt(sizes[:rank])
-    left = u[:, :rank] * root * (rows * of_rows * whole.any(axis=1))[:, None]
-    return left, v[:rank].T * root * (columns * of_columns * whole.any(axis=0))[:, None]
+    root, n = np.sqrt(sizes[:rank]), len(whole)
+    u = u[:, :rank]
+    inner = (u / root).T @ np.concatenate((u[n:] * root, np.zeros((n, rank))))
+    left = u[:n] * root * (rows * whole.any(axis=1))[:, None]
+    right = v[:rank, : whole.shape[1]].T * root * (columns * whole.any(axis=0))[:, None]
+    if factors == 1:
+        return Channels(left, right, inner)
+    return Channels(np.concatenate((left, 0.0 * left), axis=1), np.concatenate((0.0 * right, right), axis=1),
+                    np.block([[0.0 * inner, np.eye(rank)], [0.0 * inner, 0.0 * inner]]))  # fmt: skip
 
 
 def _check_affine(system: Any, slopes: Any, found: Mapping[str, tuple[float, float, float]],
@@ -182,16 +260,17 @@ def _check_affine(system: Any, slopes: Any, found: Mapping[str, tuple[float, flo
                 who = "', '".join(case)
                 raise ModelError(f"uncertain: the matrix {key} of '{system.name}' is no straight line in '{who}' "
                                  f"between its limits, as it is in masses, inertias, stiffness and damping of "
-                                 f"mechanisms without loads. Take it to the limits by sweeps or tolerances.",
+                                 f"mechanisms without loads. Give order=2 or more for polynomials with a stated error.",
                                  element=next(iter(case)))  # fmt: skip
 
 
-def _augmented(system: Any, blocks: tuple[Block, ...], left: Array, right: Array) -> Any:
+def _augmented(system: Any, blocks: tuple[Block, ...], channels: Channels) -> Any:
     """The system with the inputs w and the outputs z before its own."""
-    m, r = system.dof, left.shape[1]
+    (left, right, inner), m = channels, system.dof
+    r = len(inner)
     names = [f"{block.name}{{}}{k + 1 if block.repetitions > 1 else ''}" for block in blocks
              for k in range(block.repetitions)]  # fmt: skip
-    d = np.block([[np.zeros((r, r)), right[3 * m :].T], [left[m:], system.D]])
+    d = np.block([[inner, right[3 * m :].T], [left[m:], system.D]])
     rows = {"Ca": right[:m].T, "Cv": right[m : 2 * m].T, "Cq": right[2 * m : 3 * m].T}
     return replace(
         system, B=np.concatenate((-left[:m], system.B), axis=1), D=d,

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.uncertain.search import Perturbed
 
 LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought
+WITHIN = 1.01  # the largest such factor of polynomials, which hold within the limits
 STATIC = 1e-9  # share of the fastest pole below which a peak is static
 HIGHEST = 1e3  # times the gain that is reached, up to which a bound is sought
 SHARES = (0.2, 0.5, 0.8, 0.95, 0.99)  # of the factor that is reached, at which stability is to be proven in turn
@@ -174,7 +175,8 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
     """Return the factors of robust stability."""
     problem = perturbed(plant, [], [])
     proof = _proof(plant, problem)
-    found = problem.destabilizing(LEAST, LARGEST)
+    largest = WITHIN if plant.error else LARGEST
+    found = problem.destabilizing(LEAST, largest)
     starts: list[float] = []
     upper, values, omega = np.inf, {}, np.nan
     if found is not None:
@@ -186,7 +188,7 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
     def proves(t: float) -> bool:
         return proof.holds(t * problem.limits, starts)
 
-    lower, last = 0.0, min(upper, LARGEST)
+    lower, last = 0.0, min(upper, largest)
     for share in (*SHARES, 1.0 - accuracy):  # upwards: what is proven costs less than what is not
         if not proves(share * last):
             lower = _closest(proves, lower, share * last, 0.02 * last)

@@ -99,7 +99,7 @@ def energy_bound(
     cq, cv, ca = (Affine.of(rows[y], out, rows[:r], parameters) for rows in (linear.Cq, linear.Cv, linear.Ca))
     through = Affine.of(linear.D[np.ix_(y, u)], out, seen, parameters)
     varied = max(sum(bool(half.any()) for half in part.halves) for part in (b, cq, cv))
-    if ca.size or through.size or k.skew > ZERO_RATE * k.size or varied > CORNERS:
+    if linear.D[:r, :r].any() or ca.size or through.size or k.skew > ZERO_RATE * k.size or varied > CORNERS:
         return np.inf
     try:
         low = [np.linalg.cholesky(part.least) for part in (m, c, k)]

@@ -39,6 +39,8 @@ class UncertainPlant(Displayed):
     parameters: tuple[Block, ...] = field(repr=False)
     _loops: tuple[dict[str, Any], ...] = field(default=(), repr=False)
     _origin: Any = field(default=None, repr=False)
+    error: float = 0.0
+    """Largest error of the matrices at sampled values, as a share of their change: 0 of exact maps, of ``order`` 1."""
 
     @property
     def name(self) -> str:
@@ -160,7 +162,7 @@ class UncertainPlant(Displayed):
         """Return by which factor all limits may be moved away from the nominal values before the plant is unstable.
 
         ``lower`` is proven at all frequencies by scalings D and G, ``upper`` is where values were found that
-        destabilize. (MATLAB: ``robstab``.)
+        destabilize. Polynomials hold within the limits, so that factors of theirs end at 1.01. (MATLAB: ``robstab``.)
 
         Parameters
         ----------
@@ -252,22 +254,24 @@ class UncertainPlant(Displayed):
                  str(block.repetitions)) for block in self.parameters]  # fmt: skip
         columns: list[tuple[str, Any]] = [("parameter", "left"), ("lower", "right"), ("nominal", "right"),
                                           ("upper", "right"), ("unit", "left"), ("repetitions", "right")]  # fmt: skip
-        return {"title": f"Uncertain {self.name}", "columns": columns, "rows": rows, "notes": []}
+        notes = [f"Polynomials: at sampled values off by up to {self.error:.1e} of the change."] * bool(self.error)
+        return {"title": f"Uncertain {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def __repr__(self) -> str:
         return f"UncertainPlant({self.name!r}: {counted(len(self.parameters), 'parameter')}, " \
                f"{counted(sum(self.blocks.values()), 'channel')})"  # fmt: skip
 
 
-def uncertain(system: Any, limits: Mapping[str, Any]) -> UncertainPlant:
+def uncertain(system: Any, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
     """Return a system whose parameters lie within limits; arguments as of ``System.uncertain``."""
     provenance = system.provenance
     provenance.check_parameters(system.name, "uncertain")
     if provenance.origin is None or provenance.truncation is not None or provenance.removed is not None:
         raise ModelError(f"uncertain: '{system.name}' is reduced or a part of a system; ask the whole system, "
                          f"model.linearize().")  # fmt: skip
-    linear, blocks = with_blocks(system, ranges(system, limits), lambda values: _vary(system, values))
-    return UncertainPlant(system, linear, blocks, (), system)
+    linear, blocks, error = with_blocks(system, ranges(system, limits), lambda values: _vary(system, values),
+                                        check.count(order, "uncertain", "order", 1))  # fmt: skip
+    return UncertainPlant(system, linear, blocks, (), system, error)
 
 
 def _vary(system: Any, values: Mapping[str, float]) -> Any:
