@@ -107,7 +107,7 @@ def energy_bound(
         return np.inf
     levels = [np.sqrt(0.5 * f.level) * (float(peak_of((f.a, f.b, f.c, np.array([[f.d]]))).value) if len(f.a) else
                                         abs(f.d)) for f in filters]  # fmt: skip
-    tau = 0.5 * b.largest(lambda at: np.linalg.norm(np.linalg.solve(low[1], at * levels), 2) ** 2)
+    tau = 0.5 * b.largest(lambda at: float(np.linalg.norm(np.linalg.solve(low[1], at * levels), 2)) ** 2)
     position = cq.largest(lambda at: float(np.square(np.linalg.solve(low[2], at.T)).sum()))
     speed = cv.largest(lambda at: float(np.square(np.linalg.solve(low[0], at.T)).sum()))
     return float((1.0 + ROUNDING) * tau * (position + speed))
