@@ -6,8 +6,9 @@ from pathlib import Path
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
+from mbsvib.cli._budgeting import densities_of, noise_argument
 from mbsvib.cli._drawing import check_format, deliver
-from mbsvib.cli._lookup import model_of, model_or_measurement
+from mbsvib.cli._lookup import model_of, model_or_measurement, system_of
 
 
 def compare(first: ModelFile, second: ModelFile, file: Path | None = None, as_json: bool = False) -> None:
@@ -28,11 +29,12 @@ def compare(first: ModelFile, second: ModelFile, file: Path | None = None, as_js
 
 def report(
     model: ModelFile, file: Path | None = None, inputs: list[str] | None = None, outputs: list[str] | None = None,
-    as_json: bool = False, compare: ModelFile | None = None,
+    as_json: bool = False, compare: ModelFile | None = None, noise: list[str] | None = None,
 ) -> None:  # fmt: skip
     """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy.
 
     With ``--compare`` the page has the modes of both side by side, their responses in one figure, and differences.
+    With ``--noise`` it has the error budget of the outputs.
     """
     if file is not None and file.suffix.lower() not in (".html", ".htm"):
         raise shell.UsageProblem(f"'{file}': reports end in .html.")
@@ -40,12 +42,17 @@ def report(
     from mbsvib.report import write
 
     path = file if file is not None else Path(f"{source.name}-report.html".replace("/", "_"))
+    if noise:
+        plant = system_of(model)
+        errors = {"budget": plant.budget(densities_of(noise, plant), outputs or None)}
+    else:
+        errors = {}
     if compare is None:
-        write(source, path, outputs or None, inputs or None)
+        write(source, path, outputs or None, inputs or None, **errors)
     else:
         other, names = model_or_measurement(compare), (Path(model.word).stem, Path(compare.word).stem)
         write(source, path, outputs or None, inputs or None, compare=other,
-              names=names if names[0] != names[1] else (model.word, compare.word))  # fmt: skip
+              names=names if names[0] != names[1] else (model.word, compare.word), **errors)  # fmt: skip
     size = path.stat().st_size
     if as_json:
         shell.say_written(path, as_json, bytes=size)
@@ -65,6 +72,7 @@ COMMANDS = {
         MODEL, INPUTS, OUTPUTS, file_argument("Where to. Default: NAME-report.html."),
         option("--compare", to="compare", metavar="MODEL", completes="model",
                words="Model or measured data to compare with: .uff, .unv or .npz."),
+        noise_argument(),
         JSON,
     )),
 }  # fmt: skip

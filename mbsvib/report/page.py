@@ -16,6 +16,7 @@ from mbsvib.errors import ExportError, ModelError
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.report.data import LABELS, MEASURED_LABELS, collect
+from mbsvib.report.noise import LINK, section
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
+    from mbsvib.random.budget import Budget
 
     Source: TypeAlias = Model | System | StateSpace | ClosedLoop | Controller
 
@@ -38,6 +40,7 @@ _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", 
 def html(
     source: Source, outputs: Names = None, inputs: Names = None, *,
     compare: Source | Measurement | MeasuredModes | None = None, names: tuple[str, str] | None = None,
+    budget: Budget | None = None,
 ) -> str:  # fmt: skip
     """Return the report of a mechanism as one page of HTML that needs no network.
 
@@ -52,6 +55,8 @@ def html(
         the differences of ``mv.compare``.
     names : (str, str), optional
         What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
+    budget : Budget, optional
+        An error budget that the page shows, as of ``source.budget(noise)``: its table, and densities of six outputs.
 
     Returns
     -------
@@ -68,6 +73,8 @@ def html(
         If a name is unknown, or nothing was measured at an output.
     """
     script = _plotly()
+    if budget is not None and not callable(getattr(budget, "cumulative", None)):
+        raise ModelError(f"report: budget = {budget!r}; expected an error budget, such as system.budget(noise).")
     is_measured = isinstance(compare, (Measurement, MeasuredModes))
     labels = (MEASURED_LABELS if is_measured else LABELS) if names is None else tuple(names)
     if isinstance(names, str) or len(labels) != 2 or not all(isinstance(label, str) for label in labels):
@@ -78,6 +85,8 @@ def html(
     pieces = {
         "TITLE": escape(system.name),
         "STYLE": _read("page.css"),
+        "BUDGET_LINK": "" if budget is None else LINK,
+        "BUDGET": "" if budget is None else section(budget),
         "PLOTLY": b64encode(compress(script.encode("utf-8"), 9, mtime=0)).decode("ascii"),
         "DATA": embedded(data),
         "SCRIPT": "\n".join(_read(f"{name}.js") for name in SCRIPTS),
@@ -88,6 +97,7 @@ def html(
 def write(
     source: Source, path: str | os.PathLike[str], outputs: Names = None, inputs: Names = None, *,
     compare: Source | Measurement | MeasuredModes | None = None, names: tuple[str, str] | None = None,
+    budget: Budget | None = None,
 ) -> Path:  # fmt: skip
     """Write the report of a mechanism to a file, whole or not at all.
 
@@ -104,6 +114,8 @@ def write(
         the differences of ``mv.compare``.
     names : (str, str), optional
         What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
+    budget : Budget, optional
+        An error budget that the page shows, as of ``source.budget(noise)``: its table, and densities of six outputs.
 
     Returns
     -------
@@ -117,7 +129,7 @@ def write(
     """
     from mbsvib.common.atomic_file import write_atomic
 
-    text = html(source, outputs, inputs, compare=compare, names=names).encode("utf-8")
+    text = html(source, outputs, inputs, compare=compare, names=names, budget=budget).encode("utf-8")
     return write_atomic(path, lambda stream: stream.write(text))
 
 

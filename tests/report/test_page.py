@@ -165,6 +165,27 @@ def test_an_unstable_loop_is_a_page_that_says_so():
     assert (data["scene"], data["topology"]) == (None, None)
 
 
+@pytest.mark.slow
+def test_an_error_budget_is_a_section_of_its_own():
+    model = mv.Model("one")
+    model.add_body(EVIL, 2.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", EVIL, axis=(0, 0, 1))
+    model.add_spring("s", "ground", EVIL, (0, 0, -1), (0, 0, 0), stiffness=800.0, damping=3.0)
+    model.add_input(EVIL, EVIL, "z")
+    model.add_output("x", EVIL, "z")
+    budget = model.linearize().budget({EVIL: 1.0})
+    page = report.html(model, budget=budget)
+    section = re.search(r'<section id="budget">(.*?)</section>', page, re.DOTALL)[1]
+    assert '<a href="#budget">' in page
+    assert EVIL not in section
+    assert f"<td class=\"\">{budget.rms['x']:.4g}</td>" in section
+    picture = base64.b64decode(re.search(r'src="data:image/png;base64,([^"]*)"', section)[1])
+    assert picture.startswith(b"\x89PNG")
+    assert "#budget" not in report.html(model)
+    with pytest.raises(mv.ModelError, match="report: budget = 3; expected an error budget"):
+        report.html(model, budget=3)
+
+
 def test_names_of_a_comparison_are_two():
     model = mv.library.quarter_car()
     with pytest.raises(mv.ModelError, match="two names"):
