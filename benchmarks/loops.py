@@ -23,7 +23,7 @@ def stage(damping: float = 20.0) -> isolation.Active:
 
 def timed(function, least: float = 0.3):
     """The result of a function, and its CPU time [s], the median of several calls."""
-    times, result = [], None
+    result, times = None, list[float]()
     while sum(times) < least:
         began = time.process_time()
         result = function()
@@ -31,7 +31,7 @@ def timed(function, least: float = 0.3):
     return result, float(np.median(times))
 
 
-def by_residues(space: mv.StateSpace, output: str, source: str) -> float:
+def by_residues(space, output, source):
     """The mean square under white noise of density 1, half the sum over pole pairs of -r_i r_j / (p_i + p_j)."""
     poles, right = np.linalg.eig(space.A)
     row = (space.C @ right)[space.outputs.index(output)]

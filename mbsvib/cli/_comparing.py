@@ -42,17 +42,14 @@ def report(
     from mbsvib.report import write
 
     path = file if file is not None else Path(f"{source.name}-report.html".replace("/", "_"))
-    if noise:
-        plant = system_of(model)
-        errors = {"budget": plant.budget(densities_of(noise, plant), outputs or None)}
-    else:
-        errors = {}
+    plant = system_of(model) if noise else None
+    budget = plant.budget(densities_of(noise or [], plant), outputs or None) if plant is not None else None
     if compare is None:
-        write(source, path, outputs or None, inputs or None, **errors)
+        write(source, path, outputs or None, inputs or None, budget=budget)
     else:
         other, names = model_or_measurement(compare), (Path(model.word).stem, Path(compare.word).stem)
         write(source, path, outputs or None, inputs or None, compare=other,
-              names=names if names[0] != names[1] else (model.word, compare.word), **errors)  # fmt: skip
+              names=names if names[0] != names[1] else (model.word, compare.word), budget=budget)  # fmt: skip
     size = path.stat().st_size
     if as_json:
         shell.say_written(path, as_json, bytes=size)

@@ -34,4 +34,5 @@ def _figure(budget: Budget, output: str) -> str:
     budget.plot(output).savefig(stream, format="png", bbox_inches="tight")
     words = escape(f"Density and cumulative root mean square of {output}", quote=True)
     code = b64encode(stream.getvalue()).decode("ascii")
-    return f'<div class="card" style="margin-top:16px"><img style="max-width:100%" src="data:image/png;base64,{code}" alt="{words}"></div>'
+    image = f'<img style="max-width:100%" src="data:image/png;base64,{code}" alt="{words}">'
+    return f'<div class="card" style="margin-top:16px">{image}</div>'

@@ -137,7 +137,7 @@ class DesignPoint:
         if origin is None:
             raise ModelError("quantities of cycles are those of a model; a system that no model was linearized to has "
                              "none.", element="system")  # fmt: skip
-        return origin  # type: ignore[no-any-return]
+        return origin
 
     def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
         """Return the same point, with its cached results, and with bounds that replace the largest of many numbers."""

@@ -167,15 +167,15 @@ def _polynomials(
         terms[(k,)] = np.tensordot(inverse, np.array([change({k: x}) for x in nodes.tolist()]), 1)
     largest = max(float(np.abs(part).max()) for part in terms.values())
     for i, j in combinations(range(len(names)), 2):
-        mixed = sum(s * t * change({i: ends[i][s > 0], j: ends[j][t > 0]}) for s in (-1, 1) for t in (-1, 1))
-        product = mixed / ((ends[i][1] - ends[i][0]) * (ends[j][1] - ends[j][0]))
+        corners = [s * t * change({i: ends[i][s > 0], j: ends[j][t > 0]}) for s in (-1, 1) for t in (-1, 1)]
+        product = np.sum(corners, axis=0) / ((ends[i][1] - ends[i][0]) * (ends[j][1] - ends[j][0]))
         if np.abs(product).max() > NOT_AFFINE * largest:
             terms[(i, j)] = product[None]
     rng, error = np.random.default_rng(0), 0.0
     sampled = [*np.array(ends).T, *[rng.uniform(*np.array(ends).T) for _ in range(CHECKED)]]
     for x in sampled:
-        modelled = sum(np.tensordot(x[key[0]] ** np.arange(1, order + 1), part, 1) if len(key) == 1 else
-                       x[key[0]] * x[key[1]] * part[0] for key, part in terms.items())  # fmt: skip
+        modelled = np.sum([np.tensordot(x[key[0]] ** np.arange(1, order + 1), part, 1) if len(key) == 1 else
+                           x[key[0]] * x[key[1]] * part[0] for key, part in terms.items()], axis=0)  # fmt: skip
         there = change(dict(enumerate(x.tolist())))
         apart = [np.abs(there - modelled)[rows].max(initial=0.0) / (np.abs(there)[rows].max(initial=0.0) or 1.0)
                  for rows in (slice(0, system.dof), slice(system.dof, None))]  # fmt: skip

@@ -7,7 +7,8 @@ E[y^2] <= tau (Cq K^-1 Cq^T + Cv M^-1 Cv^T)
 
 M, C and K are affine in the parameters, M0 + sum of x_k M_k with |x_k| <= 1, and so at least M0 - sum of |M_k|; what is
 convex in B, Cq and Cv is largest at vertices. The bound is reached by one mode, and where noise is in proportion to
-damping. It does not depend on how close or how lightly damped the modes are.
+damping. It does not depend on how close or how lightly damped the modes are. What noise does not reach, or the output
+does not see, is left out where nothing connects it.
 
 Source: Lyapunov's theorem, Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 3.8, with the covariance of
 mechanisms in thermal equilibrium; R. Kubo, Rep. Prog. Phys. 29 (1966) 255.
@@ -22,13 +23,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import kind_of
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import ZERO_RATE
 from mbsvib.uncertain.search import peak_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mbsvib.common.arrays import Array
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.responses.densities import Shaped
     from mbsvib.uncertain.blocks import Block
 
@@ -53,6 +57,16 @@ class Affine:
             middle += 0.5 * (low + high) * slope
             halves.append(0.5 * (high - low) * slope)
         return cls(middle, halves)
+
+    def within(self, rows: Index, columns: Index) -> Affine:
+        """Return some rows and columns."""
+        part = np.ix_(rows, columns)
+        return Affine(self.middle[part], [half[part] for half in self.halves])
+
+    @property
+    def entries(self) -> NDArray[np.bool_]:
+        """Which entries are not 0 everywhere."""
+        return np.any([part != 0.0 for part in (self.middle, *self.halves)], axis=0)
 
     @property
     def size(self) -> float:
@@ -101,6 +115,12 @@ def energy_bound(
     varied = max(sum(bool(half.any()) for half in part.halves) for part in (b, cq, cv))
     if linear.D[:r, :r].any() or ca.size or through.size or k.skew > ZERO_RATE * k.size or varied > CORNERS:
         return np.inf
+    number = part_numbers(np.any([part.entries for part in (m, c, k)], axis=0))
+    kept = np.flatnonzero(np.isin(number, number[b.entries.any(axis=1)]) &
+                          np.isin(number, number[(cq.entries | cv.entries)[0]]))  # fmt: skip
+    every, one = np.arange(len(u)), np.arange(1)
+    m, c, k = (part.within(kept, kept) for part in (m, c, k))
+    b, cq, cv = b.within(kept, every), cq.within(one, kept), cv.within(one, kept)
     try:
         low = [np.linalg.cholesky(part.least) for part in (m, c, k)]
     except np.linalg.LinAlgError:
