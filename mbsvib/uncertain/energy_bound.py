@@ -66,7 +66,7 @@ class Affine:
     @property
     def entries(self) -> NDArray[np.bool_]:
         """Which entries are not 0 everywhere."""
-        return np.any([part != 0.0 for part in (self.middle, *self.halves)], axis=0)
+        return np.asarray(np.any([part != 0.0 for part in (self.middle, *self.halves)], axis=0), dtype=np.bool_)
 
     @property
     def size(self) -> float:
