@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import drift
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.undamped import SEPARATE, SMALL_ANGLE, SUSPECT, shift_by_coupling
 
@@ -55,6 +56,7 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
+    errors += drift(batch.elastic_rows[0], batch.inertia_factor[0])
     inaccurate = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
     if len(inaccurate):
         refined = _refined(batch, inaccurate, shapes[inaccurate])
@@ -101,7 +103,7 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
-    errors += EPS * (2.0 + ROUNDING * growth)
+    errors += EPS * (2.0 + ROUNDING * growth) + drift(batch.elastic_rows[0], batch.inertia_factor[0])
     angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
     inertia[:, at, at] = 0.0
     phi = _orthonormalized(phi, inertia, angle)

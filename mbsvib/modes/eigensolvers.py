@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from mbsvib.linalg.products import single_entries
+from mbsvib.linalg.products import drift, single_entries
 from mbsvib.linalg.qr import sorted_qr, triangle
 
 if TYPE_CHECKING:
@@ -51,6 +51,11 @@ class Factors:
         """Sum of |k| D^2 over the rows, (m,)."""
         result: Array = self.stiffness.diagonal() if self.sign is None else np.einsum("ij,ij->j", self.e, self.e)
         return result
+
+    @cached_property
+    def drift(self) -> float:
+        """Relative rounding of the sums over many rows of both factors."""
+        return drift(self.rows, self._factor)
 
     @cached_property
     def single(self) -> NDArray[np.intp] | None:

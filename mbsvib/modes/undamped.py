@@ -143,6 +143,7 @@ def _as_it_is(
     cancel = np.sqrt(inertia)
     bound = (square[-1] / square) * (1.0 + cancel) + inertia + elastic
     bound *= EPS * (PERTURBED + PERTURBED_MORE * math.sqrt(len(square)))
+    bound += scene.drift
     mixed = float(bound[bound.argmax()])
     if mixed <= (min(rtol, CLEAN) if clean else CERTAIN * rtol):
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
@@ -150,7 +151,7 @@ def _as_it_is(
         return None
     inaccurate = np.flatnonzero(bound > CERTAIN * rtol)
     crossed = np.zeros(len(square)) if coupled else _crossed(bound * square, square) / square
-    bound[inaccurate] = 2.0 * EPS + crossed[inaccurate]
+    bound[inaccurate] = 2.0 * EPS + scene.drift + crossed[inaccurate]
     if float(bound.max()) > rtol:
         return None
     phi = shapes[:, inaccurate]
@@ -212,7 +213,8 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     errors = np.divide(0.5 * uncertainty, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     largest_error = float(errors.max(initial=0.0))
     cheap = EPS * np.sqrt(scene.mass.diagonal() @ power)
-    errors += flexible * (2.0 * EPS + _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol))
+    rounding = _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol)
+    errors += flexible * (2.0 * EPS + scene.drift + rounding)
     value[:rigid] = 0.0
     phi = _cleaned(phi, inertia, mixing)
     if np.count_nonzero(value[1:] < value[:-1]):

@@ -1,4 +1,4 @@
-"""The first rung of the ladder: a bound that is known beforehand, and factors looked at only where it is not enough."""
+"""The first solver of undamped modes: a bound known beforehand, and factors looked at only where it is not enough."""
 
 from dataclasses import replace
 
@@ -271,3 +271,25 @@ def test_errors_of_quotients_include_the_rounding_of_their_roots_and_sums(clean)
             for omega, error in results:
                 assert abs(mp.mpf(float(omega)) / exact - 1) <= error
                 assert 2.75 * EPS <= error <= 5 * EPS
+
+
+@pytest.mark.parametrize("count", [33, 200])
+def test_errors_of_sums_over_many_equal_springs(count):
+    """sqrt(n k / m): roundings of the partial sums may all go one way, up to n / 16 units of the last digit."""
+    model = mv.Model("many equal springs")
+    for name, stiffness, springs in (("soft", 1.0, count), ("stiff", 1e9, 1)):  # the soft one is refined
+        model.add_body(name, 1.0, (1, 1, 1))
+        model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(0, 0, 1))
+        for i in range(springs):
+            model.add_spring(f"{name}.k{i}", "ground", name, (0, 0, -1), (0, 0, 0), stiffness=stiffness)
+    rng = np.random.default_rng(1)
+    k, m = rng.uniform(1.0, 4.0, 500), rng.uniform(1.0, 4.0, 500)
+    batch = model.linearize(values={"soft.k*.stiffness": k, "soft.mass": m})
+    exact = np.sqrt(count * k.astype(np.longdouble) / m)
+    found = undamped_batch(batch, 1e-15)
+    off = np.abs(np.sqrt(found.square[:, 0]) / exact - 1.0).astype(float)
+    assert (off <= found.errors[:, 0]).all()
+    for i in np.argsort(off)[-3:].tolist():
+        for clean in (False, True):
+            alone = undamped(of_variant(batch, i), 1e-10, clean=clean)
+            assert abs(float(alone.omega[0] / exact[i] - 1.0)) <= alone.errors[0] < 20.0 * EPS
