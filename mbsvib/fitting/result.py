@@ -318,12 +318,15 @@ class Fit(Columnar, Displayed):
         rows = []
         for name, value in self.values.items():
             low, high = self.intervals[name]
-            shown, *ends = _rounded(value, low, high)
-            width = " ... ".join(ends) if np.isfinite(high - low) else "not determined by the data"
+            shown, *both = _rounded(value, low, high)
+            width = " ... ".join(both) if np.isfinite(high - low) else "not determined by the data"
             rows.append((name, shown, width, self.units[name]))
         test = self.residual_test
         notes = [] if self.converged else [NOT_CONVERGED]
         notes += [f"Not determined by the data: {words}." for words in self.unidentified]
+        free = self._problem.variables
+        ends = zip(free.names, free.low, free.high, strict=True)
+        notes += [f"{name} is at its bound." for name, *limits in ends if self.values.get(name) in limits]
         if test.passed:
             notes.append("The residuals are noise.")
         else:

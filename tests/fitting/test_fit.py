@@ -287,6 +287,8 @@ def test_payloads_and_priors_and_ties():
     softer = model.with_values({"k*.stiffness": 1.5e4})
     held = softer.fit(data, [], ["k*.stiffness"], bounds={"k*.stiffness": (1e4, 1.8e4)})
     assert held.values["k*.stiffness"] == 1.8e4
+    assert "k*.stiffness is at its bound." in str(held)
+    assert "bound" not in str(fit)
 
 
 @pytest.mark.slow
