@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,6 +45,7 @@ GOLDEN = 0.5 * (3.0 - 5.0**0.5)
 SECTIONS = 8  # golden ones: brackets shrink by 50, to 1e-3 of the distance to the nearest pole
 # Steps of Newton, and their differences as a share of the bracket: errors of 1e-13 by the fourth order and by rounding.
 NEWTON, STEP = 2, 0.02
+LEVEL = 8.0 * EPS  # in parts of a value: rounding of equal ones
 SECANTS = 30  # at most; some six where the function is nearly straight
 
 
@@ -194,7 +196,8 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
     middle = 0.5 * (low + high)
     for _ in range(NEWTON + 1):
         f = [value(np.abs(middle + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
-        best, top = np.where(f[2] >= top, middle, best), np.maximum(top, f[2])
+        # a later step is nearer to the maximum, whose values differ by rounding only
+        best, top = np.where(f[2] >= top - LEVEL * np.abs(top), middle, best), np.maximum(top, f[2])
         slope = (f[0] - 8.0 * f[1] + 8.0 * f[3] - f[4]) / 12.0
         curvature = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
         middle = middle - step * np.divide(slope, curvature, out=np.zeros_like(curvature), where=curvature < 0.0)

@@ -180,3 +180,14 @@ def test_no_response_is_above_its_norm(quantity):
             if np.isfinite(norm.omega):
                 reached = np.linalg.norm(system.frequency_response([norm.omega])[:, :, 0], 2)
                 assert reached == pytest.approx(norm.value, rel=1e-9)
+
+
+def test_frequencies_of_flat_peaks_are_known_to_more_than_half_of_the_digits():
+    """w0 sqrt(1 - 2 zeta^2): values beside a peak differ by rounding only over 1e-8 of the frequency."""
+    rng = np.random.default_rng(0)
+    square, ratio = rng.uniform(5.0, 50.0, 60), 10.0 ** rng.uniform(-2.0, -0.5, 60)
+    for w2, zeta in zip(square.tolist(), ratio.tolist(), strict=True):
+        damping = 2.0 * zeta * np.sqrt(w2)
+        band = Band(lambda w, k=w2, c=damping: 1.0 / (k - w * w + 1j * c * w), np.linspace(0.0, 2.0 * np.sqrt(w2), 80))
+        where, _ = band.highest(np.abs)
+        assert where == pytest.approx(np.sqrt(w2 * (1.0 - 2.0 * zeta**2)), rel=3e-12)
