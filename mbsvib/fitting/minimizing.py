@@ -1,7 +1,8 @@
 """The search for the values of a fit: damped Gauss-Newton steps, from afar on logarithms of responses.
 
-Steps solve (J^T J + mu D) dx = -J^T r in directions that the data tell; others stay. Bounds hold by projection. A step
-that does not lower the cost, or leads to values that no mechanism has, is taken again with more damping.
+Steps solve (J^T J + mu D) dx = -J^T r in directions that the data tell; others stay. Bounds hold by projection,
+those of inertias too. A step that does not lower the cost, or leads to values that no mechanism has, is taken again
+with more damping.
 
 Source: Madsen, Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems (2004), section 3.2, for the damping.
 """
@@ -27,6 +28,8 @@ CONVERGED, CONVERGED_FAR = 1e-3, 1e-4
 SMALLEST = 1e-12
 # Squares of singular values below this share of the largest are of directions that the data do not tell.
 UNTOLD = 1e-12
+# Squares of slopes to an unknown, whose change by 1 is one of 100 %, below this share of the largest are rounding.
+UNFELT = 1e-24
 STEPS, STEPS_FAR, TRIALS = 60, 60, 12
 # Damping at the start: from afar, where steps are far from linear, and near the end.
 DAMPING_FAR, DAMPING = 1e-2, 1e-6
@@ -45,7 +48,7 @@ class Found:
 def minimized(problem: Problem, x: Array, far: bool, tell: Callable[[float], object] = lambda cost: None) -> Found:
     """Return where a search from x ends; ``tell`` gets the cost of each step."""
     low, high = problem.variables.limits()
-    x = np.clip(x, low, high)
+    x = problem.variables.within(x)
     sums, damping, growth = problem.sums(x, far), DAMPING_FAR if far else DAMPING, 2.0
     most = STEPS_FAR if far else STEPS
     for step in range(most):
@@ -57,7 +60,7 @@ def minimized(problem: Problem, x: Array, far: bool, tell: Callable[[float], obj
         cost = sums.cost
         for _ in range(TRIALS):
             dx, predicted = _step(decomposed, damping)
-            trial = np.clip(x + dx, low, high)
+            trial = problem.variables.within(x + dx)
             if np.abs(trial - x).max(initial=0.0) <= SMALLEST * (1.0 + np.abs(x).max()):
                 return Found(x, sums.cost, step, bool(np.isfinite(cost)))  # not beside values of no mechanism
             cost = _cost(problem, trial, far)
@@ -85,7 +88,9 @@ def _decomposed(sums: Sums, free: Bools) -> tuple[Array, Array, Array]:
     """Eigenvalues (k,) of the normal matrix with a unit diagonal, in ``free`` unknowns, directions (v, k) that the data
     tell, and the gradient along these (k,).
     """
-    scale = np.sqrt(np.where(sums.normal.diagonal() > 0.0, sums.normal.diagonal(), 1.0))
+    diagonal = sums.normal.diagonal()
+    free = free & (diagonal > UNFELT * diagonal.max(initial=0.0))
+    scale = np.sqrt(np.where(free, diagonal, 1.0))
     scaled = sums.normal / scale[:, None] / scale * free[:, None] * free
     size, vectors = np.linalg.eigh(scaled)
     told = size > UNTOLD * size.max(initial=0.0)

@@ -29,6 +29,8 @@ POSITIVE = frozenset({
 
 # Positive values stay within this factor of their start: a stiffness that the data do not tell would run away.
 FARTHEST = 1e6
+# Entries of an inertia, and the least second moment of a body over the largest: flat bodies are at the limit.
+INERTIA, FLAT = ("xx", "yy", "zz", "xy", "xz", "yz"), 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,18 @@ class Variables:
         p = np.where(self.positive, np.exp(np.where(self.positive, x, 0.0)), x * self.size)
         return np.asarray(np.clip(p, self.low, self.high))
 
+    def within(self, x: Array) -> Array:
+        """Return x within the limits, with inertias that bodies can have where all their entries are values."""
+        x = np.clip(x, *self.limits())
+        number = {name: k for k, name in enumerate(self.names)}
+        for body in [name.removesuffix(".xx") for name in self.names if name.endswith(".inertia.xx")]:
+            entries = [number.get(f"{body}.{end}", -1) for end in INERTIA]
+            if min(entries) >= 0:
+                values = self.values(x)
+                values[entries] = physical(values[entries])
+                x[entries] = self.unknowns(values)[entries]
+        return x
+
     def rates(self, values: Array) -> Array:
         """Return dp/dx (v,)."""
         return np.where(self.positive, values, self.size)
@@ -89,6 +103,21 @@ class Variables:
     def starting(self, values: Array) -> Variables:
         """Return these with another start."""
         return replace(self, start=np.clip(values, self.low, self.high))
+
+
+def physical(entries: Array) -> Array:
+    """Return the nearest inertia (6,), xx yy zz xy xz yz, of a body: its second moments tr(I) / 2 - I are not negative.
+
+    Source: Wensing, Kim & Slotine, IEEE Robotics and Automation Letters 3 (2018), 60, equation 9.
+    """
+    xx, yy, zz, xy, xz, yz = entries.tolist()
+    moments, axes = np.linalg.eigh(0.5 * (xx + yy + zz) * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least = FLAT * moments[-1]
+    if moments[0] >= least:
+        return entries
+    second = (axes * np.maximum(moments, least)) @ axes.T
+    tensor = np.trace(second) * np.eye(3) - second
+    return tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
 
 
 def variables(parameters: Parameters, free: Any, tied: Any, prior: Any = None, bounds: Any = None) -> Variables:

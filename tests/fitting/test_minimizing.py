@@ -17,7 +17,8 @@ class Linear:
     known, numbers = True, 0
 
     def __init__(self, a, b, low, high):
-        self.a, self.b, self.variables = a, b, SimpleNamespace(limits=lambda: (low, high))
+        self.a, self.b, self.variables = a, b, SimpleNamespace(
+            limits=lambda: (low, high), within=lambda x: np.clip(x, low, high))
 
     def function(self, x):
         return self.a @ x - self.b, self.a
