@@ -10,7 +10,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib.errors import ExportError
 
-MIRROR = Path(__file__).parents[1] / "data" / "fsm_excerpt.npz"
+MIRROR = Path(__file__).parents[2] / "examples" / "data" / "fsm_excerpt.npz"
 
 
 def noisy():
