@@ -48,8 +48,8 @@ def drawn():
 
 record = np.load(Path(__file__).parent / "data" / "fsm_excerpt.npz")
 omega = 2 * np.pi * record["frequencies"]
-data = mv.Measurement(omega, record["responses_100"] * np.exp(1j * omega * DELAY) / FORCE, ["s1", "s2", "s3"],
-                      ["V1", "V2", "V3"], variance=record["variance_100"] / FORCE**2)  # fmt: skip
+data = mv.Measurement(omega, record["responses_100"] * np.exp(1j * omega * DELAY) / FORCE, ("s1", "s2", "s3"),
+                      ("V1", "V2", "V3"), variance=record["variance_100"] / FORCE**2)  # fmt: skip
 places = [f"{body}.position.{axis}" for body in BODIES for axis in "xy"]
 motions = ("z", "rx", "ry", "z.rx", "z.ry", "rx.ry")
 free = [f"{body}.{what}" for body in BODIES for what in ("mass", "inertia.*")] + places + ["stack*.stiffness",

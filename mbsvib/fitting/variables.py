@@ -117,7 +117,7 @@ def physical(entries: Array) -> Array:
         return entries
     second = (axes * np.maximum(moments, least)) @ axes.T
     tensor = np.trace(second) * np.eye(3) - second
-    return tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+    return np.asarray(tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)])
 
 
 def variables(parameters: Parameters, free: Any, tied: Any, prior: Any = None, bounds: Any = None) -> Variables:
