@@ -88,6 +88,7 @@ def test_a_voice_coil_on_a_current_pushes_apart():
         same(model.linearize().frequency_response(OMEGA)[0, 0], 12.0 / RAIL)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("words", [{}, {"resistance": 200.0}, {"drive": "charge"}])
 def test_a_piezo_stack(words, method):

@@ -78,7 +78,7 @@ def compare(model):
     return True
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.AccuracyWarning", "ignore::mbsvib.LargeDisplacementWarning")
 @pytest.mark.parametrize("seed", SOME)
 def test_random_scenes_move_alike_anywhere_and_in_a_mirror(seed):
@@ -94,6 +94,7 @@ def test_many_random_scenes_have_parts_of_all_families():
     assert seen == {family.part for family in FAMILIES} - {Rolling}  # that of wheels is in tests/rolling
 
 
+@pytest.mark.slow
 def test_a_hub_turns_along_with_a_copy():
     assert compare(on_a_hub())
 

@@ -109,6 +109,7 @@ def box(names, reach):
     return {name: [-reach, reach] for name in names}
 
 
+@pytest.mark.slow
 def test_the_bound_holds_for_an_open_chain():
     model = mv.library.puma()
     family = model.family(box(model.linearize().coordinates[1:4], 0.3), grid=True)

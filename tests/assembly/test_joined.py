@@ -91,6 +91,7 @@ def _third(model):
     model.add_input("G", "weight", (0, 0.6, 0.8), (1.0, 0.2, 0.5))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("measured", [(), ("third",), ("base", "third"), ("payload",)])
 @pytest.mark.parametrize("how", ["rigid", SOFT])
 def test_three_parts_in_a_row(measured, how):

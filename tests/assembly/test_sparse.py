@@ -74,6 +74,7 @@ def half(n, length, layer, ends, held):
     return mv.System.from_matrices(M, 1e-5 * K, K, select.T, select, inputs=names, outputs=names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, pytest.param(33, marks=pytest.mark.slow)])
 def test_nodes_are_matched_by_position_and_become_one(n):
     """Two halves against the lattice built as one: 3 x 36 and 3 x 1089 pairs of coordinates, in another order."""

@@ -26,6 +26,7 @@ def mast(n, **words):
     return model
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("words", [{}, {"alpha": 1.0, "beta": 1e-6, "shear": True}, {"damping_ratio": 0.01}])
 @pytest.mark.parametrize("n", few([2, 9, 34], 2))
 def test_same_answers_as_dense(n, words):

@@ -210,7 +210,7 @@ def test_what_is_no_model_is_refused():
         mv.certify("stewart")
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", engines.OF_TREES)
 def test_mass_matrices_of_trees_are_those_of_other_engines(engine):
     pytest.importorskip(engine)

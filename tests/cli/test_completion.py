@@ -64,6 +64,7 @@ def test_words_of_options(run):
     assert candidates(run, "draw", "stewart", "--view", "3") == ["3-D"]
 
 
+@pytest.mark.slow
 def test_every_argument_can_be_completed(run):
     """Whatever option of whatever command stands before the cursor, completion answers."""
     for name in HOMES:

@@ -62,7 +62,7 @@ def test_every_command_prints_json(run, tmp_path):
         assert json.loads(result.stdout), name
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [
     "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.csv", "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.svg",
     "equilibrium slider.yaml -o t.yaml", "path slider.yaml rail.z=0:0.1:3 -o t.svg",

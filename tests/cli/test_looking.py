@@ -93,6 +93,7 @@ def test_check_of_a_locked_mechanism(run, tmp_path):
     assert "fully locked" in result.stdout
 
 
+@pytest.mark.slow
 def test_schema_is_one(run):
     schema = json.loads(run("schema").stdout)
     Draft202012Validator.check_schema(schema)

@@ -124,6 +124,7 @@ def discrete_poles(period):
     return np.linalg.eigvals(step)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
 def test_a_discrete_controller_runs_at_its_sample_time(files, tmp_path, suffix):
     """Its matrices were taken as those of continuous time: z = 0.9 as a pole of +0.9 1/s."""

@@ -126,6 +126,7 @@ def test_options_are_completed(run, rods):
 LEG = ROBOTS / "leg.urdf"
 
 
+@pytest.mark.slow
 def test_robots_with_loops_in_any_pose(run, tmp_path):
     """Under gravity, with stiffness and tips; loops of a YAML; a pose in degrees is a misuse."""
     pose = "--pose front_hip=-0.7 --pose rear_hip=0.5"

@@ -66,6 +66,7 @@ def test_an_imaginary_omega_is_told_the_way():
 T, U = np.linspace(0.0, 1.0, 5), np.zeros((3, 5))
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("call", [
     lambda: SYSTEM.time_response(T + 0j, U),
     lambda: SYSTEM.time_response(T, U + 0j),

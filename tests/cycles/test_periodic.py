@@ -88,6 +88,7 @@ def test_a_turn_of_a_geared_shaft_is_no_period():
         geared_pendulums(32, 3).periodic(period=0.3 * TURN)
 
 
+@pytest.mark.slow
 def test_coefficients_that_are_rounding_are_resolved():
     """Nothing damps, so that C is rounding; the inertia is constant: x'' + (a cos 2t + b cos t) x = 0."""
     found = geared_pendulums(24, 2).periodic(period=0.2 * TURN)
@@ -115,7 +116,7 @@ def shaken_pendulum(a, q, damping=0.0, n=48):
     return cycle.periodic({"pin.rz": (a - 9.81, damping)}, period=np.pi)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("q", [0.5, 3.0])
 @pytest.mark.parametrize("branch", [(mathieu_a, 0, 1), (mathieu_b, 1, -1), (mathieu_a, 1, -1), (mathieu_b, 2, 1)])
 def test_borders_of_mathieus_equation(branch, q):
@@ -187,6 +188,7 @@ def test_stiff_drives_are_those_of_frozen_equations():
     assert found.stable
 
 
+@pytest.mark.slow
 def test_two_released_drives_of_an_arm():
     """At rest in one pose: coefficients are those of the arm with the drives' stiffness."""
     arm = library.two_link()

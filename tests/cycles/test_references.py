@@ -26,6 +26,7 @@ MACHINES = {
 }  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", MACHINES)
 def test_shaking_and_torque(case):
     model, rms, torques = MACHINES[case]
@@ -37,6 +38,7 @@ def test_shaking_and_torque(case):
         assert_allclose(cycle.torque[::18], torques, rtol=0, atol=0.51e-5 if case == "scraper" else 0.51e-8)
 
 
+@pytest.mark.slow
 def test_trajectory_of_a_puma():
     """q(t) = q0 + (pi/3)/10 (t - 10/(2 pi) sin(2 pi t/10)) in all joints, as cosines of 10 s."""
     t, rate = np.array([0.0, 2.5, 4.0]), np.pi / 3 / 10
@@ -151,7 +153,7 @@ def closed_form(crank, coupler, rocker, ground, angle):
     return values, [a(angle), b(angle)]
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.3, 2.0, 4.4])
 def test_pins_of_a_linkage_against_the_matrix_method(angle):
     """Nine equations of Newton and Euler for four pins and the torque, in closed-form accelerations."""
@@ -317,6 +319,7 @@ def test_what_joints_of_all_kinds_carry(seed):
     assert not cycle.undetermined
 
 
+@pytest.mark.slow
 def test_a_cycle_as_a_file(tmp_path):
     cycle = library.hoeken().cycle("crank.rz", ANGLES, speed=TURN)
     lines = cycle.to_csv(tmp_path / "cycle.csv").read_text(encoding="utf-8").splitlines()

@@ -82,6 +82,7 @@ def test_a_mass_on_rubber_has_the_closed_form():
     assert (system.modes().eigenvalues.real < 0.0).all()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_responses_are_those_of_the_stiffness_over_frequency(kind, method):
@@ -137,6 +138,7 @@ def test_runs_take_the_energy_that_the_input_gives_and_follow_the_linear_model()
     assert run.energy.dissipated[-1] > 0.01 * given.max()
 
 
+@pytest.mark.slow
 def test_files_batches_and_compiled_plants(tmp_path):
     model = mounted("all of a part")
     for suffix in ("yaml", "json"):

@@ -57,7 +57,7 @@ def eigenvalues(model, method="dense"):
     return model.linearize().modes().eigenvalues
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("load", list(LOADS))
 @pytest.mark.parametrize("shape", ["leaf", "notch", "beam"])
 @pytest.mark.parametrize("scene", [stage, arm])

@@ -380,6 +380,7 @@ def test_variants_and_compiled_plants():
         assert_allclose(batch.modes().frequencies[i], expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_files(tmp_path):
     model = guide()
     model.add_body("foot", 0.1, (1e-5, 1e-5, 1e-5), (0, 0, 0.04))

@@ -104,7 +104,7 @@ def bent(kind="homokinetic", loop=False):
 SCENES = [(False, ()), (True, ("rod",)), (True, ("u",)), (True, ("v",))]
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_equilibrium_and_stiffness_there_are_those_of_the_exact_lagrangian(loop, cut):
     model = bent(loop=loop)
@@ -144,6 +144,7 @@ def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
     assert np.abs(result[known] - expected).max() < 1e-6 * np.abs(expected).max()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_sparse_equations_are_the_dense_ones(loop, cut):
     model = bent(loop=loop)
@@ -171,6 +172,7 @@ def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_describe
         assert_as_variants(result, k, system, of_variants(system, name), model.parameters[name], 1e-8, 1e-10)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("free", [("rx", "ry"), ("ry", "rx"), ("rx", "rz"), ("rz", "ry")])
 def test_two_rotations_by_name_are_those_of_a_universal_joint_in_the_order_of_their_names(free):
     there, _ = in_equilibrium(bent())

@@ -127,7 +127,7 @@ def test_every_kind_of_parameter(model, seed):
     check(model, other_values(model, rng, some_names(model, rng), 3), 3)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @examples(8, slow=40)
 @pytest.mark.parametrize("fields", [("mass", "inertia"), ("stiffness", "damping"), ("position",), ("orientation",),
                                     ("start", "end"), ("pitch",), ("mass",), ("damping",)], ids="-".join)  # fmt: skip

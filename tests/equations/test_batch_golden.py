@@ -157,6 +157,7 @@ def test_forces_of_least_norm_all_at_once(monkeypatch):
         assert_same(system, single)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*does not determine the outputs")
 @pytest.mark.usefixtures("unbalanced")
 def test_forces_of_least_norm_follow_places_and_loads(monkeypatch):

@@ -58,7 +58,7 @@ def at_once(monkeypatch):
     monkeypatch.setattr(BatchPlan, "_one_by_one", refuse)
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("names", [NAMES, *[(name,) for name in NAMES], ("soft.stiffness.x", "leg.g1")])
 def test_at_once_they_are_as_alone(names):
@@ -79,6 +79,7 @@ def test_inertia_and_places_vary_beside_them_at_once(monkeypatch):
     model.linearize(values=values)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("at_once")
 def test_compiled_plants_and_their_derivatives():
     model = scene()

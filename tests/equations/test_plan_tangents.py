@@ -53,7 +53,7 @@ def test_poses_move_as_those_of_models_described_there(name):
             assert of_pose == pytest.approx(part, rel=0.0, abs=RTOL * scale)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["library_four_bar", "loaded_loop_12", "loaded_follower_7"])
 def test_forces_that_are_left_over_change_by_the_stiffness(name):
     model = mv.load(scenes()[name])

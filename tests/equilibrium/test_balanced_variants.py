@@ -81,6 +81,7 @@ def test_pendulum_that_sags():
         assert k == pytest.approx(20.0 - 0.5 * mass * G * np.sin(angle), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_sweeps_balance_variants_at_once(monkeypatch):
     values = {"rod.mass": [1.0, 1.2, 1.5], "k.stiffness": [20.0, 24.0]}
     one_by_one = mv.sweep(pendulum(), values, {"f": lambda system: system.modes().frequencies}, workers=1)
@@ -89,6 +90,7 @@ def test_sweeps_balance_variants_at_once(monkeypatch):
         one_by_one["f"], rel=1e-11)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_variants_that_would_snap_are_left_to_the_search():
     model = pendulum()
     with pytest.raises(mv.EquilibriumError, match=r"^variant 1: Newton's method does not contract"):
@@ -118,6 +120,7 @@ def test_arches_of_any_size_are_balanced_or_left_to_the_search(size):
         batch_in_equilibrium(model, {"weight.force.z": np.array([-1.0, -60.0])})
 
 
+@pytest.mark.slow
 def test_variants_whose_column_buckles_are_refused():
     """Upright, the column is in balance: 3 kg 0.5 m above its pin are more than its spring holds, as the search says.
 

@@ -52,6 +52,7 @@ def test_a_rack_goes_as_far_as_its_pinion_rolls():
     assert np.allclose(back.bodies["pinion"].orientation, np.eye(3), rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_gears_on_the_joints_of_a_loop():
     """A wheel geared to the joint that the loop is cut at, or to one of the tree: the same wheel."""
     for pin in "ABCD":

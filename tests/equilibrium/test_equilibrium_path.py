@@ -166,6 +166,7 @@ def test_a_column_of_two_links_buckles(sense):
     assert leans[0] == leans[1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [0.9, 1.2])
 def test_a_column_that_one_step_takes_to_its_load_must_be_stable_there(share):
     """The press moves as a linear spring says, in one step; the column takes 2 k / l = 12 N before it buckles."""

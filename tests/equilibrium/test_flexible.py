@@ -50,6 +50,7 @@ def test_a_cantilever_bends_as_the_text_books_say():
     np.testing.assert_allclose(double.points[-1][2], 2 * tip[2], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_another_load_needs_another_pose():
     there = cantilever((0, 0, -0.3)).equilibrium()
     with pytest.raises(mv.EquilibriumError, match=r"body 'rod\.5', -0\.03 N missing along z \(.*displacements"):
@@ -116,6 +117,7 @@ def test_arms_that_move_bend_the_beam_that_they_are_on(share):
             there.linearize()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_a_slider_lifts_a_beam_in_any_unit_of_length(unit):
     """A link of 0.52 comes to stand upright below the middle, which goes up by 0.04; a rigid beam would hold it."""
@@ -149,7 +151,7 @@ def hanging(tilt, elements=4, **material):
     return model
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, 0.6, -2.0])
 def test_a_pendulum_on_a_beam_hangs_straight_down(tilt):
     there = hanging(tilt).equilibrium()

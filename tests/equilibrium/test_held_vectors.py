@@ -21,7 +21,7 @@ def rotation_vector(model, there, name):
     return np.array(joint.axes).T @ (first.inv() * second).as_rotvec()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, -4.0])
 def test_spherical_feet_of_a_stewart_platform_of_which_loops_tie_one_component(size):
     model = mv.library.stewart_isolator()

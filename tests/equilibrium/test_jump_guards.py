@@ -59,6 +59,7 @@ def pin(points, by, coupler, rocker):
     return crank + part * along / gap + across
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", few(range(12), 6))
 def test_the_same_side_of_a_dead_point(case):
     points, by, *lengths = near_dead_points(12, 1e-4, 5e-3)[case]
@@ -112,7 +113,7 @@ def near_a_dead_point(seed):
     return model
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [39, 235])
 def test_an_equilibrium_is_on_the_way_down(seed):
     """Coupler and rocker keep the side to which they bend, as they do in steps of a thirtieth."""

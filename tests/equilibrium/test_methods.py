@@ -40,6 +40,7 @@ def test_a_chain_hangs_in_its_catenary():
     assert len(result.model.linearize().modes().frequencies) == 7
 
 
+@pytest.mark.slow
 def test_equilibrium_gives_a_model_and_leaves_the_old_one():
     model = pendulum(0.5)
     there = model.equilibrium()

@@ -108,6 +108,7 @@ def without_springs(model):
     return model.with_parts(springs={})
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", few(range(8), 4))
 def test_planar_loops_in_space_stay_closed(seed):
     model = without_springs(planar(seed, bodies=4, loops=1, ports=False))
@@ -257,6 +258,7 @@ def test_floating_bodies_move_by_their_own_coordinates():
     assert np.allclose(there.bodies["bird"].orientation, exponential(np.array([0.0, 0.0, 0.5])), rtol=0, atol=1e-16)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", few(range(10), 5))
 def test_spatial_loops_stay_closed(seed):
     kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "distance", "point_on_line")

@@ -164,7 +164,7 @@ def test_what_springs_cannot_hold_is_named():
         model.equilibrium(preload=["d"])
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(6), 2))
 def test_springs_of_random_mechanisms_hold_them(seed):
     kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "distance", "point_on_line")

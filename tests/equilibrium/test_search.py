@@ -120,6 +120,7 @@ def test_a_weight_stretches_its_spring():
     check(model, result)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("spring", [False, True])
 def test_four_bar_under_gravity(spring):
     model = reloaded(four_bar()[0], (0.0, -9.81, 0.0))
@@ -159,7 +160,7 @@ def test_follower_loads_and_bushings_turned_far():
     check(model, result)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(8), 2))
 def test_random_trees_on_their_springs(seed):
     kinds = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "free")
@@ -167,6 +168,7 @@ def test_random_trees_on_their_springs(seed):
     check(model, equilibrium(model, snap=seed == 4))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few(range(6), 2))
 def test_planar_loops_in_space(seed):
     model = reloaded(planar(seed, bodies=4, loops=1, ports=False), (20.0, -50.0, -90.0))
@@ -198,6 +200,7 @@ def test_an_arch_below_its_limit_load_is_found(share):
     check(model, result)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [1.01, 3.0])
 def test_an_arch_that_snaps_through_is_refused_with_the_last_residual(share):
     message = r"its stiffness is down to \d+\.\d%, mostly along 'rail\.z': it would snap through"
@@ -303,6 +306,7 @@ def hanging_chain(count=6):
     return model
 
 
+@pytest.mark.slow
 def test_the_forces_in_a_pose_are_computed_once(monkeypatch):
     """Along load steps and shortened ones, no pose of a model is asked for its forces again."""
     asked, real = [], path.balance
@@ -332,7 +336,7 @@ def test_displacements_are_columns():
     assert list(columns) == ["body", "x", "y", "z", "rx", "ry", "rz"]
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("snap", [False, True])
 def test_the_search_is_the_same_in_any_unit_of_length(snap):
     """A slider with a rod hinged to it: as many steps of the same shares, whatever a metre is."""

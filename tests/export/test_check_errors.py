@@ -77,6 +77,7 @@ def test_frequencies_are_below_at_and_above_all_poles():
     assert (np.diff(np.log10(many[1:-1])) < 0.7).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("key", MATRICES[:-1])  # D is 0
 def test_second_order_matrices_that_are_off(key, tmp_path):
     data = mx.from_json(mx.to_json(SYSTEM))

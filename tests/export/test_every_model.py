@@ -63,7 +63,7 @@ def test_universal_files(name, tmp_path):
     assert truth.any()
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", SMALL_FIRST)
 def test_schema(name):
     import jsonschema
@@ -71,6 +71,7 @@ def test_schema(name):
     jsonschema.validate(json.loads(mx.to_json(system_of(name))), mx.json_schema())
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("name", MODELS)
 def test_python_control_and_scipy(name):
     omega, _ = truth_of(name)
@@ -81,6 +82,7 @@ def test_python_control_and_scipy(name):
     assert np.array_equal(other.A, plant.A)
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("name", MODELS)
 def test_casadi(name):
     casadi = pytest.importorskip("casadi")

@@ -43,7 +43,7 @@ def expected(source):
     return source.state_space("physical") if type(source).__name__ == "ClosedLoop" else source.state_space()
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("case", SOURCES)
 @pytest.mark.parametrize("suffix", READERS)
 def test_there_and_back(case, suffix, tmp_path):
@@ -63,6 +63,7 @@ def test_there_and_back(case, suffix, tmp_path):
         mx.check_export(path)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("realization", ["modal", "balanced"])
 @pytest.mark.parametrize("suffix", READERS)
 def test_loops_in_other_states(suffix, realization, tmp_path):

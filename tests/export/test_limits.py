@@ -42,6 +42,7 @@ def small_limit(monkeypatch):
         monkeypatch.setattr(module, "LARGEST_UNPACKED", 10_000_000)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_limit")
 def test_junk_in_an_archive_is_left_packed(tmp_path):
     path = mx.to_npz(stewart(), tmp_path / "x.npz")

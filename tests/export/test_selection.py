@@ -41,6 +41,7 @@ READ = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("kind", ["system", "loop", "state space", "from a file", "control"])
 @pytest.mark.parametrize("reader", READ)
 def test_files_hold_the_ports_named(sources, kind, reader, tmp_path):

@@ -101,6 +101,7 @@ def test_poses_of_a_magnet():
             assert plant([x]).K[0, 0] == pytest.approx(stiffness, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_sensitivities_of_a_magnet_follow_its_equilibrium():
     """d lambda / d strength, in closed form, along with the pose."""
     model = puck(along="z").equilibrium()

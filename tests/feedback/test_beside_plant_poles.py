@@ -43,6 +43,7 @@ def test_filtered_velocity_feedback_at_the_natural_frequency():
     np.testing.assert_allclose(loop.sensitivity(w)[0, 0], s, rtol=1e-11, atol=1e-14)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("rate", "delay"), [(1000.0, 0.0), (300.0, 0.0085), (5.0, 0.07)])
 @pytest.mark.parametrize("w", [BESIDE[0], BESIDE[1], BESIDE[-2]])
 def test_sampled_filtered_velocity_feedback(rate, delay, w):
@@ -54,6 +55,7 @@ def test_sampled_filtered_velocity_feedback(rate, delay, w):
     np.testing.assert_allclose(loop.sensitivity([w])[..., 0], s, atol=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rate", [1000.0, 2.0])
 def test_two_actuators_sampled(rate):
     """Next to poles of the plant, and where sampling folds them to."""
@@ -149,6 +151,7 @@ def static():
     return mv.StateSpace.from_arrays(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[2.0]])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rate", [None, 50.0])
 def test_margins_without_dynamics(rate):
     """A static plant and an integrator that is not fed back have no pole that tells a band; both ended in errors."""

@@ -30,6 +30,7 @@ def columns_at_end(at, grid):
     return poles[-1, up[np.argsort(poles[0, up].imag)]]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("grid", GRIDS)
 def test_poles_that_cross_go_straight_on(grid):
     """In the middle of one step, and in a grid's gain, both poles are at -0.5 + 5j."""
@@ -40,6 +41,7 @@ def test_poles_that_cross_go_straight_on(grid):
     assert columns_at_end(at, grid) == pytest.approx([-0.5 + 6.0j, -0.7 + 4.0j], rel=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("grid", GRIDS)
 def test_poles_that_pass_each_other_keep_apart(grid):
     """Real symmetric coupling makes frequencies repel each other: the lower one stays the lower one."""
@@ -66,6 +68,7 @@ def test_a_pair_that_meets_on_the_real_axis_goes_on_to_the_right(grid, copies):
     assert columns_at_end(at, grid) == pytest.approx([-2.0 + np.sqrt(3.0)] * copies, rel=1e-7)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("grid", GRIDS)
 def test_nearly_equal_poles_move_together(grid):
     """A difference of 1e-5 does not ask for steps of 1e-5."""
@@ -118,6 +121,7 @@ def test_defective_poles_have_no_slopes(size, seed):
     np.testing.assert_allclose(np.sort_complex(slopes[copies]), [1.0, 3.0], rtol=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("best", "gain", "height"), [
     (1.13, 1.13, 3.0), (0.7, 0.7, 3.0), (1.92, 1.92, 3.0), (0.05, 0.05, 3.0), (-0.3, 0.0, 2.91), (2.4, 2.0, 2.84),
 ])  # fmt: skip
@@ -173,7 +177,7 @@ def by_chance(seed):
     return lambda g: start + g * change
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(16))
 def test_branches_of_any_family_are_the_same_on_all_grids(seed):
     at, common = by_chance(seed), np.linspace(0.0, 5.0, 6)

@@ -47,7 +47,7 @@ def test_library_model(tmp_path, name, suffix):
     assert sections(again) == sections(model)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", MOST)
 def test_axes_of_unit_length_keep_every_bit(tmp_path, suffix):
     """Axes are brought to unit length when they are given: once more must not change a bit."""

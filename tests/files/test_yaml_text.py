@@ -64,6 +64,7 @@ def test_json_with_tabs_is_yaml_too():
     assert document.lines[("b",)] == 3
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("text", "message"),
     [

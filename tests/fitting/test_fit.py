@@ -83,6 +83,7 @@ def test_intervals_hold_the_values_in_95_percent(known):
     assert failed <= 2
 
 
+@pytest.mark.slow
 def test_channels_are_found_with_signs():
     """An amplifier with the other sign, a delay and a low-pass in all outputs."""
     model = chain()
@@ -270,6 +271,7 @@ def test_outputs_with_common_noise_are_whitened():
                                rtol=1e-6)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_payloads_and_priors_and_ties():
     """The same springs with two payloads; a value tied to all of them, another known before."""
     model = chain(stiffness=(2e4, 2e4, 2e4))

@@ -244,6 +244,7 @@ def test_results_that_depend_on_what_is_not_told_have_no_deviation():
     assert np.isinf(part.deviation(slopes)[2])
 
 
+@pytest.mark.slow
 def test_channels_of_two_measurements_have_names_of_their_own():
     """The second has the name of its data in front; inputs have gains but for the first, no delay."""
     model, gains = chain(), np.array([2.0, -0.5, 1.0])[:, None, None]
@@ -275,7 +276,7 @@ def test_covariances_that_do_not_tell_the_noise_are_refused():
     assert fit.values["k1.stiffness"] == pytest.approx(2e4, rel=1e-9)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize("seed", [3, 4])
 def test_uncorrelated_covariances_are_variances(noise, seed):

@@ -135,7 +135,7 @@ def test_covariance_is_that_of_least_squares_in_time(shared):
 CHANNELS = ("gain", "delay", "lag", "lowpass", "highpass")
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["first", "zero", "band-limited", "shared", "channels", "rotor"])
 def test_gradient_is_that_of_the_cost(kind):
     """With noise: projections on free states move with the values as well, at no change of the gradient."""

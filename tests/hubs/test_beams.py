@@ -133,6 +133,7 @@ def mv_linearized(model):
     return assembled(plain, scene(plain), checked=False)
 
 
+@pytest.mark.slow
 def test_batches_and_derivatives_to_the_speed():
     model = blade(6.0, 4)
     values = [0.0, 2.0 * UNIT, 12.0 * UNIT]

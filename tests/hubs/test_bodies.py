@@ -171,6 +171,7 @@ def test_speed_zero_adds_nothing():
     assert not np.array(model.linearize().K).any()
 
 
+@pytest.mark.slow
 def test_batches_and_derivatives_to_all_parameters():
     model = pendulum((0, 1, 0), inertia=(0.02, 0.3, 0.31))
     model.add_bushing("k", "hub", "bob", (0.4, 0, 0), (0, 0, 0, 0, 50.0, 0))

@@ -63,6 +63,7 @@ def test_beams_bend_as_on_a_heavy_body():
     same_runs(blade, np.linspace(0.0, 0.02, 5))
 
 
+@pytest.mark.slow
 def test_the_energy_seen_from_the_hub_is_constant():
     """Jacobi's integral T2 + V - T0; -T0 is 0 as described."""
     energy = pair(True, 0.0).simulate(np.linspace(0.0, 0.4, 5), tolerance=1e-10).energy

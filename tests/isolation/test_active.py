@@ -241,6 +241,7 @@ def test_laws_are_checked():
         isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [1.0, 0.5])
 
 
+@pytest.mark.slow
 def test_pairs_are_columns():
     plant = isolation.actuated(mv.library.cubic_hexapod(damping=2.0), "platform")
     report = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force"), ("leg1.k.actuator", "leg2.k.force")])

@@ -121,7 +121,7 @@ def exactly(geometry, at):
     return points | turns
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 1e-5, 1.0])
 def test_values_and_rates_to_fifty_digits(share):
     model = stewart()

@@ -46,6 +46,7 @@ def told(loop):
     return [(float(f), float(ratio), source) for _, f, ratio, source in table["rows"]], table["notes"]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("law", [isolation.force_feedback, isolation.velocity_feedback, isolation.skyhook])
 @pytest.mark.parametrize("rate", [20e3, 5e3, 3e3])
 def test_unstable_poles_come_from_one_source_each(law, rate):

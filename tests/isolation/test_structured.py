@@ -73,6 +73,7 @@ def test_real_parameters():
     assert mu(np.diag([1.0, 4j, 3.0]), real=[1]) == pytest.approx(3.0)
 
 
+@pytest.mark.slow
 def test_blocks_that_act_one_way():
     """Determinants of triangular matrices are products of their diagonals."""
     assert mu(np.triu(np.full((4, 4), 7.0), 1)) == 0.0

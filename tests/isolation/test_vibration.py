@@ -26,7 +26,7 @@ def test_white_base_acceleration_in_closed_form():
     assert result.force["mount"] == pytest.approx(MASS * result.acceleration[2], rel=1e-12)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ratio", [1e-5, 0.03, 0.7, 3.0])
 def test_moments_and_integrals_agree(ratio):
     study = isolation.study(one_axis(ratio), "payload", directions="z")
@@ -64,6 +64,7 @@ def test_correlated_directions_of_different_shapes():
     assert result.stroke["leg1.k"] ** 2 == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("phase", [np.exp(0.7j), -1.0, 1.0])
 def test_directions_of_one_source_add_as_amplitudes(phase):
     """x is the source times a phase, y the source times 2, whose density is 1e-4 f / 5 from 5 to 500 Hz."""

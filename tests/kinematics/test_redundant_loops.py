@@ -146,7 +146,7 @@ def test_loops_of_a_centimetre_a_hundred_thousand_kilometres_off(kinds):
             pair.check(pair.model.linearize(method=method))
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kinds", [("cylindrical", "screw"), ("screw", "screw"), ("screw", "cylindrical")])
 def test_screws_at_one_point_in_any_unit(kinds):
     """Loops without a size are measured by the pitch."""
@@ -194,6 +194,7 @@ def test_coaxial_shafts_of_many_sizes(count, ratio, method):
     assert model.linearize(method=method).dof == count
 
 
+@pytest.mark.slow
 def test_a_hinge_that_is_small_against_its_bodies_moved_again_and_again():
     """Points of a body that turns are rounded by how far they are from its centre of mass."""
     for second in ("revolute", "spherical", "cylindrical"):

@@ -29,6 +29,7 @@ def chain(rng, kind, bodies=3):
     return model
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", FREE)
 def test_what_no_spring_resists_is_exactly_free(kind):
     """As many rigid-body modes as directions without a spring, on both paths, and the others to all digits."""

@@ -105,6 +105,7 @@ def test_every_model_builds_and_vibrates():
             assert modes.frequencies[modes.rigid] > 0
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("name", models())
 def test_descriptions_tell_the_truth(name):
     assert models()[name][1].endswith(f", {build(name).linearize().dof} DOF")

@@ -26,6 +26,7 @@ def jordan(values, size):
     return a
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("size", [(1, 1, 1, 1), (2, 1, 1, 2), (3, 1, 1, 1), (4, 2, 1, 1)])
 @pytest.mark.parametrize("seed", range(5))
 def test_errors_bound_those_of_known_eigenvalues(size, seed):

@@ -39,7 +39,7 @@ def off(model, system):
                np.abs(mass - system.M).max() / np.abs(mass).max())  # fmt: skip
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("seed", few([1, 0, *range(2, 8)], 1))
@@ -63,6 +63,7 @@ def test_every_kind_of_joint(kind, seeds):
     assert compared or kind in ("fixed", "custom")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", few(["x rx rz", "universal", "screw", "distance", "y z ry rx", "custom", *JOINTS], 4))
 @pytest.mark.parametrize("seeds", few([range(1), range(1, 6)], 1))
 def test_every_kind_of_joint_at_which_a_loop_is_cut(kind, seeds):
@@ -72,7 +73,7 @@ def test_every_kind_of_joint_at_which_a_loop_is_cut(kind, seeds):
         assert off(model, system) < 1e-10
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in JOINTS if kind not in ("fixed", "distance")])
 def test_couplers_on_every_kind_of_joint(kind):
     model, system = linearized(1, bodies=3, couplers=1, kinds=(kind,))
@@ -93,6 +94,7 @@ def test_the_kinds_compared_are_all_there_are():
     assert set(KINDS) >= {*JOINTS, "custom"}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_factors_make_the_matrix(seed):
     _, system = linearized(seed, bodies=4, loops=1, hold="loads", torque=True, follower=True)

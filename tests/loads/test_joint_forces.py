@@ -47,7 +47,7 @@ def test_a_small_load_changes_reactions_as_the_static_response_says(seed, loops,
     assert_static_response(model)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["x rx rz", "y z rx"])
 @pytest.mark.parametrize("seed", few((3, 0, 1, 2), 1))
 def test_couplers_that_measure_the_joint_at_which_a_loop_is_cut(kind, seed):
@@ -59,7 +59,7 @@ def test_couplers_that_measure_the_joint_at_which_a_loop_is_cut(kind, seed):
     assert_static_response(model)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bennett", "cardan", "locomotive", "wedge", "differential screw"])
 def test_forces_that_redundant_constraints_leave_open_change_with_the_pose(name):
     """They are of least norm in every pose, and so are self-stress and the mechanism's length other ones in each."""

@@ -129,7 +129,7 @@ def test_frame_order_and_names_make_no_difference(name, seed):
     assert_same_forces(model, restated(model, by, (5.0, -3.0, 8.0), seed, backwards), by)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", SOME)
 def test_the_cut_makes_no_difference(name):
     """Nor do the coordinates that are then independent."""
@@ -145,7 +145,7 @@ def test_the_cut_makes_no_difference(name):
         assert np.abs(result - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_loops_with_a_weld_in_common_share_their_forces(method):
     """Two gates between the ground and one welded post: no coordinate is common to the loops, the weld's wrench is."""
@@ -170,7 +170,7 @@ def test_loops_with_a_weld_in_common_share_their_forces(method):
         np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_joints_that_lock_nothing_make_no_difference(method):
     """Beside a door and a gate: a free joint between them, whether the tree goes through it or it closes a loop."""
@@ -324,6 +324,7 @@ def test_batches_warn_once():
     assert len(batch) == 2
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_planar_loop_under_load(seed):
     """Random planar loops with sliders, two of which hang together, against absolute coordinates."""

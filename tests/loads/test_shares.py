@@ -7,7 +7,7 @@ import mbsvib as mv
 from tests.loads.test_against_lagrangian import linearized
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("loops", [0, 1])
 def test_reactions_balance_every_body(seed, loops):
@@ -45,6 +45,7 @@ def test_reactions_balance_every_body(seed, loops):
     assert max(np.abs(wrench).max() for wrench in total.values()) < 1e-8
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", [{}, {"loops": 1}, {"hold": "loads", "torque": True, "follower": True}])
 def test_shares_add_up_to_one(scene):
     _, system = linearized(2, bodies=4, **scene)

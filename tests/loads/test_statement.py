@@ -146,6 +146,7 @@ def through_the_centre(seed, off=0.0):
     return model
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_weights_on_axes_through_their_centres_are_in_balance(seed):
     """Their levers are rounding, which no force cancels: two of three such wheels, and all such bobs, were refused."""

@@ -26,6 +26,7 @@ def test_a_node_moves_with_the_only_body_that_holds_it():
     assert system.Cv[1].all()
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("kind", ["universal", "homokinetic", "point_on_line", "planar", "spherical", "screw"])
 def test_joints_carry_nothing_along_their_free_directions(kind, method):

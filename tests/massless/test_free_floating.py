@@ -120,6 +120,7 @@ def test_a_platform_on_relaxation_legs_and_a_cable(seed):
     check(platform(seed))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("scene", [two_bushings, damped_node])
 @pytest.mark.parametrize("seed", range(2))
 def test_two_floating_bodies(scene, seed):

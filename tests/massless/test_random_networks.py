@@ -55,6 +55,7 @@ def descriptor(seed):
     return system, w.T * w, d.T * c * d, d.T * k * d
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_eigenvalues_of_the_descriptor_pencil(seed):
     system = network(seed).linearize()
@@ -77,7 +78,7 @@ def test_eigenvalues_of_the_descriptor_pencil(seed):
         assert np.abs(poles - value).min() <= 1e-12 * abs(value)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_responses_of_the_descriptor_equations(seed):
     system = network(seed).linearize()

@@ -143,6 +143,7 @@ def test_local_polynomials_are_exact_for_curved_responses(sizes, experiments, mo
         estimation.local_polynomials(records[..., :24], sizes, wanted[:2])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("sizes", "experiments"), [((2, 1, 0), 2), ((1, 2, 0), 2), ((2, 1, 1), 1), ((1, 2, 2), 3)])
 def test_variance_of_local_polynomials_is_the_scatter_of_each_pair(sizes, experiments):
     """Noise of the outputs on curved responses: at lines far apart, whose windows do not overlap."""

@@ -30,6 +30,7 @@ def in_order(system, file):
     return order
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore:.*turned spring in 'wrist'")
 @pytest.mark.parametrize(("scene", "control"), [(ARM, {}), (GANTRY, {"belt": 0.1}), (HAND, {"hold": 0.2, "odd": 0.7})])
 def test_matrices_under_load(tmp_path, scene, control):
@@ -76,6 +77,7 @@ def test_a_loaded_loop(tmp_path):
     np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(moment / inertia) / (2 * np.pi)], rtol=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.filterwarnings("ignore:.*turned spring in")
 @pytest.mark.parametrize("seed", range(6))
 def test_random_trees_under_load(tmp_path, seed):

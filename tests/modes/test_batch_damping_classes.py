@@ -26,7 +26,7 @@ def varied(name):
     return model(p), [p | {key: float(array[i]) for key, array in values.items()} for i in range(4)], values
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("omega", [OMEGA, np.linspace(1.0, 80.0, 60)], ids=["few", "many"])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_variant(name, omega):

@@ -34,6 +34,7 @@ FAMILIES = {
 }  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", few(range(3), 1))
 @pytest.mark.parametrize("family", FAMILIES)
 def test_against_many_digits(family, seed):
@@ -233,6 +234,7 @@ def test_modes_of_first_order_in_a_batch():
     assert [variant.first_order.sum() for variant in modes] == [1] * 4
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("held", [True, False])
 def test_a_shaft_that_is_light_against_its_disk(held):
     """Masses over twelve decades: the vectors of the first step are not accurate, whether or not motions are free."""
@@ -271,7 +273,7 @@ def braked(n, seed, strength, every):
     return model.linearize()
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("every", [1, 2, 3])
 @pytest.mark.parametrize("strength", [1e2, 1e4, 1e6, 1e8, 1e10])
 def test_strong_dampers(strength, every):
@@ -310,6 +312,7 @@ def loose_chain(masses, stiffness, damping):
     return model.linearize()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", LOOSE_CHAINS)
 def test_strong_dampers_in_loose_chains(name):
     """A strong damper locks some parts, others rest or swing: eigenvalues and responses, to many digits."""

@@ -14,6 +14,7 @@ from tests.support.sizes import few
 from tests.support.unsymmetric import chain_model, eigenvalues, worst
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few(range(6), 3))
 def test_frequencies_over_many_decades(seed):
     """Stiffness over 12 and mass over 8 decades: ten digits of every frequency, where eigh(K, M) has none."""
@@ -34,6 +35,7 @@ def test_damped_eigenvalues_over_many_decades(seed):
     assert_same_eigenvalues(model.linearize().modes().eigenvalues, Exact(model).eigenvalues, rtol=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("chain", [
     {"n": 2, "span": 5.0, "damp": 4120.7, "seed": 525102}, {"n": 3, "span": 8.0, "damp": 793.57, "seed": 710107},
     {"n": 5, "span": 8.0, "damp": 0.10767, "seed": 349513},

@@ -131,6 +131,7 @@ def test_shapes_solve_the_quadratic_problem(model):
         assert np.linalg.norm(sum(terms)) <= 1e-9 * size + 1e-14 * floor
 
 
+@pytest.mark.slow
 @given(open_trees(ports=st.just(False), damped=st.just(False)))
 def test_real_shapes_are_normalized_by_mass(model):
     system, modes = modes_of(model, limit=30)
@@ -154,6 +155,7 @@ def test_body_shapes_are_the_displacements_of_the_bodies(model):
         assert reference.violation(column) <= 1e-12 * max(1, max(np.abs(x).max() for x in column.values()))
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(SMALL)
 def test_frequencies_and_ratios_follow_from_the_eigenvalues(model):

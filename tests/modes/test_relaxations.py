@@ -49,6 +49,7 @@ def largest_ratio(modes, exact):
     return ratio[linear_sum_assignment(np.minimum(ratio, 1e6) ** 8)].max()
 
 
+@pytest.mark.few(4)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.AccuracyWarning")
 @pytest.mark.parametrize("seed", few(HARD, 13))
 def test_bounds_hold(seed):

@@ -45,6 +45,7 @@ def off(result, best):
     return np.abs(np.sqrt(result.square / best.square) - 1.0)
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-10, 1e-12])
 def test_the_bound_holds_and_is_not_wasteful(scene, rtol):
@@ -213,6 +214,7 @@ def test_bounds_of_a_variant_depend_on_no_other(order):
     assert_allclose(other.natural, modes.natural[order], rtol=1e-15)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
 @pytest.mark.parametrize(("soft", "stiff", "between"), [(1e4, 1e10, 1e-2), (1e4, 1e10, 1e-1), (1.0, 1e8, 1e-7),
                                                         (1.0, 1e8, 1e-9)])  # fmt: skip

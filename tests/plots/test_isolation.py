@@ -26,6 +26,7 @@ def test_transmissibility_and_compliance():
         plots.isolation([first, second], ["light"])
 
 
+@pytest.mark.slow
 def test_what_comes_from_other_axes_is_explained():
     hexapod = mv.library.stewart_isolator()
     study = isolation.study(hexapod, "platform", frequencies=[1.0, 10.0, 100.0])
@@ -97,6 +98,7 @@ def test_labels_of_damping_are_on_their_rays_and_within_the_limits():
         assert 2.0 < y < 10.0
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("limits", [(1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (1.0, 2.0, 3.0), "wide"])
 def test_limits_of_root_loci_that_are_none_are_refused(limits):
     with pytest.raises(mv.ResponseError, match=r"imaginary.*first and last value of the axis \[Hz\]"):

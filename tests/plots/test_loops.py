@@ -201,6 +201,7 @@ def test_bad_arguments_are_refused():
         plots.loop_nyquist(single(), frequencies=[0.0])
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_has_no_marks():
     loop = slider().feedback([[1e3]], "x", "F")
     assert not loop.stable

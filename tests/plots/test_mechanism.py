@@ -11,7 +11,7 @@ from tests.support.sizes import few
 from tests.support.slow_cases import some
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some(mv.library.models(), "stewart", "rssr", "gripper", "puma", "quarter_car"))
 def test_every_built_in_mechanism_has_a_picture(name):
     model = mv.library.build(name)
@@ -21,6 +21,7 @@ def test_every_built_in_mechanism_has_a_picture(name):
     assert drawn > 0
 
 
+@pytest.mark.slow
 def test_a_system_looks_like_its_model():
     model = mv.library.build("stewart")
     pictures = [mechanism(source, names=False).axes[0].collections[2].get_segments()
@@ -195,7 +196,7 @@ def test_torques_have_two_heads():
     assert first[1][1] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "view"), [("quarter_car", "y"), ("four_bar", "z")])
 def test_slim_mechanisms_leave_the_corner_to_the_directions(name, view):
     axes = mechanism(mv.library.build(name), view).axes[0]

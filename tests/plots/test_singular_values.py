@@ -27,6 +27,7 @@ def test_singular_values_that_are_zero_are_not_drawn():
     assert not panels[0].texts
 
 
+@pytest.mark.slow
 def test_the_command_tells_zeros_as_zeros():
     groups = json.loads(invoke(["sigma", "stewart", "--from", "100", "--to", "2000", "--json"]).stdout)["groups"]
     least = [np.array(group["singular_values"])[-1] for group in groups]

@@ -79,6 +79,7 @@ def marked(axes):
     return points, upright, axes.texts[-1].get_text().split("\n")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ratio", [0.02, 0.3, 1.5])
 def test_rise_peak_and_settling_are_marked(slider, ratio):
     system = slider(damping=2 * ratio * np.sqrt(STIFFNESS * MASS))
@@ -101,6 +102,7 @@ def test_rise_peak_and_settling_are_marked(slider, ratio):
     assert [word.rsplit(" ", 2)[0] for word in (words[0], words[2])] == ["rise time", "settling time"]
 
 
+@pytest.mark.slow
 def test_what_is_zero_does_not_decide_how_long_to_look():
     system = mv.library.build("stewart").linearize()
     alone, beside = (step(system, outputs, "Fx").axes[0].get_xlim()[1] for outputs in ("x", ["x", "y"]))

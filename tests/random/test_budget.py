@@ -136,6 +136,7 @@ def test_unknown_names():
         made().plot("y")
 
 
+@pytest.mark.slow
 def test_filters_of_outputs_are_named():
     system = two_masses().linearize()
     weighting = {"x1": isolation.moving_average(0.05), "v2": isolation.shaped([1.0], [0.1, 1.0])}

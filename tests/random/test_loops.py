@@ -141,7 +141,7 @@ def test_sampled_budgets_tend_to_continuous_ones():
             assert abs(slow.contributions[name][source] / value - 1.0) > 2e-3
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["F", "x.noise"])
 def test_sampled_densities_add_up_to_the_mean_square(source):
     """Two ways with nothing in common: integrals of what sampling folds, and covariances from sample to sample."""
@@ -220,6 +220,7 @@ def test_sampled_densities_have_cumulative_values():
     np.testing.assert_allclose(budget.cumulative([40.0])[0], budget.rms["x"], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_sampling_folds_a_wide_table_as_white_noise():
     """A table that is constant up to ten times the rate, beyond which a mass hardly moves."""
     loop, f = controlled().sampled(60.0, 3e-3), np.array([0.7, 3.3, 29.0, 41.0])

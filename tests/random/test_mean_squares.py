@@ -265,7 +265,7 @@ def under(system, noise, outputs="x", band=None, correlation=None, weighting=Non
     return random(system, noise, outputs, band, correlation, weighting)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0.0, 2.0])
 @pytest.mark.parametrize("correlation", [None, [[1.0, 0.6], [0.6, 1.0]]])
 def test_integrals_up_to_frequencies(first, correlation):

@@ -67,7 +67,7 @@ def test_closed_form():
     np.testing.assert_allclose(list(found.values()), [-rms / 1600.0, -rms / 6.0, 0.0], rtol=1e-12, atol=1e-16)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [{"F1": 1.0, "v2.noise": 1e-2}, {"F1": TABLE, "v2.noise": 1e-2}])
 def test_derivatives_to_the_controller(noise):
     model = two_masses()
@@ -134,7 +134,7 @@ def test_refusals():
     assert np.isnan(undamped["x1"]["k1.stiffness"])
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [plain, static, dynamic])
 def test_derivatives_of_equations_are_those_of_responses(plant):
     """[C R 1] dX [R B; 1] along parameters and, of loops, along the controller."""

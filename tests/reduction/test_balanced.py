@@ -74,6 +74,7 @@ def test_the_hankel_singular_values_of_the_building():
     assert_allclose(made.left @ made.right, np.eye(48), atol=1e-6)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", [2, 6, 10, 20, 30, 46])
 def test_the_bound_holds_on_the_building(order):
     plant = benchmark("build")

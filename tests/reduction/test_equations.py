@@ -166,6 +166,7 @@ def test_an_error_that_no_order_reaches_is_refused():
             error=1.0, method="modal")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_free_motions_stay():
     """A free chain of masses: two rigid motions of the two directions, infinite responses at rest, a finite error."""
     model = mv.Model("free chain")
@@ -194,7 +195,7 @@ def test_the_static_correction_is_exact_at_rest():
         assert_allclose(small.frequency_response([0.0]), system.frequency_response([0.0]), rtol=1e-11)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_units_of_coordinates_and_ports_do_not_change_the_interface(unit):
     """Of two rows that differ by 1e9 in size none is rounding, and of motions held none is free."""

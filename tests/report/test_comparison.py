@@ -48,6 +48,7 @@ def measured_plate():
                                                                                 outputs=made.outputs)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_measurement_stands_beside_the_model():
     made, data, modes = measured_plate()
     system = plate(0.0)

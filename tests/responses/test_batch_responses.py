@@ -220,7 +220,7 @@ def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
     np.testing.assert_allclose(result[:, 1, 0], -(w**2) * exact, rtol=1e-11)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @examples(8, slow=40)
 @pytest.mark.parametrize("factor", [1.0, 30.0, 1e3, 1e5, 1e7])
 @given(model=open_trees(), seed=seeds())
@@ -241,6 +241,7 @@ def test_dampers_of_any_strength(factor, model, seed):
         assert item.errors.max(initial=0.0) <= max(1e-10, 10.0 * single.errors.max(initial=0.0))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])
 @pytest.mark.parametrize("span", [1e2, 1e5, 1e8, 1e12])
 def test_wide_ranges_of_stiffness(span, rtol):

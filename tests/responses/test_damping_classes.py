@@ -67,7 +67,7 @@ def test_mode_shapes(case):
     assert not np.abs(k @ shapes[:, : modes.rigid]).max(initial=0.0) > 1e-9 * np.abs(k).max()
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 def test_zeros(case):
     """With the poles they make each response but for a factor."""
     _, p, system = case
@@ -88,6 +88,7 @@ def test_frequency_responses(case):
     assert_allclose(system.frequency_response(-OMEGA), expected.conj(), rtol=1e-9, atol=1e-14)
 
 
+@pytest.mark.few(18)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_state_space(case, realization):
     _, p, system = case
@@ -117,7 +118,7 @@ def test_moving_starts(case, hold, t):
         assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
 def test_norms(name):
     """H2 by the Lyapunov equation; H-infinity against a fine scan about the peak."""

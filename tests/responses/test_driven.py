@@ -123,6 +123,7 @@ def test_outputs_that_need_the_derivative_are_refused_by_name(name):
     assert np.isfinite(undamped[name, :].state_space().D).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("hold", ["zero", "first"])
 @pytest.mark.parametrize("order", range(3))
 def test_step_responses_are_those_of_the_exponential(order, hold):
@@ -264,6 +265,7 @@ def test_dampers_on_massless_plates_have_no_derivative_of_the_input_in_displacem
         system["plate v", :].state_space()
 
 
+@pytest.mark.slow
 def test_zeros_grids_and_reductions_are_those_of_the_motion():
     system = with_accelerometer().linearize()
     zeros = system.transmission_zeros("on wheel", "road")  # s^2 (k + c s) (M s^2 + c_s s + k_s)
@@ -344,7 +346,7 @@ def test_files_keep_motion_inputs(tmp_path):
                                   model.linearize().frequency_response(OMEGA))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("order", range(3))
 @pytest.mark.parametrize("kind", ["spring", "bushing"])
 def test_runs_of_straight_guides_are_the_linear_responses(kind, order):

@@ -58,6 +58,7 @@ def test_no_peak_and_no_dip_is_missed(ratio, seed):
     assert result > (60 if ratio < 1e-3 else 15)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.3])
 def test_every_root_near_the_axis_has_its_extremum(ratio):
     """Between neighbouring points no distance to a pole or zero changes by more than the promised share."""

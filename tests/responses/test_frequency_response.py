@@ -171,6 +171,7 @@ def test_two_mass_base_transmissibility():
     assert_allclose(result[1, 0], high - low, rtol=1e-11)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_stiffness_over_many_decades(seed):
     """Where a body is pushed, in resonance and beside it (far from there answers cancel to nothing)."""

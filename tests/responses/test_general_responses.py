@@ -20,7 +20,7 @@ from tests.support.unsymmetric import chain, massless, unsymmetric
 CHOSEN = [name for name in FAMILIES if name not in ("flutter", "massless and spin")]
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_frequency_response(family):
     system = FAMILIES[family](0)
@@ -100,6 +100,7 @@ def test_accelerations_of_massless_motions_are_refused():
     np.testing.assert_allclose(proper.time_response(t, u, "zero"), exact, rtol=1e-11, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_nearly_defective():
     """Two oscillators coupled by spin and circulation so that pairs all but meet: the equations are solved."""
     base = chain(2, 0, damp=0.0)

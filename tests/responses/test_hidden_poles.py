@@ -96,6 +96,7 @@ def free_masses(damping=1.0):
     return model.linearize()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("realization", [None, "physical", "modal", "balanced"])
 def test_relative_force_and_displacement_of_free_masses(realization):
     """1 / (mu s^2 + c s + k), mu = 3/4 kg: the centre of mass is neither driven nor seen, also where no entry is 0."""

@@ -40,6 +40,7 @@ def test_frequency_response(realization, model):
     assert_same_response(result, reference.frequency_response(omega), rtol=1e-7)
 
 
+@pytest.mark.few(1)
 @examples(15, slow=25)
 @BOTH
 @given(model=ANY)
@@ -56,6 +57,7 @@ def test_poles(realization, model):
     assert_same_eigenvalues(retained, modes.eigenvalues[flexible], rtol=1e-5)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(ANY)
 def test_physical_states_are_coordinates_and_rates(model):
@@ -72,6 +74,7 @@ def test_physical_states_are_coordinates_and_rates(model):
     assert_allclose(system.M @ ss.B[m:], system.B, rtol=0, atol=1e-12 * np.abs(system.B).max(initial=1.0))
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(ANY)
 def test_modal_states_are_blocks_of_one_mode_each(model):
@@ -89,6 +92,7 @@ def test_modal_states_are_blocks_of_one_mode_each(model):
         assert block[1, 1] == pytest.approx((first + second).real, rel=1e-9, abs=1e-12 * abs(second))
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(ANY)
 def test_modal_states_lead_back_to_coordinates(model):

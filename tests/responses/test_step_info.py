@@ -65,7 +65,7 @@ def test_a_slow_and_a_fast_real_pole():
     assert_allclose(info.overshoot, 0.0, atol=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_python_control(seed):
     rng = np.random.default_rng(seed)
@@ -118,6 +118,7 @@ def test_ports_and_table():
         assert word in text
 
 
+@pytest.mark.slow
 def test_what_does_not_settle_is_refused(monkeypatch):
     with pytest.raises(mv.ResponseError, match="the pole 0 1/s does not decay"):
         mv.StateSpace.from_arrays([[0.0]], [[1]], [[1]], 0).step_info()
@@ -164,7 +165,7 @@ def test_double_poles_beside_others():
     assert_allclose(settling[1:], np.log(50.0) / [2.0, 2.0, 5.0, 5.00005], rtol=2e-7)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("swing", [3, 8, 21])
 def test_an_excursion_between_samples_counts_for_the_settling_time(swing, beyond):

@@ -176,6 +176,7 @@ def test_a_sine_settles_on_the_frequency_response(seed):
     assert (error <= (2 * np.pi / 128) ** 2 / 8 * gain + 1e-8 * np.abs(g).max()).all()
 
 
+@pytest.mark.slow
 @examples(12, slow=28)
 @given(SMALL, seeds())
 def test_superposition_and_shift_of_time(model, seed):

@@ -33,6 +33,7 @@ def above(values):
     return np.sort(values.imag[values.imag > 0])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("n", [2, 5, 20, 120])
 def test_collocated_zeros_are_poles_with_the_driven_point_held(n):
     rng = np.random.default_rng(n)
@@ -241,6 +242,7 @@ def test_unknown_names():
         system.transmission_zeros(inputs=["g"])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("unit", [1.0, 3.0, 1e3, 1e-15])
 def test_rigid_body_modes_that_a_pair_does_not_meet_are_two_zeros_at_0_each(unit):
     """A rotor that spins freely while it whirls: none, one or both came out, as rounding would have it."""

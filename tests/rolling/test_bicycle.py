@@ -82,6 +82,7 @@ def test_other_bicycles(changes):
     assert off(got, eigenvalues(mp.mpf("3.7"), **theirs)) < ACCURACY
 
 
+@pytest.mark.slow
 def test_weave_and_capsize_speeds():
     def largest(speed, oscillates):
         values = poles(bicycle(speed=speed))[0]
@@ -178,7 +179,7 @@ def test_sensitivities_to_the_speed_are_exact():
     np.testing.assert_array_equal(system.eigenvalue_sensitivities(["travel.x"])[0], slopes)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "theirs"), [("frame.mass", "mB"), ("fork.mass", "mH"), ("frame.inertia.zz", "Bzz")])
 def test_sensitivities_to_other_parameters(name, theirs):
     system = bicycle().linearize()

@@ -231,6 +231,7 @@ def test_parameters_are_speed_and_radius():
         model.with_values({"front.radius": -1.0})
 
 
+@pytest.mark.slow
 def test_what_systems_cannot_do_they_refuse():
     system = bicycle().linearize()
     with pytest.raises(AttributeError, match="first-order equations"):

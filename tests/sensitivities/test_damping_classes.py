@@ -64,6 +64,7 @@ def test_time_responses_from_moving_starts(case):
             assert_close(result[k], slope(answer, p, name), rtol)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", APART)
 def test_eigenvalues(name):
     p = CLASSES[name]

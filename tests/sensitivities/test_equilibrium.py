@@ -144,6 +144,7 @@ def test_what_nothing_holds_is_refused_by_name():
     assert lost == ["gravity.x", "way.orientation.ry"]
 
 
+@pytest.mark.slow
 def test_forces_that_are_zero_move_the_pose_once_they_are_not():
     """A preload of 0 N on a slanted spring turns its arm, whose other spring then pulls from elsewhere."""
     model = mv.Model("arm", gravity=(0, 0, 0))

@@ -86,6 +86,7 @@ def test_gravity_beside_a_relaxing_spring_that_holds_at_rest():
         assert result.K[k] == pytest.approx((near - far) / (2 * h), rel=1e-5, abs=1e-5 * np.abs(result.K[k]).max())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["pendulum_chain", "four_bar", "slider_crank"])
 def test_parts_have_the_parameters_that_they_list(name):
     """What ``reachable`` took out of a loaded mechanism, or of one with loops, changes as the whole does."""

@@ -69,6 +69,7 @@ def test_what_a_loaded_model_refuses():
         system.mode_sensitivities()
 
 
+@pytest.mark.slow
 def test_nothing_is_larger_than_bodies_times_modes():
     sizes = []
     for n in (60, 120):

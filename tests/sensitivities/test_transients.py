@@ -158,6 +158,7 @@ def beside_a_swing(own):
     return model.linearize()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("norm", ["h2_norm", "hinf_norm"])
 def test_norms_beside_a_mode_that_does_not_decay(norm):
     """A response that is 0 has the norm 0; one that has nothing to do with the mode has the norm that it has alone."""

@@ -34,7 +34,7 @@ def test_passes_do_not_depend_on_the_samples(count, name):
     np.testing.assert_allclose(run.crossings(name, level), exact[exact < end], rtol=1e-8)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("amplitude", "count"), [(1e-9, 4), (1e-9, 40), (1e-6, 40), (1e-12, 40)])
 def test_passes_of_motions_near_the_error_of_the_run(amplitude, count):
     """Below 1e-4 of the mechanism's size errors are larger shares of the motion; no pass is lost for that."""
@@ -44,7 +44,7 @@ def test_passes_of_motions_near_the_error_of_the_run(amplitude, count):
     np.testing.assert_allclose(run.crossings("z"), exact, atol=10.0 * 1e-14 / amplitude / OMEGA + 1e-8)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 2, 8])
 def test_samples_at_whole_periods(periods):
     """All samples are alike, as if nothing moved."""

@@ -71,6 +71,7 @@ def test_a_run_goes_on_where_another_one_ended():
     assert when == pytest.approx([fall, 2 * fall, 2 * fall], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, pytest.param(41, marks=pytest.mark.slow)])
 def test_rotation_vectors_are_counted_beyond_a_turn(count):
     """Also where there are many turns from one sample to the next."""

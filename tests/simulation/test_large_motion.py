@@ -11,6 +11,7 @@ from tests.support.large_motion import SCENES, TIMES
 DATA = json.loads((Path(__file__).parents[1] / "data" / "large_motion.json").read_text())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["double_pendulum", "four_bar", pytest.param("platform", marks=pytest.mark.slow)])
 def test_positions_are_those_of_exudyn(name):
     reference = DATA[name]

@@ -10,6 +10,7 @@ from mbsvib.simulation.outputs import measured
 from mbsvib.simulation.second_order import second_order
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("angle", [0.284, 0.1415, 0.05, 0.01, 0.001])
 def test_toggle_has_its_closed_form(angle):
     """s = 2 l cos(theta): 1/2 s'' d^2 = 0.1 s' d at d = 0.2 tan(theta), where s' d = 0.4 l sin(theta) tan(theta)."""

@@ -154,6 +154,7 @@ def test_hinges_in_line():
     assert np.abs(run["ground:x"]).max() > 5.0
 
 
+@pytest.mark.slow
 def test_a_force_ends_a_run():
     model, t = with_forces(pendulum(), "pivot"), np.linspace(0.0, 2.0, 41)
     free = model.simulate(t, initial={"pivot.rz": 1.0})

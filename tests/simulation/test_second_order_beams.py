@@ -76,6 +76,7 @@ def test_a_run_settles_in_the_pose_of_equilibrium():
     assert bending == pytest.approx(linear[2] * run["w"][-1] / linear[0], rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_bent_beam_stays_in_balance():
     """Described as bent by a load, a beam has the tension of its slopes."""
     model = clamped()

@@ -145,7 +145,7 @@ def bars(crank):
     return angles[:, 199], (angles[:, 201] - angles[:, 200]) / 2e-5
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("crank", [2.5, -7.0])
 def test_initial_values_follow_through_loops(crank):
     """As the crank is turned there from the pose as described, also by more than a whole turn; and what follows."""
@@ -208,6 +208,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_within_the_integrator_ends_the_run():
     """CVODES turns it into an error of its own, after which the run went on."""

@@ -50,7 +50,7 @@ def flat_parallelogram(angle):
     return hoeken(crank=0.1, coupler=0.3, rocker=0.1, ground=0.3, angle=angle), np.pi - angle
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("distance", [1e-6, 1e-9, 0.0, -1e-3])
 def test_a_parallelogram_does_not_start_where_it_is_flat_or_beyond(distance):
     """There it may go on as an antiparallelogram: rates were anything between those of both."""
@@ -71,7 +71,7 @@ def test_a_run_stops_where_a_sample_is_at_the_flat_pose():
     assert error.value.run.rates["crank.rz"] == pytest.approx(1.0, rel=1e-6)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("distance", "rate", "samples"), [
     (1e-4, 1.0, 2), (0.02, 30.0, 2), (0.7, 1.0, 101),
     *[pytest.param(*case, marks=pytest.mark.slow) for case in ((1e-4, 1.0, 101), (1e-3, -0.5, 2), (1e-3, -0.5, 101),
@@ -101,6 +101,7 @@ def slider_crank(rod):
     return model
 
 
+@pytest.mark.slow
 def test_a_slider_crank_of_equal_lengths_stops_where_its_slider_could_stay():
     """With the slider at the pin of the crank, crank and rod may turn together."""
     with pytest.raises(mv.SimulationError, match="singular pose") as error:
@@ -109,6 +110,7 @@ def test_a_slider_crank_of_equal_lengths_stops_where_its_slider_could_stay():
     assert error.value.run.coordinates["a.rz"][-1] < np.pi / 6
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("samples", [2, 51])
 def test_a_slider_crank_passes_its_dead_centres(samples):
     run = slider_crank(0.3).simulate(np.linspace(0.0, 3.0, samples), initial={"a.rz": (0.0, 3.0)})
@@ -118,7 +120,7 @@ def test_a_slider_crank_passes_its_dead_centres(samples):
     assert run.coordinates["b.rz"] == pytest.approx(rod[0] - rod[1] - turned, abs=1e-9)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("samples", [2, 51])
 @pytest.mark.parametrize("shorter", [1e-3, 1e-5])
 def test_nearly_a_parallelogram_passes_its_nearly_flat_pose(shorter, samples):

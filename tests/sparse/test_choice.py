@@ -69,6 +69,7 @@ def test_what_needs_a_number_of_modes_says_so():
         _ = system.masses
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("count", [0, -1, 701, 2.5, True, "all"])
 def test_bad_numbers_of_modes(count):
     with pytest.raises(mv.ResponseError, match="expected a whole number from 1 to 700, the degrees of freedom"):

@@ -61,7 +61,7 @@ def test_random_mechanisms(model):
     assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, retained) < 1e-9
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(5), 2))
 @pytest.mark.parametrize("words", [
@@ -81,7 +81,7 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize(("seed", "words"), [
     (4, {"loops": 1, "kinds": ("universal", "spherical", "cylindrical")}), (3, {"loops": 1}), (4, {"loops": 1}),

@@ -6,6 +6,7 @@ import pytest
 from tests.support.random_models import moved, planar
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_redundant_rows_of_planar_loops(seed, method):

@@ -88,7 +88,7 @@ def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypat
             assert differ(model.linearize(method="sparse").frequency_response(OMEGA), expected) < 1e-9
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [
     lambda: scenes.grid(4, 3), lambda: scenes.grid(3, 3, "spherical", flat=False), lambda: scenes.ring(12),
     lambda: scenes.braced(13), lambda: mv.library.ladder(6), lambda: mv.library.stewart(),
@@ -227,7 +227,7 @@ def test_superelements_share_mass_and_stiffness():
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA)) < 1e-9
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(6), 1))
 @pytest.mark.parametrize("words", [
@@ -242,7 +242,7 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [
     "universal", "homokinetic", "screw", "cylindrical", "planar", "distance", "point_on_line",
 ])  # fmt: skip

@@ -90,6 +90,7 @@ def test_the_bound_holds():
     assert small.error_bound < 3.0 * off.max()
 
 
+@pytest.mark.slow
 def test_what_inputs_do_not_reach_is_left_out():
     """Two chains side by side: an order beyond what is excited gives the exact one."""
     one, other = truss(12, outputs=("z",), damping="stiffness"), truss(30, outputs=("z",), seed=1)

@@ -48,6 +48,7 @@ def same(model):
     return dense, sparse
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(3), 1))
 @pytest.mark.parametrize("words", [{"bodies": 4}, {"bodies": 5, "loops": 2}, {"bodies": 3, "floating": True}])

@@ -51,7 +51,7 @@ def test_lowest_modes_of_a_shaft(n):
     assert_allclose(shape, exact, atol=1e-8 * np.abs(exact).max())
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.8, 0.999])
 def test_modes_around_a_frequency(share):
     """The count of eigenvalues says that none is missed: each is the mode with the number that it should have."""

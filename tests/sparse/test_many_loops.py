@@ -21,6 +21,7 @@ SCENES = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_as_the_dense_path(name):
     model = SCENES[name]()

@@ -216,6 +216,7 @@ def series(n):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("n", [3, 60])
 def test_modes_where_all_nodes_follow_from_statics(n):
     dense, sparse = both(series(n))

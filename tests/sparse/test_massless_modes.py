@@ -99,6 +99,7 @@ def test_some_nodes_relax_and_others_follow_from_statics(n, near):
         assert_allclose(result, expected, rtol=1e-4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("n", "static", "count"), [(5, 0.0, 9), (5, 2.0, 9), (45, 2.0, 4)])
 def test_what_floats_on_maxwell_elements(n, static, count):
     """Rigid-body motions stay exactly zero, and those that relax to rest anywhere as well."""

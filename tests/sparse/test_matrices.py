@@ -41,7 +41,7 @@ def dense(mass, damping, stiffness, *ports, **words):
     return mv.System.from_matrices(*arrays, *ports, **words)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("count", [1, 7, 30])
 def test_a_chain_in_closed_form(held, count):
@@ -55,6 +55,7 @@ def test_a_chain_in_closed_form(held, count):
     assert (modes.errors < 1e-8).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("block", [6, 1])
 def test_repeated_modes_are_counted(monkeypatch, block):
     """Single vectors miss the second one of each pair, until the count finds that some are missing."""
@@ -98,6 +99,7 @@ def test_rigid_body_modes_are_at_zero():
     assert modes.strongest()[0][0].startswith("q")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("damping", ["dampers", "mass", "both"])
 def test_damping(damping):
     mass, stiffness = solid()

@@ -48,6 +48,7 @@ def test_zero_exactly_and_named(name, n):
     assert word in modes.remarks()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_as_the_dense_path_has_them(name):
     make, _ = SCENES[name]
@@ -147,6 +148,7 @@ def test_dampers_of_motions_that_are_free_but_for_underflow():
     assert_allclose(result.natural, dense.natural, rtol=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("count", [1, 2, 4, 6, 8])
 def test_preloads_that_cancel_hold_nothing(count):
     """Four rigid-body modes of the dense equations are held by rounding of preloads in the sparse ones."""

@@ -115,7 +115,7 @@ def test_forces_beside_follower_loads_and_torques(loops, follower, torque, float
     same_forces(loaded(17 + loops, 4, loops, follower=follower, torque=torque, floating=floating))
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_forces_beside_wheels(loops):
@@ -125,7 +125,7 @@ def test_forces_beside_wheels(loops):
     same_forces(model)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cardan", "locomotive", "bennett"])
 @pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_forces_beside_wheels_where_joints_are_redundant(name):
@@ -136,6 +136,7 @@ def test_forces_beside_wheels_where_joints_are_redundant(name):
     same_forces(model)
 
 
+@pytest.mark.slow
 def test_forces_in_bushings_that_turn_along():
     model = scenes.shaft(4, damping=1e-3, rotating=1e-4)
     assert model.linearize(method="sparse").circulatory is not None

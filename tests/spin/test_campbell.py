@@ -74,6 +74,7 @@ def test_jeffcott():
     np.testing.assert_allclose(critical, [10.0, 10.0, np.sqrt(50.0 / 0.06)], rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_rounding_of_undamped_modes_is_no_limit():
     """Bearings damp what bends the shaft; it turns and slides undamped, by real parts that are rounding."""
     fan = mv.Model("fan")

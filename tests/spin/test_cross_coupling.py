@@ -69,7 +69,7 @@ def test_matrices_turn_into_the_axes_of_the_world():
     np.testing.assert_allclose(system.Cq[2], force[0], rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [None, (0.0, -3.0, 9.81)])
 def test_small_finite_motion_is_the_linear_one(gravity):
     model, *_ = bearing(gravity)

@@ -54,6 +54,7 @@ def scenes(off):
 SCENES = tuple(scenes(0.0))
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("off", OFF)
 def test_residuals_and_honest_errors(scene, off):

@@ -72,7 +72,7 @@ def test_gradients_are_those_of_the_values(name):
         assert np.allclose(result[:, i], expected, rtol=1e-6, atol=1e-8 * size / p), variable
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_gradients_of_random_mechanisms_with_loops(seed):
     model = spatial(seed, bodies=3, loops=1) if seed % 2 else spatial(seed, bodies=3)

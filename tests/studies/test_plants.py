@@ -58,7 +58,7 @@ QUANTITIES = {
 }  # fmt: skip
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "form", "quantities"), [
     (sprung, OfLoop, ["rms", "damping"]), (filtered, OfLoop, ["white", "band", "peak", "gain", "damping", "frequency"]),
     (heavier, OfLoop, ["gain", "damping"]),
@@ -96,6 +96,7 @@ def test_a_gain_beside_a_spring_is_as_a_second_spring():
     assert gain.parameters == {}
 
 
+@pytest.mark.slow
 def test_damping_and_gain_together_reach_a_constraint_at_the_loop():
     """The damper does what the gain leaves: 2 zeta w m = c + g of a velocity gain, closed form of one mass."""
     model = two()
@@ -113,6 +114,7 @@ def test_damping_and_gain_together_reach_a_constraint_at_the_loop():
     assert result.values["g"] == pytest.approx(0.4 * np.sqrt(k * mass) - 1.0, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_tolerances_of_a_loop_are_those_of_the_springs_it_stands_for():
     share = {"g": "5 %", "suspension.stiffness": "2 %"}  # variables keep this order
     of = {"f": st.frequency(), "z": st.gain("body.z", "load", 1.0)}

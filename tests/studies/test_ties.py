@@ -147,6 +147,7 @@ def test_sensitivities_of_a_turned_model_are_slopes_of_the_values_given(size):
         st.rates_at(model, {})
 
 
+@pytest.mark.slow
 def test_functions_are_searched_and_swept():
     model, power = car(), Power(1e4)
     result = st.optimize(model, {"x": (0.5, 3.0), "y": (-0.01, 3.0)}, (st.frequency(1) - 1.3) ** 2 * 100

@@ -50,6 +50,7 @@ def test_a_front_that_no_weighted_sum_finds():
     assert np.diff(front.values["a"]).max() < 0.2
 
 
+@pytest.mark.slow
 def test_quantities_of_the_equations_and_a_constraint():
     """A lighter plate against a lower frequency, no stiffer than a bound: f = sqrt(k / m) / 2 pi."""
     quantities = {"mass": studies.variable(X), "f": studies.frequency(1)}

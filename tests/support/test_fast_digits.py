@@ -19,6 +19,7 @@ def matrix(request, precision):
     return rows if request.param == "real" else rows * mpmath.mpc(0, 1) + rows.T
 
 
+@pytest.mark.few(2)
 def test_matrices(matrix, precision):
     mp = mpmath
     assert mp.mnorm(fast_digits.product(matrix, matrix) - matrix * matrix) < precision

@@ -25,6 +25,7 @@ def test_without_loads_it_is_the_linearisation_of_random_trees(seed):
     agree(model, model.linearize())
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_without_loads_it_is_the_linearisation_of_planar_loops(seed):
     model = planar(seed, bodies=4, loops=2)

@@ -42,6 +42,7 @@ def test_values_stay_within_bounds_and_have_slopes(far):
         np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_random_starts_lie_about_the_start():
     """Of free values by their spread, of positive ones by that of the logarithm; those beyond bounds are moved in."""
     unknowns, rng = Unknowns.of(VALUES), np.random.default_rng(0)
@@ -127,7 +128,7 @@ PEAKS = [G.hinf("x", "F"), G.hinf("v", "F"), G.hinf("x", "F", mv.isolation.shape
          G.rolloff(0.1, 20.0)]  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("goal", PEAKS, ids=lambda goal: goal.label)
 @pytest.mark.parametrize("sensor", ["v", "x"])
 def test_a_search_is_told_where_the_library_finds_peaks(goal, sensor):

@@ -40,6 +40,7 @@ def dense_norm(loop, outputs, inputs):
     return float(np.linalg.svd(g, compute_uv=False)[:, 0].max())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("unit", [1.0, 1e-6])
 def test_skyhook_of_least_rms_has_its_closed_form(unit):
     """White force S and sensor noise n: rms^2 = (S + c^2 n) / (4 c k) is least at c = sqrt(S / n), in any unit."""

@@ -57,6 +57,7 @@ def closings(channels, w, count=8):
 CASES = [(0, (1, 2), (1, 2), 0.2), (1, (2,), (2, 1), 0.25), (2, (1, 1), (0, 0), 0.3), (3, (2, 1), (1, 1), 0.1)]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", CASES)
 def test_an_interval_ends_where_phi_does(case):
     channels, ends = made(*case), 0
@@ -76,6 +77,7 @@ def test_an_interval_ends_where_phi_does(case):
     assert ends
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", CASES)
 def test_all_changes_of_sign_are_candidates(case):
     channels, found = made(*case), 0

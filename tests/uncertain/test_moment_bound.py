@@ -27,7 +27,7 @@ def value(coefficients, own, x):
     return np.tensordot(products, coefficients, axes=1)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("limits", "exact"), [
     ({"s.damping": (2.0, 5.0)}, 1.0 / (4.0 * 2.0 * K)),
     ({"s.stiffness": 0.2, "s.damping": (2.0, 5.0)}, 1.0 / (4.0 * 2.0 * 0.8 * K)),

@@ -46,6 +46,7 @@ def test_bands_serve_where_polynomials_do_not():
     assert 1.05 * softest < worst.upper["z"] < 2.3 * softest
 
 
+@pytest.mark.slow
 def test_no_bound_where_values_make_it_unstable():
     worst = oscillator(c=0.5).linearize().uncertain({"s.damping": (-0.1, 2.0)}).worst_rms("x", {"F": 1.0})
     assert worst.lower["x"] == worst.upper["x"] == np.inf
@@ -91,7 +92,7 @@ def test_gains_of_samples_are_those_of_closed_equations():
     assert np.abs(vertices.mean(axis=0)).max() < 0.5
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("band", [(0.0, 0.3), (0.8, 1.3), (3.0, 40.0)])
 def test_bounds_over_bands_are_above_the_integral_of_the_worst_gains(band):
     c = channels()

@@ -213,6 +213,7 @@ def test_scalings_of_a_repeated_parameter():
         assert (best_scalings(matrix, (3,), 0, 0.0)[1] > 0.0) is expected, a
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("sizes", "ports"), [((1,), (0, 0)), ((2, 1), (0, 0)), ((1, 1), (1, 2)), ((3,), (2, 1))])
 def test_no_other_scalings_are_better(sizes, ports):
     """The least eigenvalue of Phi is concave: what no small change with the same trace improves is the best."""
@@ -287,6 +288,7 @@ def test_a_gain_that_is_highest_within_the_limits():
     assert values_at(plant, delta)["k2.stiffness"] == pytest.approx(best, abs=30.0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 def test_a_gain_is_proven_above_its_peak_only(size):
     """1 / (s + 2 + 0.5 d) has the gain 1 / 1.5 at most."""
@@ -356,7 +358,7 @@ def test_a_free_body_that_nothing_shows_changes_no_bound():
     np.testing.assert_allclose(found, bounds(False), rtol=1e-6)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [False, True])
 def test_loops_are_those_of_the_plant_at_other_values(noise):
     """Closed one after the other, with the noise of the first controller."""

@@ -52,7 +52,7 @@ def test_states_that_are_listed_give_the_equations(units):
     np.testing.assert_allclose(state_space_of_unit(listed).A, plant().state_space("physical").A, rtol=1e-12)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 def test_hidden_states_need_a_system(units):
     _, hidden, law = units
     with pytest.raises(mv.ExportError, match=r"lists no states, .*systems={'plant': system}"):

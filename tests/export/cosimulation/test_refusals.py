@@ -149,7 +149,7 @@ def test_units_of_the_first_version(tmp_path):
     refused(r"old\.fmu: is an FMU of FMI 1\.0; expected 2\.0 or 3\.0", tmp_path / "old.fmu", speed_feedback(), H)
 
 
-@pytest.mark.few(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("lacks", "message"), [
     (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),
      {"slopes": "'law' gives no derivatives of outputs", "iteration": "'law' does not support repeated steps"}),

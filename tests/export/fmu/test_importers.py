@@ -36,7 +36,7 @@ def imported(file, folder):
     return builder, builder.create("f", ["x", "u", "p"], ["ode", "y"])
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("name", "version"), EITHER)
 def test_casadi_takes_values_and_jacobians(name, version, tmp_path):
     system = library.models()[name][0]().linearize()
@@ -82,7 +82,7 @@ def test_casadi_takes_jacobians_to_parameters(version, tmp_path):
     assert close(result["jac_y_p"], np.array(outputs).T)
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("name", "version"), EITHER)
 def test_fmpy_runs_every_library_model(name, version, tmp_path):
     """Co-simulation against scipy; model exchange against the equations; the validator finds nothing."""

@@ -38,6 +38,7 @@ def rewritten(path, goal, change):
     return goal
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize("case", SYSTEMS)
 def test_numbers_in_the_archive_are_those_of_the_binary(case, version, tmp_path):
