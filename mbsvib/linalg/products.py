@@ -27,17 +27,19 @@ def gram_matrix(factor: Array) -> Array:
     return _square(factor)
 
 
-# Rounding of a sum of n like terms, over n EPS, seen in up to 1000 equal ones: roundings of partial sums may all go one
-# way. Up to ``COVERED`` terms, the bounds of two or more roundings cover it.
-DRIFT, COVERED = 0.0625, 16
+# Rounding of a sum of n like terms, over n EPS, seen in up to 100 000 equal ones: roundings of partial sums may all go
+# one way, in each of the pieces in which products add them, and over the pieces. Up to ``COVERED`` terms, the bounds of
+# two or more roundings cover it.
+DRIFT, COVERED, PIECE = 0.0625, 16, 256
 
 
 def drift(*factors: Array) -> float:
     """Return the relative rounding of sums of squares in the columns of factors (r, m), which may all go one way, as
     those of many equal springs do; 0 for few rows.
     """
-    most = [np.count_nonzero(rows, axis=0).max(initial=0) for rows in factors if len(rows) > COVERED]
-    return DRIFT * EPS * max(0, max(most, default=0) - COVERED)
+    counts = [np.count_nonzero(rows, axis=0).max(initial=0) for rows in factors if len(rows) > COVERED]
+    most = int(max(counts, default=0))
+    return DRIFT * EPS * max(0, min(most - COVERED, PIECE + most // PIECE))
 
 
 def weighted_gram(rows: Array, value: Array) -> Array:

@@ -156,7 +156,7 @@ def _as_it_is(
         return None
     phi = shapes[:, inaccurate]
     h, e = scene.w @ phi, scene.stretch(phi)
-    mass, energy = np.einsum("ij,ij->j", h, h), np.einsum("ij,ij->j", e, e)
+    mass, energy = (h.T @ h).diagonal(), (e.T @ e).diagonal()
     bound[inaccurate] += _rounding(scene.e, phi, e, EPS * np.sqrt(elastic[inaccurate]) * energy, energy, rtol) / energy
     bound[inaccurate] += _rounding(scene.w, phi, h, EPS * cancel[inaccurate], mass, rtol)
     square[inaccurate] = energy / mass
