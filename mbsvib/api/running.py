@@ -206,11 +206,15 @@ def cycle_of(
     symbols only: its equations are used, and its motion if it is the same.
     """
     _check_casadi()
-    from mbsvib.cycles.elastic import with_elastic_motion
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
     from mbsvib.cycles.machine import machine
 
-    return inverse_dynamics(with_elastic_motion(machine(model, **kwargs, like=like), period), Cycle)
+    plant = machine(model, **kwargs, like=like)
+    if plant.statement.elastic:
+        from mbsvib.cycles.elastic import with_elastic_motion
+
+        plant = with_elastic_motion(plant, period)
+    return inverse_dynamics(plant, Cycle)
 
 
 def compiled_for(model: Mechanism, kwargs: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:

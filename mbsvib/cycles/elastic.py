@@ -27,7 +27,7 @@ from scipy.linalg import qr
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from mbsvib.common.arrays import Array
-from mbsvib.cycles.prescribed import EVEN, Prescribed, period_of
+from mbsvib.cycles.prescribed import RESOLVED, Prescribed, period_of
 from mbsvib.errors import AccuracyWarning, ModelError, SingularPoseError
 from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.evaluation import matrices
@@ -42,9 +42,8 @@ Slopes = tuple[Array, Array, Array]
 STEPS, CONVERGED = 20, 1e-10
 # Relative residual of GMRES, and its iterations before a restart, and restarts.
 TOLERANCE, KRYLOV, RESTARTS = 1e-11, 150, 4
-# Highest harmonics above this share of the largest are not resolved by the samples; motions that differ by more after
-# a period do not repeat.
-RESOLVED, REPEATS = 1e-6, 1e-3
+# Prescribed motions that differ from their harmonics by more than this share do not repeat after the period.
+REPEATS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -74,12 +73,10 @@ class Spectral:
 
 
 def with_elastic_motion(plant: Machine, period: float | None) -> Machine:
-    """Return a machine with the periodic motion of its beams and superelements; itself if it has none.
+    """Return a machine with the periodic motion of its beams and superelements.
 
     ``period`` [s]: that over which the samples are evenly spread; default: one turn of a drive at constant speed.
     """
-    if not plant.statement.elastic:
-        return plant
     spectral = Spectral(period_of(plant.motion, period))
     free = _independent(plant)
     _check_repeats(plant, spectral, free)
@@ -211,11 +208,9 @@ def _check_repeats(plant: Machine, spectral: Spectral, free: tuple[str, ...]) ->
     time = np.arange(len(motion.values))[:, None] * period / len(motion.values)
     rates = spectral.derivatives(motion.values - mean * time)[0] + mean
     agrees = np.abs(rates - motion.rates).max() <= REPEATS * np.abs(motion.rates).max()
-    if agrees and not np.any(np.ptp(motion.rates, axis=0) > EVEN * np.abs(mean)):
-        ends = replace(plant, motion=replace(
-            motion, values=motion.values[0] + np.array([[0.0], [period]]) * mean, rates=np.tile(mean, (2, 1)),
-            accelerations=np.zeros((2, len(mean)))))  # fmt: skip
-        ways = _driven(ends, free, np.zeros((2, len(free))), spectral).solved.coefficients
+    ends = motion.ends(period)
+    if agrees and ends is not None:
+        ways = _driven(replace(plant, motion=ends), free, np.zeros((2, len(free))), spectral).solved.coefficients
         agrees = bool(np.abs(ways[1] - ways[0]).max() <= RESOLVED * np.abs(ways).max())
     if not agrees:
         raise ModelError(f"cycle: the motion of '{plant.model.name}' does not repeat after {period:.6g} s; beams and "

@@ -22,7 +22,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.cycles.inverse_dynamics import inverse_dynamics
-from mbsvib.cycles.prescribed import EVEN, period_of
+from mbsvib.cycles.prescribed import RESOLVED, period_of
 from mbsvib.cycles.result import CycleData
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11
-# Highest harmonics above this share of the largest are not resolved by the samples; coefficients that differ by more
-# after a period do not repeat.
-RESOLVED = 1e-6
 # Multipliers this near to the unit circle are on it.
 NEUTRAL = 1e-7
 
@@ -182,13 +179,9 @@ def _in_unit_inertia(mass: Array, damping: Array, stiffness: Array, period: floa
 
 def _check_repeats(cycle: CycleData, which: list[int], period: float) -> None:
     """Refuse a period after which drives at constant speed leave the mechanism with other coefficients."""
-    motion = cycle.machine.motion
-    rates = motion.rates[0]
-    if np.any(np.ptp(motion.rates, axis=0) > EVEN * np.abs(rates)):
-        return  # the motion after the samples is not known
-    ends = replace(motion, values=motion.values[0] + np.array([[0.0], [period]]) * rates,
-                   rates=motion.rates[:1].repeat(2, axis=0),
-                   accelerations=motion.accelerations[:1].repeat(2, axis=0))  # fmt: skip
+    ends = cycle.machine.motion.ends(period)
+    if ends is None:
+        return
     after = inverse_dynamics(replace(cycle.machine, motion=ends, known=None), CycleData)
     start, end = _in_unit_inertia(*_coefficients(after, which), period)
     if np.abs(end - start).max() > RESOLVED * np.abs(start).max():

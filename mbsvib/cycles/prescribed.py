@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 WHO = "cycle"
 # Samples are evenly spread over a period to this share of it.
 EVEN = 1e-9
+# Highest harmonics above this share of the largest are not resolved by the samples; what differs by more after a period
+# does not repeat.
+RESOLVED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,16 @@ class Prescribed:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints of the drives."""
         return tuple(name.rpartition(".")[0] for name in self.names)
+
+    def ends(self, period: float) -> Prescribed | None:
+        """Return the motion at its start and after a period [s] of drives at constant speed; None of any others, whose
+        motion after the samples is not known.
+        """
+        rates = self.rates[0]
+        if np.any(np.ptp(self.rates, axis=0) > EVEN * np.abs(rates)):
+            return None
+        both = (array[:1].repeat(2, axis=0) for array in (self.rates, self.accelerations))
+        return Prescribed(self.names, self.values[0] + np.array([[0.0], [period]]) * rates, *both)
 
     def at_sample(self, i: int) -> str:
         """Return the values of the drives at sample i in words."""
