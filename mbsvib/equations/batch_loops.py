@@ -78,12 +78,10 @@ class Block:
         """Whether there are rows beside those of A."""
         return bool(self.rows.shape[1] > self.dependent.shape[1])
 
-    def row_scale(self, cuts: Cuts) -> Array:
-        """Return factors (..., g, rows) that make the rows dimensionless."""
-        if cuts.couplings is None:
-            return cuts.row_scale(self.length, self.rows)
-        each = zip(self.length[:, 0].tolist(), self.rows, strict=True)
-        return np.stack([cuts.row_scale(length, rows) for length, rows in each], axis=-2)
+    @property
+    def columns(self) -> Index:
+        """All columns (g, columns), dependent ones first."""
+        return np.concatenate((self.dependent, self.others), axis=1)
 
     def unit(self, coordinates: Twists, columns: Index) -> Array:
         """Return factors (g, columns) that make coordinates dimensionless."""
@@ -179,9 +177,9 @@ def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: R
 
 def _scaled(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> Array:
     """Phi of groups of loops, rows of A first, dependent columns first, (variants, g, rows, columns) without units."""
-    columns = np.concatenate((block.dependent, block.others), axis=1)
+    columns = block.columns
     result: Array = phi.reshape(len(phi), -1).take(block.rows[:, :, None] * phi.shape[2] + columns[:, None], axis=1)
-    result *= block.row_scale(cuts)[..., None]
+    result *= cuts.row_scale(block.length, block.rows)[..., None]
     result *= block.unit(coordinates, columns)[:, None]
     return result
 
@@ -298,7 +296,8 @@ def closure_along(
     result = np.broadcast_to(before, (*change.shape[:-2], *before.shape[-2:])).astype(complex)
     for block in pivots.blocks:
         kept = block.dependent.shape[1]
-        row_scale, column_scale = block.row_scale(cuts)[..., None], block.unit(coordinates, block.dependent)
+        row_scale = cuts.row_scale(block.length, block.rows)[..., None]
+        column_scale = block.unit(coordinates, block.dependent)
         matrix = row_scale * phi.real[:, block.rows[:, :, None], block.dependent[:, None]] * column_scale[:, None]
         right = row_scale * change[:, block.rows]
         regular = ~near_singular(inverse_of(matrix[..., :kept, :])[1], block.reciprocal_condition)
@@ -307,9 +306,8 @@ def closure_along(
         solution[~regular] = np.linalg.pinv(matrix[~regular]) @ right[~regular]
         result.imag[:, block.dependent] = -column_scale[..., None] * solution
         left = np.abs(right - matrix @ solution)
-        columns = np.concatenate((block.dependent, block.others), axis=1)
-        unit = block.unit(coordinates, columns)[..., None]
-        largest = (np.abs(before[..., columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
+        unit = block.unit(coordinates, block.columns)[..., None]
+        largest = (np.abs(before[..., block.columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
         moved = np.stack([_moved(values, group.length) for group in block.groups], axis=-1)
         lost |= (left > ZERO_ALONG * moved[..., None, None] * largest).any(axis=(1, 2, 3))
     return replace(nominal, matrix=result), lost

@@ -92,16 +92,16 @@ class Cuts:
 
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
         """Return factors (..., rows) that make some rows dimensionless, with ``length`` [m] as the unit of length: one
-        for all, or one for each of them (..., members), or (..., 1).
+        for all, or one for each of them (..., members), or (..., 1). ``members`` may be of any shape, (groups, rows).
         """
         scale = np.where(self.translates[members], 1.0 / length, 1.0)
         if self.couplings is None:
             return scale
         number = np.arange(len(self.translates))[members]
-        at = np.flatnonzero(number >= len(self.rows.first))
+        at = number >= len(self.rows.first)
         lengths = np.broadcast_to(length, scale.shape)[..., at]
         coupled = self.couplings.row_scale(lengths, number[at] - len(self.rows.first))
-        result = np.broadcast_to(scale, (*coupled.shape[:-1], scale.shape[-1])).copy()
+        result = np.broadcast_to(scale, (*coupled.shape[:-1], *number.shape)).copy()
         result[..., at] = coupled
         return result
 
