@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.batch_assembly import batch_plan
+from mbsvib.equations.batch_equations import of_variant
 from mbsvib.equations.batch_values import Values, with_checked_parts
 from mbsvib.equilibrium.posed_variants import PosedVariants, pose_coordinates
 from mbsvib.errors import ModelError, counted, nearest
@@ -171,7 +172,8 @@ class Plant(Displayed):
             As of ``plant(values)``.
         """
         array, single = self._checked(values)
-        return self.system(values).modes() if single else self._batch(array).modes()
+        batch = self._batch(array)
+        return cast("System", of_variant(batch, 0)).modes() if single else batch.modes()
 
     def eigenvalues(self, values: ArrayLike, gradient: bool = False) -> Complex | tuple[Complex, Complex]:
         """Return the eigenvalues for values of the parameters, with their derivatives if asked for.

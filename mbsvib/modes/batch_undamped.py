@@ -56,10 +56,11 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
-    errors += drift(batch.elastic_rows[0], batch.inertia_factor[0])
+    rounding = drift(batch.elastic_rows[0], batch.inertia_factor[0])
+    errors += rounding
     inaccurate = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
     if len(inaccurate):
-        refined = _refined(batch, inaccurate, shapes[inaccurate])
+        refined = _refined(batch, inaccurate, shapes[inaccurate], rounding)
         square[inaccurate], shapes[inaccurate], errors[inaccurate], unresolved = refined
         accurate[inaccurate] = unresolved <= rtol
     return UndampedBatch(square, shapes, errors, accurate)
@@ -80,8 +81,13 @@ def _growth(batch: BatchEquations, shapes: Array) -> Array:
     return np.asarray((np.sqrt(np.einsum("vii->vi", batch.M))[:, None] @ np.abs(shapes))[:, 0])
 
 
-def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
-    """Frequencies from the factors, orthonormalized shapes, errors, and the largest error that other solvers reduce."""
+def _refined(
+    batch: BatchEquations, which: Index, shapes: Array, rounding: float
+) -> tuple[Array, Array, Array, Array]:
+    """Frequencies from the factors, orthonormalized shapes, errors, and the largest error that other solvers reduce.
+
+    ``rounding``: that of sums over many rows, see ``drift``.
+    """
     rows = batch.elastic_rows[which] * np.sqrt(batch.row_stiffness[which])[:, :, None]
     h = batch.inertia_factor[which] @ shapes
     length = np.sqrt(np.einsum("vij,vij->vj", h, h))[:, None]
@@ -103,7 +109,7 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
-    errors += EPS * (2.0 + ROUNDING * growth) + drift(batch.elastic_rows[0], batch.inertia_factor[0])
+    errors += EPS * (2.0 + ROUNDING * growth) + rounding
     angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
     inertia[:, at, at] = 0.0
     phi = _orthonormalized(phi, inertia, angle)
