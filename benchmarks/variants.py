@@ -17,9 +17,6 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import statistics
-import time
-
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -29,6 +26,7 @@ from mbsvib import library
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.stages import median  # noqa: E402
 from tests.support.exact import Exact  # noqa: E402
 
 MANY = 1000
@@ -63,16 +61,6 @@ TASKS = {
 }
 
 
-def seconds(call, repeat):
-    """Median CPU time of a call [s]."""
-    times = []
-    for _ in range(repeat):
-        start = time.process_time()
-        call()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
-
-
 def sizes(eigenvalues):
     """Natural frequencies [rad/s], ascending."""
     return np.sort(np.abs(eigenvalues), axis=-1)
@@ -90,7 +78,7 @@ def measure(task, repeat):
     for way, (call, count) in ways.items():
         found = sizes(np.array(call())[:EXACT])
         errors = [np.max(np.abs(a / b - 1.0)) for a, b in zip(found, exact, strict=True)]
-        result[way] = 1e3 * seconds(call, repeat) / count, float(max(errors))
+        result[way] = median(call, repeat) / count, float(max(errors))
     return result
 
 
