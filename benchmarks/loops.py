@@ -31,6 +31,12 @@ def timed(function, least: float = 0.3):
     return result, float(np.median(times))
 
 
+def slope_of(function, at: float, step: float) -> float:
+    """The derivative of a function, by differences of fourth order."""
+    far, near = (function(at + k * step) - function(at - k * step) for k in (2, 1))
+    return float((8.0 * near - far) / (12.0 * step))
+
+
 def by_residues(space, output, source):
     """The mean square under white noise of density 1, half the sum over pole pairs of -r_i r_j / (p_i + p_j)."""
     poles, right = np.linalg.eig(space.A)
@@ -66,9 +72,7 @@ def noise() -> None:
         other = isolation.actuated(mv.library.cubic_hexapod(stiffness=stiffness, damping=20.0), "platform")
         return float(other.system.feedback(law).rms("z", {"Fz": 1.0})["z"])
 
-    h = 100.0
-    slope = (8 * (at(2e5 + h) - at(2e5 - h)) - at(2e5 + 2 * h) + at(2e5 - 2 * h)) / (12 * h)
-    print(f"sensitivity: {abs(value / slope - 1):.0e} off differences of fourth order")
+    print(f"sensitivity: {abs(value / slope_of(at, 2e5, 100.0) - 1):.0e} off differences of fourth order")
 
 
 def sampled(m: float = 2.0, c: float = 1.5, k: float = 800.0, gain: float = 20.0, step: float = 5e-3) -> None:
@@ -93,6 +97,16 @@ def sampled(m: float = 2.0, c: float = 1.5, k: float = 800.0, gain: float = 20.0
     f = np.concatenate(([0.0], np.geomspace(1e-4, 2e4, 200_001)))
     area = np.trapezoid(loop.psd("x", {"F": 1.0}, f)[0], f)
     print(f"sampled: {abs(value / exact - 1):.0e} off lifted equations, the area of the density {area / exact - 1:.0e}")
+    law, sources = isolation.force_feedback(stage(), 120.0, leak=6.0), {"leg*.k.force.noise": 1.0, "Fz": 1.0}
+
+    def budget(stiffness: float):
+        active = isolation.actuated(mv.library.cubic_hexapod(stiffness=stiffness, damping=20.0), "platform")
+        return active.system.feedback(law, noise=True).sampled(2000.0, 2e-4).budget(sources, "z")
+
+    here = budget(2e5)
+    slopes, spent = timed(lambda: here.sensitivities()["z"])
+    error = abs(slopes["leg1.k.stiffness"] * 6.0 / slope_of(lambda k: budget(k).rms["z"], 2e5, 200.0) - 1.0)
+    print(f"sampled, {len(slopes)} sensitivities: {error:.0e} off differences of fourth order, {1e3 * spent:.0f} ms")
 
 
 def near_poles() -> None:

@@ -26,6 +26,22 @@ def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, 
     return left @ (np.eye(n) + half * a), step * (left @ b), gain, d + half * gain @ b
 
 
+def tustin_gradient(a: Array, b: Array, c: Array, gradient: Array, step: float) -> Array:
+    """Return the gradient to [A B; C D], of one to [Ad Bd; Cd Dd] by Tustin's rule (states + outputs, states + inputs).
+
+    ``a``, ``b``, ``c``, ``step``: as of ``tustin``.
+    """
+    n, half = len(a), 0.5 * step
+    left = np.linalg.inv(np.eye(n) - half * a)
+    to_a, to_b, to_c, to_d = gradient[:n, :n], gradient[:n, n:], gradient[n:, :n], gradient[n:, n:]
+    to_left = 2.0 * to_a + step * to_b @ b.T + c.T @ (to_c + half * to_d @ b.T)
+    result = gradient.copy()
+    result[:n, :n] = half * left.T @ to_left @ left.T
+    result[:n, n:] = left.T @ (step * to_b + half * c.T @ to_d)
+    result[n:, :n] = (to_c + half * to_d @ b.T) @ left.T
+    return result
+
+
 def inverse_tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, Array]:
     """Return the continuous equations of which Tustin's rule makes these discrete-time ones.
 

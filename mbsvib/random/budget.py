@@ -181,7 +181,7 @@ class Budget(Columnar, Displayed):
         """Return the derivatives of the root mean squares to parameters of the mechanism.
 
         d rms / dp = (2 tr(Q dA P) + 2 tr(Q dB W B^T) + 2 dC P C^T) / (2 rms), with the Gramians P and Q; likewise of
-        integrals
+        integrals, and of the parts of a period of a sampled loop
 
         Parameters
         ----------
@@ -199,7 +199,7 @@ class Budget(Columnar, Displayed):
         ModelError
             If a parameter is unknown, or there is no mechanism.
         ResponseError
-            If the loop is sampled, or the weighting is an average over a time.
+            If the weighting is an average over a time, or the loop is sampled and noise is given by tables or a band.
 
         Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 4.3, for the Gramians.
         """
@@ -218,7 +218,7 @@ class Budget(Columnar, Displayed):
         Raises
         ------
         ResponseError
-            If there is no controller, the loop is sampled, or the weighting is an average over a time.
+            If there is no controller, or as of ``sensitivities``.
         """
         from mbsvib.random.slopes import law_sensitivities
 

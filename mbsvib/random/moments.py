@@ -68,6 +68,19 @@ class Filtered:
         n, k = len(self.plant.a), len(self.sources.a)
         return slice(0, n), slice(n, n + k), slice(n + k, None)
 
+    def to_plant(self, gradient: Array) -> Array:
+        """Return the gradient to [A B; C D] of the plant, (n + outputs, n + sources), of one to those of ``all``.
+
+        A change of the plant adds to the others that times what goes from (x, w) to (x, u) and from (x', y) to (x', z).
+        """
+        (x, f, z), source, output = self.slices, self.sources, self.outputs
+        n, (states, white), shown = len(self.plant.a), self.all.b.shape, len(self.all.c)
+        before = np.zeros((n + len(source.c), states + white))
+        before[:n, x], before[n:, f], before[n:, states:] = np.eye(n), source.c, source.d
+        after = np.zeros((states + shown, n + output.b.shape[1]))
+        after[x, :n], after[z.start : states, n:], after[states:, n:] = np.eye(n), output.b, output.d
+        return np.asarray(after.T @ gradient @ before.T)
+
 
 @lru_cache(maxsize=64)
 def in_rows(filters: tuple[Shaped | None, ...], levels: bool) -> Equations:

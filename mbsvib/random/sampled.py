@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.loop import LoopPlant
 from mbsvib.feedback.noise import NOISE
 from mbsvib.feedback.sampled_norm import mean_squares
 from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers
+from mbsvib.feedback.sampled_slopes import square_slopes
 from mbsvib.random.mean_squares import MeanSquares, Random
 from mbsvib.random.moments import Equations, filtered
 from mbsvib.responses import extrema
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.sampled import SampledLoop
+    from mbsvib.random.moments import Filtered
 
 WHITE = "white."  # inputs of the filters of noise
 
@@ -54,7 +57,7 @@ class SampledRandom(Random):
         if rational:
             parts[:, rational] = self._moments(rational)
         if tables:
-            loop = self._filtered([]).with_ports(None, [self.sources.names[k] for k in tables])
+            loop = self._among_filters([])[0].with_ports(None, [self.sources.names[k] for k in tables])
             chosen = replace(self.sources, names=loop.inputs,
                              densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
             rule = replace(self, sources=chosen).rule()
@@ -108,31 +111,52 @@ class SampledRandom(Random):
         return [k for k, name in enumerate(self.sources.names) if self._is_sequence(name)]
 
     def _moments(self, which: list[int]) -> Array:
-        loop = self._filtered(which)
-        loop = loop.with_ports(None, [f"{WHITE}{self.sources.names[k]}" for k in which])
+        loop, intensities = self._by_white_noise(self._among_filters(which)[0], which)
         space, (shown, into), (y, _) = loop.plant.space, loop.selected_ports, loop.ports
-        plain = np.array([k in self._sequences and not len(self.sources.densities[k].poles) for k in which])
-        at_once = (space.D[np.ix_(y, into)] != 0.0).any(axis=0) & ~plain
+        at_once = (space.D[np.ix_(y, into)] != 0.0).any(axis=0) & (intensities == 0.0)
         # what is sampled directly has no bound; it is left out of the sums, and told
         sampled = replace(loop, plant=LoopPlant(replace(space, D=_without(space.D, y, into, at_once))))
-        squares = mean_squares(sampled, np.where(plain, loop.rate, 0.0))
+        squares = mean_squares(sampled, intensities)
         squares[:, at_once] = np.inf
         squares[space.D[np.ix_(shown, into)] != 0.0] = np.inf
         return squares
 
-    def _filtered(self, which: list[int]) -> SampledLoop:
-        """The loop with outputs behind their filters, and white noise before those of some sources as inputs."""
+    def square_gradient(self, row: int) -> tuple[Array, Array]:
+        """Return the gradients of the mean square of one output, which is finite, to [A B; C D] of the plant with its
+        noise, and of the controller.
+        """
+        which = [*range(len(self.sources.names))]
+        if self.band is not None or any(isinstance(part, Table) for part in self.sources.densities):
+            raise ResponseError(f"sensitivities: '{self.linear.name}' is sampled; expected densities that are numbers "
+                                f"(white noise) or isolation.shaped(...), and no band. Ask loop.continuous for others."
+                                )  # fmt: skip
+        among, filters, ports = self._among_filters(which)
+        driven, intensities = self._by_white_noise(among, which)
+        slopes = square_slopes(driven.with_ports(driven.outputs[row], None), intensities)
+        space = self.linear.plant.space
+        return ports.back(filters.to_plant(slopes.plant), (space.A, space.B, space.C, space.D)), slopes.law
+
+    def _by_white_noise(self, loop: SampledLoop, which: list[int]) -> tuple[SampledLoop, Array]:
+        """The loop among filters from white noises of some sources, and the variances of those that are sequences."""
+        plain = np.array([k in self._sequences and not len(self.sources.densities[k].poles) for k in which])
+        driven = loop.with_ports(None, [f"{WHITE}{self.sources.names[k]}" for k in which])
+        return driven, np.where(plain, loop.rate, 0.0)
+
+    def _among_filters(self, which: list[int]) -> tuple[SampledLoop, Filtered, Gathered]:
+        """The loop with outputs behind their filters, and white noise before those of some sources as inputs; its
+        equations, and which of the ports among filters are which of the plant.
+        """
         loop, space = self.linear, self.linear.plant.space
-        into = [*range(len(space.inputs)), *[space.inputs.index(self.sources.names[k]) for k in which]]
-        out = [*range(len(space.outputs)), *[space.outputs.index(name) for name in loop.outputs]]
+        ports = Gathered([*range(len(space.outputs)), *[space.outputs.index(name) for name in loop.outputs]],
+                         [*range(len(space.inputs)), *[space.inputs.index(self.sources.names[k]) for k in which]]
+                         )  # fmt: skip
         before = [*[None] * len(space.inputs), *[self.sources.densities[k].filter for k in which]]
         after = [*[None] * len(space.outputs), *[None if weight is None else weight.filter for weight in self.weights]]
-        plant = Equations(space.A, space.B[:, into], space.C[out], space.D[np.ix_(out, into)])
+        filters = filtered(Equations(*ports.of((space.A, space.B, space.C, space.D))), before, after)
         names = tuple([f"filtered.{name}" for name in loop.outputs])
         inputs = (*space.inputs, *[f"{WHITE}{self.sources.names[k]}" for k in which])
-        whole = space.from_arrays(*filtered(plant, before, after).all, inputs, (*space.outputs, *names),
-                                  name=space.name)  # fmt: skip
-        return replace(loop, plant=LoopPlant(whole), selection=(names, inputs))
+        whole = space.from_arrays(*filters.all, inputs, (*space.outputs, *names), name=space.name)
+        return replace(loop, plant=LoopPlant(whole), selection=(names, inputs)), filters, ports
 
     def densities(self, f: Array) -> Array:
         """Return the densities (outputs, s + 1, n) due to each source; correlation adds nothing."""
@@ -153,7 +177,7 @@ class SampledRandom(Random):
 
     def _folded_filter(self, k: int, w: Array) -> Complex:
         """What sampling folds of filtered white noise into the forces demanded, (n, actuators, actuators)."""
-        loop = self._filtered([k]).with_ports(None, f"{WHITE}{self.sources.names[k]}")
+        loop = self._among_filters([k])[0].with_ports(None, f"{WHITE}{self.sources.names[k]}")
         return 2.0 * folded(loop, w, np.zeros(0, dtype=np.intp))[:, 0]  # unit intensity is a density of 2
 
     def _folded_table(self, k: int, f: Array) -> Complex:

@@ -2,12 +2,14 @@
 
 With A P + P A^T + B W B^T = 0 and A^T Q + Q A + C^T C = 0 the mean square c P c^T has the gradients 2 Q P to A,
 2 Q B W to B and 2 C P to C: two Lyapunov equations for all parameters. Where the mean square is an integral, that of
-T S T^H has the gradient 2 Re([C R 1]^T (S T^H)^T [R B; 1]^T), R = (s - A)^-1, at each frequency.
+T S T^H has the gradient 2 Re([C R 1]^T (S T^H)^T [R B; 1]^T), R = (s - A)^-1, at each frequency. Those of sampled loops
+come from the parts of a period, ``feedback.sampled_slopes``.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,33 +41,45 @@ class Scene:
     """A system, or a loop around one, as equations of the plant whose entries have derivatives to its parameters."""
 
     def __init__(self, linear: Any) -> None:
-        if getattr(linear, "period", None) is not None:
-            raise ResponseError(f"sensitivities: '{linear.name}' is sampled, and derivatives are those of continuous "
-                                f"loops: ask loop.continuous.")  # fmt: skip
-        loop = linear if linear.kind == "closed loop" else None
-        self.system = linear if loop is None else loop.plant.source
+        self.loop = linear if linear.kind == "closed loop" else None
+        self.system = linear if self.loop is None else self.loop.plant.source
         outputs, inputs = self.system.outputs, self.system.inputs
         everything = Gathered(list(range(len(outputs))), list(range(len(inputs))))
-        self.gathered: Gathered = everything if loop is None else loop.plant.gathered or everything
+        self.gathered: Gathered = everything if self.loop is None else self.loop.plant.gathered or everything
         self.base: States | None = None
         if self.system.kind == "system":
             self.base = states(self.system.basis, list(range(len(inputs))), list(range(len(outputs))))
         space = self.base or self.system.state_space()
         self.space = space.A, space.B, space.C, space.D
-        plant = self.gathered.of(self.space)
-        self.closure: Closure | None = None
-        if loop is None:
-            self.equations = Equations(*plant)
-        else:
-            law, (y, u), (o, i) = loop.law, loop.ports, loop.selected_ports
-            self.closure = Closure(plant, (law.A, law.B, law.C, law.D), y, u, o, i)
-            self.equations = Equations(*self.closure.closed)
+        self.plant = self.gathered.of(self.space)
 
-    def to_plant(self, gradient: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the gradient to A, B, C and D of the system, of one to the entries of the equations."""
-        inside = gradient if self.closure is None else self.closure.to_plant(gradient)
-        whole, n = self.gathered.back(inside, self.space), self.system_states
-        return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+    @cached_property
+    def closure(self) -> Closure | None:
+        """The continuous loop around the plant, if there is one."""
+        if self.loop is None:
+            return None
+        law, (y, u), (o, i) = self.loop.law, self.loop.ports, self.loop.selected_ports
+        return Closure(self.plant, (law.A, law.B, law.C, law.D), y, u, o, i)
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The equations of the system, or those of the continuous loop."""
+        return Equations(*(self.plant if self.closure is None else self.closure.closed))
+
+    def gradients(self, under: Any, row: int) -> tuple[Array, Array]:
+        """Return the gradients of the mean square of one output to [A B; C D] of the system, and of the controller if
+        there is one.
+        """
+        if self.loop is not None and self.loop.period is not None:
+            known = self.loop.plant.space
+            space = known.from_arrays(*self.plant, known.inputs, known.outputs)
+            loop = replace(self.loop, plant=replace(self.loop.plant, system=space))
+            plant, law = replace(under, linear=loop).square_gradient(row)
+        else:
+            plant = law = gradient(under, self.equations, row)
+            if self.closure is not None:
+                plant, law = self.closure.to_plant(plant), self.closure.to_law(law)
+        return self.gathered.back(plant, self.space), law
 
     def along(self, change: MatrixDerivatives | None, law: Array | None = None) -> Array:
         """Return the derivatives of [A B; C D] of the equations to variables, (v, states + outputs, states + inputs).
@@ -88,7 +102,7 @@ class Scene:
     @property
     def system_states(self) -> int:
         """Number of states of the plant."""
-        return len(self.equations.a) - (0 if self.closure is None else len(self.closure.law[0]))
+        return len(self.plant[0])
 
 
 def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, float]]:
@@ -108,7 +122,8 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     finite = np.flatnonzero((squares > 0.0) & (squares < np.inf)).tolist()
     if parameters is None and not finite:
         return {name: dict.fromkeys(scene.system.parameters, np.nan) for name in under.outputs}
-    gradients = {row: scene.to_plant(gradient(under, scene.equations, row)) for row in finite}
+    gradients = {row: scene.gradients(under, row)[0] for row in finite}
+    n = len(scene.base.A)
     parts = {row: _hidden(scene, under, row) for row in gradients}
     count = max(1, BLOCK // max(1, scene.system.dof**2))
     for name in under.outputs:
@@ -119,8 +134,8 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
             if row not in gradients:
                 result[name] |= dict.fromkeys(change.variables, np.nan)
                 continue
-            to_a, to_b, to_c, to_d = gradients[row]
-            pairs = (da, to_a[first:]), (db, to_b[first:]), (dc, to_c), (dd, to_d)
+            to = gradients[row]
+            pairs = (da, to[first:n, :n]), (db, to[first:n, n:]), (dc, to[n:, :n]), (dd, to[n:, n:])
             slope = np.asarray(sum(np.einsum("vij,ij->v", d, g) for d, g in pairs)) * 0.5 / np.sqrt(squares[row])
             if parts[row] is not None:
                 slope = np.where(hidden_appear(parts[row], first, da, db, dc[:, [row]]), np.inf, slope)
@@ -130,7 +145,7 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
 
 def _hidden(scene: Scene, under: Random, row: int) -> Any:
     """Groups of poles that no response contains, in open loops, which changes may bring into them."""
-    if scene.closure is not None or under.band is not None:
+    if scene.loop is not None or under.band is not None:
         return None
     a, b, c, _ = scene.equations
     parts = separated(a, b, c[[row]])
@@ -140,15 +155,14 @@ def _hidden(scene: Scene, under: Random, row: int) -> Any:
 def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:
     """Return the derivatives of root mean squares to the entries of the controller, {output: {"A": (k, k), ...}}."""
     scene = Scene(under.linear)
-    if scene.closure is None:
+    if scene.loop is None:
         raise ResponseError(f"controller_sensitivities: '{under.linear.name}' has no controller; ask a closed loop.")
-    squares, result = under.mean_squares().total, {}
-    k = len(scene.closure.law[0])
+    squares, result, law = under.mean_squares().total, {}, scene.loop.law
+    k = len(law.A)
     for row, name in enumerate(under.outputs):
-        shape = k + len(scene.closure.actuators), k + len(scene.closure.sensors)
-        value = np.full(shape, np.nan)
+        value = np.full((k + len(law.outputs), k + len(law.inputs)), np.nan)
         if 0.0 < squares[row] < np.inf:
-            value = scene.closure.to_law(gradient(under, scene.equations, row)) * (0.5 / np.sqrt(squares[row]))
+            value = scene.gradients(under, row)[1] * (0.5 / np.sqrt(squares[row]))
         result[name] = {"A": value[:k, :k], "B": value[:k, k:], "C": value[k:, :k], "D": value[k:, k:]}
     return result
 
@@ -214,16 +228,9 @@ def _weight(under: Random, which: list[int]) -> Array:
 
 def _before_filters(whole: Filtered, p: Array, q: Array, weight: Array) -> Array:
     """The gradient by Gramians to the entries of the plant among filters, (states + outputs, states + sources)."""
-    (x, f, z), source, output = whole.slices, whole.sources, whole.outputs
-    to_a, to_b, to_c = 2.0 * q @ p, 2.0 * q @ whole.all.b @ weight, 2.0 * whole.all.c @ p
-    n, count = len(whole.plant.a), len(whole.plant.c)
-    result = np.zeros((n + count, n + to_b.shape[1]))
-    result[:n, :n] = to_a[x, x]
-    result[:n, n:] = to_a[x, f] @ source.c.T + to_b[x] @ source.d.T
-    result[n:, :n] = output.b.T @ to_a[z, x] + output.d.T @ to_c[:, x]
-    result[n:, n:] = (output.b.T @ (to_a[z, f] @ source.c.T + to_b[z] @ source.d.T)
-                      + output.d.T @ to_c[:, f] @ source.c.T)  # fmt: skip
-    return result
+    _, b, c, d = whole.all
+    to_a, to_b, to_c = 2.0 * q @ p, 2.0 * q @ b @ weight, 2.0 * c @ p
+    return whole.to_plant(np.block([[to_a, to_b], [to_c, np.zeros_like(d)]]))
 
 
 def _by_quadrature(under: Random, one: Equations, which: list[int]) -> Array:

@@ -210,8 +210,9 @@ def test_refusals_of_sampled_loops(noise, settings, words):
         controlled().sampled(100.0).rms("x", noise, **settings)
     with pytest.raises(mv.ResponseError, match=words):
         controlled().sampled(100.0).psd("x", noise, [1.0, 70.0], **settings)
-    with pytest.raises(mv.ResponseError, match="is sampled"):
-        controlled().sampled(100.0).budget({"F": 1.0}, "x").sensitivities()
+    for table, band in (({"F": [(1.0, 1.0), (9.0, 1.0)]}, None), ({"F": 1.0}, (1.0, 9.0))):
+        with pytest.raises(mv.ResponseError, match="is sampled; expected densities that are numbers"):
+            controlled().sampled(100.0).budget(table, "x", band=band).sensitivities()
 
 
 def test_sampled_densities_have_cumulative_values():

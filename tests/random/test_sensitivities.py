@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import mbsvib as mv
 from mbsvib import isolation, library
@@ -27,6 +28,14 @@ def dynamic(model):
     return model.linearize().feedback(law, noise=True)
 
 
+def sampled(model):
+    return dynamic(model).sampled(40.0, 5e-3)
+
+
+def sampled_late(model):
+    return static(model).sampled(100.0, 0.013)
+
+
 def difference(value, at, step):
     low2, low, high, high2 = (value(at + k * step) for k in (-2.0, -1.0, 1.0, 2.0))
     return (low2 - 8.0 * low + 8.0 * high - high2) / (12.0 * step)
@@ -42,6 +51,8 @@ def difference(value, at, step):
     (plain, {"F1": 1.0}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
     (static, {"F2": 1.0, "x2.noise": 1e-4, "F1.noise": SHAPED}, {}),
     (dynamic, {"F1": TABLE, "v2.noise": 1e-3}, {}),
+    (sampled, {"F1": SHAPED, "v2.noise": SHAPED}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
+    (sampled_late, {"F1": 1.0, "x2.noise": 1e-4, "F1.noise": SHAPED}, {}),
     (dynamic, {"F1": lambda f: 1.0 / (1.0 + f), "F2.noise": 0.1}, {"weighting": lambda f: 1.0 / (1.0 + 0.1j * f)}),
 ])  # fmt: skip
 def test_derivatives_to_parameters(plant, noise, settings):
@@ -68,10 +79,13 @@ def test_closed_form():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [{"F1": 1.0, "v2.noise": 1e-2}, {"F1": TABLE, "v2.noise": 1e-2}])
-def test_derivatives_to_the_controller(noise):
+@pytest.mark.parametrize(("noise", "closing"), [
+    ({"F1": 1.0, "v2.noise": 1e-2}, lambda loop: loop), ({"F1": TABLE, "v2.noise": 1e-2}, lambda loop: loop),
+    ({"F1": 1.0, "v2.noise": 1e-2}, lambda loop: loop.sampled(40.0, 5e-3)),
+])  # fmt: skip
+def test_derivatives_to_the_controller(noise, closing):
     model = two_masses()
-    loop = dynamic(model)
+    loop = closing(dynamic(model))
     exact = loop.budget(noise, ["x1", "v2"]).controller_sensitivities()
     for key in "ABCD":
         start = getattr(loop.law, key)[0, 0]
@@ -79,11 +93,58 @@ def test_derivatives_to_the_controller(noise):
         def rms(value, key=key):
             entries = {part: getattr(loop.law, part) for part in "ABCD"} | {key: [[value]]}
             law = mv.StateSpace.from_arrays(*(entries[part] for part in "ABCD"), ["v2"], ["F2"])
-            changed = model.linearize().feedback(law, noise=True).rms(["x1", "v2"], noise)
+            changed = closing(model.linearize().feedback(law, noise=True)).rms(["x1", "v2"], noise)
             return np.array(list(changed.values()))
 
         got = [exact[output][key][0, 0] for output in ("x1", "v2")]
         np.testing.assert_allclose(got, difference(rms, start, 1e-3 * abs(start)), rtol=1e-7)
+
+
+def lifted_variance(m, c, k, gain, rate):
+    """Of x under white force of density 1, with the velocity fed back: equations of a period, analytic in all."""
+    h = 1.0 / rate
+    a, b = np.array([[0.0, 1.0], [-k / m, -c / m]]), np.array([[0.0], [1.0 / m]])
+
+    def over(t):
+        noise = expm(np.block([[-a, 0.5 * b @ b.T], [np.zeros((2, 2)), a.T]]) * t)
+        drift = expm(np.block([[a, b], [np.zeros((1, 3))]]) * t)
+        return drift[:2, :2] + drift[:2, 2:] @ np.array([[0.0, gain]]), noise[2:, 2:].T @ noise[:2, 2:]
+
+    e, q = over(h)
+    p = np.linalg.solve(np.eye(4) - np.kron(e, e), q.reshape(4)).reshape(2, 2)
+    result = 0.0
+    for x, weight in zip(*np.polynomial.legendre.leggauss(8), strict=True):
+        phi, more = over(0.5 * h * (x + 1.0))
+        result = result + 0.5 * weight * (phi @ p @ phi.T + more)[0, 0]
+    return result
+
+
+def test_sampled_loops_against_complex_steps():
+    """rms' = Im rms(p + i h p) / (h p) of equations of a period that are written out."""
+    values, loop = [2.0, 3.0, 800.0, -20.0, 60.0], oscillator().linearize().feedback([[-20.0]], ["v"], ["F"])
+    budget = loop.sampled(60.0).budget({"F": 1.0}, "x")
+    found = [*budget.sensitivities(["b.mass", "s.damping", "s.stiffness"])["x"].values(),
+             budget.controller_sensitivities()["x"]["D"][0, 0]]  # fmt: skip
+    for which, slope in enumerate(found):
+        step = np.array(values, dtype=complex)
+        step[which] *= 1.0 + 1e-30j
+        expected = np.sqrt(lifted_variance(*step)).imag / (values[which] * 1e-30)
+        np.testing.assert_allclose(slope, expected, rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_sampled_loops_with_an_integrator_that_is_not_seen():
+    """A PI controller of a velocity drifts with what is sampled, and holds the mass elsewhere: its velocity decays."""
+    def at(stiffness):
+        law = mv.StateSpace.from_arrays([[0.0]], [[1.0]], [[-90.0]], [[-8.0]], ["v"], ["F"])
+        return oscillator(k=stiffness).linearize().feedback(law).sampled(60.0, 0.02).budget({"F2": 1.0}, ["x", "v"])
+
+    budget = at(800.0)
+    found = budget.sensitivities("s.stiffness")
+    assert budget.rms["x"] == np.inf
+    assert np.isnan(found["x"]["s.stiffness"])
+    slope = difference(lambda k: at(k).rms["v"], 800.0, 1.0)
+    np.testing.assert_allclose(found["v"]["s.stiffness"], slope, rtol=1e-8, equal_nan=False)
 
 
 def test_several_sensors_and_actuators():
