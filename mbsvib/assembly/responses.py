@@ -4,8 +4,8 @@ G = G0 - G0 L^T (L G0 L^T + Z^-1)^+ L G0
 
 with the responses G0 of all parts side by side, L the relative displacements of joined ports and Z = k + i w c of the
 connections, Z^-1 = 0 of rigid ones. Parts that are taken away have -G0. To first order the error of G is A n B with
-A = 1 - G0 L^T X L and B = 1 - L^T X L G0. Directions of the interface whose compliance is below its noise are not
-joined; what they would have done counts as variance.
+A = 1 - G0 L^T X L and B = 1 - L^T X L G0; errors with common causes go on as such. Directions of the interface whose
+compliance is below its noise are not joined; what they would have done counts as variance.
 
 Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169, equation 31; D'Ambrogio & Fregolent, MSSP 45 (2014) 360,
 for parts that are taken away.
@@ -23,6 +23,14 @@ from mbsvib.assembly.systems import ends_of
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ModelError, ResponseError, counted
 from mbsvib.linalg.rank import EPS
+from mbsvib.measurement.common_errors import (
+    CommonErrors,
+    errors_of,
+    independent_errors,
+    joined,
+    no_errors,
+    side_by_side,
+)
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.matching import ORDERS
 
@@ -85,13 +93,13 @@ class AssembledMeasurement(Measurement):
 
 @dataclass(frozen=True)
 class _Sides:
-    """Responses G0 (n, outputs, inputs) of all parts side by side with their variance, signs of parts that are taken
-    away in it; ``orders`` (outputs,) of the time derivatives that outputs are.
+    """Responses G0 (n, outputs, inputs) of all parts side by side with the errors of those that have some, signs of
+    parts that are taken away in it; ``orders`` (outputs,) of the time derivatives that outputs are.
     """
 
     omega: Array
     responses: Complex
-    variance: Array
+    errors: CommonErrors
     orders: Index
 
 
@@ -104,10 +112,9 @@ def assembled_responses(
     _check_orders(parts, ends, sides)
     _check_measured(parts, ends, sides)
     compliance = _compliance(ends, sides.omega)
-    joined = [_joined(sides, ends, compliance, slice(at, at + _chunk(sides)))
+    blocks = [_joined(sides, ends, compliance, slice(at, at + _chunk(sides)))
               for at in range(0, len(sides.omega), _chunk(sides))]  # fmt: skip
-    responses, variance, condition, kept = (np.concatenate(arrays) for arrays in zip(*joined, strict=True))
-    known = any(part.is_measured and part.linear.variance is not None for part in parts)
+    responses, ways_out, ways_in, left_out, condition, kept = map(np.concatenate, zip(*blocks, strict=True))
     directions = tuple([f"{one.connection.first}.{direction}" for one in ends
                         for direction in one.connection.directions])  # fmt: skip
     remaining = np.array([part.name not in removed for part in parts])
@@ -117,6 +124,12 @@ def assembled_responses(
     def shown(array: Any) -> Any:
         return array[:, rows][:, :, columns].transpose(1, 2, 0)
 
+    values, errors = shown(responses), None
+    if sides.errors.variance.size:
+        errors = CommonErrors(np.moveaxis(ways_out, 0, -1)[rows], sides.errors.variance,
+                              np.moveaxis(ways_in, 0, -1)[columns])  # fmt: skip
+        if left_out.any():
+            errors = joined(errors, independent_errors(shown(left_out)))
     whole: dict[str, Any] = {}
     for kind in ("output", "input"):
         here = [(part, name) for part, stays in zip(parts, remaining, strict=True) if stays
@@ -127,7 +140,8 @@ def assembled_responses(
         whole[f"{kind}_points"] = [None if (place := part.places.get((kind, name))) is None
                                    else (place.position, place.direction) for part, name in here]  # fmt: skip
     return AssembledMeasurement(
-        sides.omega, shown(responses), variance=shown(variance) if known else None,
+        sides.omega, values, common_errors=errors,
+        variance=None if errors is None else np.where(np.isnan(values), np.nan, errors.power()),
         quantity=tuple([QUANTITIES[k] if k >= 0 else "" for k in sides.orders[rows].tolist()]), **whole,
         directions=directions, condition=condition, kept=kept, connections=tuple(connections),
     )  # fmt: skip
@@ -147,18 +161,18 @@ def _side_by_side(parts: Sequence[Part], removed: Sequence[str]) -> _Sides:
             raise ResponseError(f"{WHO}: '{measured[0].name}' has {len(omega)} lines and '{part.name}' {len(other)} "
                                 f"others; expected the same frequencies. Measurements are cut by .within(low, high).")
     shape = [sum(len(getattr(part.linear, kind)) for part in parts) for kind in ("outputs", "inputs")]
-    responses, variance = np.zeros((len(omega), *shape), dtype=complex), np.zeros((len(omega), *shape))
-    row, column, orders = 0, 0, []
+    responses = np.zeros((len(omega), *shape), dtype=complex)
+    row, column, orders, errors = 0, 0, [], []
     for part in parts:
         linear = part.linear
         values = linear.responses if part.is_measured else linear.frequency_response(omega)
         at = np.s_[:, row : row + len(linear.outputs), column : column + len(linear.inputs)]
         responses[at] = (-1.0 if part.name in removed else 1.0) * values.transpose(2, 0, 1)
-        if part.is_measured and linear.variance is not None:
-            variance[at] = np.nan_to_num(linear.variance).transpose(2, 0, 1)
+        own = errors_of(linear) if part.is_measured else None
+        errors.append(own or no_errors(len(linear.outputs), len(linear.inputs), len(omega)))
         orders += [QUANTITIES.index(one) if one else -1 for one in _quantities(part)]
         row, column = row + len(linear.outputs), column + len(linear.inputs)
-    return _Sides(omega, responses, variance, np.array(orders, dtype=np.intp))
+    return _Sides(omega, responses, side_by_side(errors), np.array(orders, dtype=np.intp))
 
 
 def _quantities(part: Part) -> tuple[str, ...]:
@@ -225,9 +239,13 @@ def _inverse(dynamic: Complex, ends: Ends) -> Complex:
 
 def _joined(
     sides: _Sides, ends: Sequence[Ends], compliance: tuple[Complex, Bools], lines: slice
-) -> tuple[Complex, Array, Array, Index]:
-    """Responses and variance of joined parts at some lines, condition of the interface and directions kept."""
-    g0, variance = sides.responses[lines], sides.variance[lines]
+) -> tuple[Complex, Complex, Complex, Array, Array, Index]:
+    """Responses of joined parts at some lines, what errors become in outputs and inputs, the variance by directions
+    that are not joined, condition of the interface and directions kept.
+    """
+    g0 = sides.responses[lines]
+    rows, variance, columns = (np.moveaxis(getattr(sides.errors.at(lines), side), -1, 0)
+                               for side in ("rows", "variance", "columns"))  # fmt: skip
     omega, acts = sides.omega[lines], compliance[1]
     n = len(omega)
     # displacements L y, and forces L^T f
@@ -248,32 +266,34 @@ def _joined(
     moved = out[:, :, used] @ g0[:, used]
     pushed = g0[:, :, pushes] @ into[pushes]
     interface = moved[:, :, pushes] @ into[pushes]
-    noise = np.abs(out[:, :, used]) ** 2 @ variance[:, used][:, :, pushes] @ np.abs(into[pushes])
+    errors = out[:, :, used] @ rows[:, used], variance, columns[:, pushes].swapaxes(1, 2) @ into[pushes]
     inverse_interface, dropped, condition, kept = _pseudo_inverse(
-        interface + compliance[0][lines][:, acts][:, :, acts], interface, noise)  # fmt: skip
+        interface + compliance[0][lines][:, acts][:, :, acts], interface, errors)  # fmt: skip
     responses = g0 - pushed @ inverse_interface @ moved
-    left, right = (np.tile(np.eye(size, dtype=complex), (n, 1, 1)) for size in g0.shape[1:])
-    left[:, :, used] -= pushed @ inverse_interface @ out[:, :, used]
-    right[:, pushes] -= into[pushes] @ inverse_interface @ moved
-    spread = np.nan_to_num(np.abs(left) ** 2) @ variance @ np.nan_to_num(np.abs(right) ** 2)
-    spread += np.abs(pushed @ dropped @ moved) ** 2
-    return responses, np.where(np.isnan(responses), np.nan, spread), condition, kept
+    ways_out = rows - pushed @ inverse_interface @ errors[0]
+    ways_in = columns.swapaxes(1, 2) - errors[2] @ inverse_interface @ moved
+    left_out = np.where(np.isnan(responses), 0.0, np.abs(pushed @ dropped @ moved) ** 2)
+    return responses, ways_out, ways_in.swapaxes(1, 2), left_out, condition, kept
 
 
-def _pseudo_inverse(matrix: Complex, own: Complex, noise: Array) -> tuple[Complex, Complex, Array, Index]:
+def _pseudo_inverse(
+    matrix: Complex, own: Complex, errors: tuple[Complex, Array, Complex]
+) -> tuple[Complex, Complex, Array, Index]:
     """The inverses of interface compliances (n, d, d) without combinations below their noise, what these would add at
     most, the condition, and the number of combinations that are kept.
 
-    ``own`` is what the parts have of them, ``noise`` its variance. Lines with unknown entries are not numbers.
+    ``own`` is what the parts have of them, A e B its ``errors`` by A (n, d, a), variance of e and B (n, b, d). Lines
+    with unknown entries are not numbers.
     """
     known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
     size = np.sqrt(np.abs(np.einsum("nii->ni", np.where(known[:, None, None], matrix, 1.0))))
     size = np.where(size > 0.0, size, 1.0)
     unit = size[:, :, None] * size[:, None]
     u, values, vh = np.linalg.svd(np.where(known[:, None, None], matrix / unit, np.eye(matrix.shape[1])))
-    shares = noise / unit**2
     largest = np.where(known[:, None, None], np.abs(own / unit), 0.0).max(axis=(1, 2), initial=0.0)
-    deviation = np.sqrt(np.einsum("nik,nij,nkj->nk", np.abs(u) ** 2, shares, np.abs(vh) ** 2))
+    by_row = np.abs(u.conj().swapaxes(1, 2) @ (errors[0] / size[:, :, None])) ** 2
+    by_column = np.abs((errors[2] / size[:, None]) @ vh.conj().swapaxes(1, 2)) ** 2
+    deviation = np.sqrt(((by_row @ errors[1]) * by_column.swapaxes(1, 2)).sum(axis=2))
     rounding = matrix.shape[1] * EPS * np.maximum(largest, values[:, 0] if values.size else 0.0)
     stands_out = values > np.maximum(STANDS_OUT * deviation, rounding[:, None])
     with np.errstate(divide="ignore"):

@@ -15,6 +15,7 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted, nearest
+from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
 from mbsvib.measurement.matching import ORDERS, Matched
 from mbsvib.measurement.points import nodes_of, points_of
@@ -90,6 +91,8 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         What a file holds beside these; how the responses were estimated.
     consistency : dict of str to float, optional
         Of channels that ``virtual_point`` used, the share that a rigid motion explains.
+    common_errors : CommonErrors, optional
+        How errors of several channels belong together, of those that ``virtual_point`` and ``mv.assemble`` make.
 
     Raises
     ------
@@ -125,6 +128,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
     noise_variance: Array | None = None
     notes: tuple[str, ...] = ()
     consistency: Any = field(default_factory=dict)
+    common_errors: CommonErrors | None = None
 
     def __post_init__(self) -> None:
         set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
@@ -242,7 +246,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             for kind, chosen in (("output", rows), ("input", columns))
             for field in (f"{kind}s", f"{kind}_units", f"{kind}_points")}  # fmt: skip
         covariance = None if self.covariance is None else self.covariance[np.ix_(rows, rows)]
-        return replace(self, **pairs, **ends, covariance=covariance, quantity=tuple(self.quantity[k] for k in rows))
+        errors = None if self.common_errors is None else self.common_errors.of(rows, columns)
+        return replace(self, **pairs, **ends, covariance=covariance, common_errors=errors,
+                       quantity=tuple(self.quantity[k] for k in rows))  # fmt: skip
 
     def within(self, low: float, high: float) -> Measurement:
         """Return the lines from ``low`` to ``high``.
@@ -268,7 +274,8 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {known}.")
         arrays: dict[str, Any] = {
             name: None if (array := getattr(self, name)) is None else array[..., lines] for name in self.by_line}
-        return replace(self, **arrays)
+        errors = None if self.common_errors is None else self.common_errors.at(lines)
+        return replace(self, **arrays, common_errors=errors)
 
     def smoothed(self, lines: int = 15) -> Measurement:
         """Return the data with variances that are means over neighbouring lines.
@@ -306,8 +313,10 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                             for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
             return np.where(known, total / np.maximum(count, 1.0), values)
 
+        errors = self.common_errors
         return replace(self, **{
-            name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")})
+            name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")},
+            common_errors=None if errors is None else replace(errors, variance=mean(errors.variance)))  # fmt: skip
 
     def plot(
         self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None

@@ -324,8 +324,8 @@ class Doors(ArrayFiles):
         Returns
         -------
         Measurement
-            Other channels, then those of the point, with variances of independent errors; ``consistency`` says which
-            share of each channel a rigid motion explains.
+            Other channels, then those of the point, with their variances; ``common_errors`` keeps for ``mv.assemble``
+            which sensors they come from. ``consistency`` says which share of each channel a rigid motion explains.
 
         Raises
         ------

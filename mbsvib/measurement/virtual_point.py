@@ -16,6 +16,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.rank import DEPENDENT_ROWS
+from mbsvib.measurement.common_errors import errors_of
 from mbsvib.measurement.matching import ORDERS
 from mbsvib.measurement.points import model_places
 
@@ -48,6 +49,11 @@ def with_virtual_point(data: Any, name: str, position: Any, outputs: Any, inputs
             arrays[field] = _moved(_moved(getattr(data, field), rows, t_out**2, 0), columns, t_in**2, 1)
     if data.covariance is not None:
         arrays["covariance"] = _moved(_moved(data.covariance, rows, t_out, 0), rows, t_out, 1)
+    errors = errors_of(data)
+    if errors is not None:
+        arrays["common_errors"] = errors.combined(*(
+            _moved(np.eye(len(names)), numbers, transform, 0)
+            for names, (numbers, transform, _) in zip((data.outputs, data.inputs), sides, strict=True)))  # fmt: skip
     for kind, (numbers, transform, _) in zip(("output", "input"), sides, strict=True):
         arrays |= _channels(data, name, point, kind, numbers, transform)
     if t_out.size:
