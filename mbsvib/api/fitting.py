@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mbsvib.common.arguments import count, refuse
 from mbsvib.common.progress import counting
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
-from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.errors import AccuracyWarning, MbsvibError, ModelError
 from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data
 from mbsvib.fitting.knowledge import knowledge
 from mbsvib.fitting.minimizing import STEPS, STEPS_FAR, minimized
@@ -140,12 +141,18 @@ def _in_condition(model: Any, values: Mapping[str, float], chosen: Variables) ->
 
 
 def _started(problem: Problem) -> Problem:
-    """The problem with starts of gains and delays."""
+    """The problem with starts of gains and delays; modes alone that may be others than those of the start are named."""
     values = problem.variables.start
+    alone = all(isinstance(data, ModeData) for data in problem.data)
     for data in problem.data:
-        if not isinstance(data, ModeData):
+        if not isinstance(data, ModeData) or alone:
             equations, _ = problem.scenes[data.scene](problem.variables.map @ values, None)
+        if not isinstance(data, ModeData):
             values = data.started(equations, values)
+        elif alone:
+            for guess in data.guesses(equations):
+                warn(f"fit: {guess}. Give shapes or responses, or start nearer, or it may be another mode.",
+                     AccuracyWarning, stacklevel=4)  # fmt: skip
     return Problem(problem.variables.starting(values), problem.scenes, problem.data)
 
 

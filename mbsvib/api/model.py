@@ -266,6 +266,11 @@ class Model(
         EquilibriumError, SingularPoseError
             If a value at the start is no mechanism.
 
+        Warns
+        -----
+        AccuracyWarning
+            If the data are modes alone, and one without a shape is so far from those of the model that it may be any.
+
         Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012), section 9.
         """
         from mbsvib.api.fitting import fitted

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # A mode as far off as this factor in frequency loses as much as a correlation of shapes of 1 is worth.
 FAR_APART = 4.0
+# A mode without a shape that is farther from that of the model than by this factor may be another one.
+GUESSED = 1.3
 SENSING = ("Cq", "Cv", "Ca")
 
 
@@ -58,12 +60,7 @@ class ModeData:
 
     def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
         """Yield the residuals of all modes with their derivatives."""
-        eigenvalues = self._oscillating(equations)
-        vectors = [_null_vector(equations, value) for value in eigenvalues]
-        sensing = [getattr(equations, key)[self.rows] for key in SENSING]
-        shapes = np.array([self.sign * (_sensed(sensing, value, self.powers) @ x)
-                           for value, x in zip(eigenvalues, vectors, strict=True)])  # fmt: skip
-        pairs = self.paired(np.abs(eigenvalues) / (2.0 * np.pi), shapes)
+        eigenvalues, vectors, shapes, pairs = self._modes(equations)
         residuals, changes = [], []
         for k, at in enumerate(pairs):
             change = None if slopes is None else _changes(
@@ -77,6 +74,24 @@ class ModeData:
             every = np.zeros((len(values), sum(map(len, residuals))), dtype=complex)
             every[:count] = np.concatenate(changes, axis=1)
         yield Block(np.concatenate(residuals), every)
+
+    def guesses(self, equations: Any) -> Iterator[str]:
+        """Yield in words which modes have no shape and are far from those of the model that are taken for them."""
+        eigenvalues, _, _, pairs = self._modes(equations)
+        for k, model in enumerate((np.abs(eigenvalues[pairs]) / (2.0 * np.pi)).tolist()):
+            measured = self.frequencies[k]
+            if np.isfinite(self.shapes[:, k]).sum() < 2 and abs(np.log(measured / model)) > np.log(GUESSED):
+                yield (f"{self.name}: the mode at {measured:.4g} Hz has no shape, and the nearest one of the model, "
+                       f"which is taken for it, is at {model:.4g} Hz")  # fmt: skip
+
+    def _modes(self, equations: Any) -> tuple[Complex, list[Complex], Complex, Index]:
+        """Eigenvalues, vectors and shapes of the model's modes, and which of them each measured mode is."""
+        eigenvalues = self._oscillating(equations)
+        vectors = [_null_vector(equations, value) for value in eigenvalues]
+        sensing = [getattr(equations, key)[self.rows] for key in SENSING]
+        shapes = np.array([self.sign * (_sensed(sensing, value, self.powers) @ x)
+                           for value, x in zip(eigenvalues, vectors, strict=True)])  # fmt: skip
+        return eigenvalues, vectors, shapes, self.paired(np.abs(eigenvalues) / (2.0 * np.pi), shapes)
 
     def _oscillating(self, equations: Any) -> Complex:
         eigenvalues: Complex = modes_of(equations).pairs[:, 0]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.api.fitting import _problem
-from mbsvib.errors import ResponseError
+from mbsvib.api.fitting import _problem, _started
+from mbsvib.errors import AccuracyWarning, ResponseError
 from mbsvib.fitting.data import conditioned
 from mbsvib.fitting.variables import variables
 from tests.fitting.scenes import away, chain, measured
@@ -92,3 +92,21 @@ def test_units_of_force_do_not_change_slopes_of_modes(unit):
         x[1] += 0.1
         normal.append(problem.sums(x, far=False).normal)
     np.testing.assert_allclose(normal[1], normal[0], rtol=1e-8, atol=1e-8 * np.abs(normal[0]).max())
+
+
+def test_a_mode_without_a_shape_far_from_those_of_the_model_is_named():
+    """Frequencies of the chain times a factor: shapes, responses and nearer starts leave nothing to guess."""
+    model = chain()
+    modes = modes_of(model)
+    f = modes.frequencies[0]
+
+    def started(*data):
+        free = variables(model.parameters, ["k0.stiffness"], (), None, None)
+        return _started(_problem(model, conditioned(list(data)), free, ()))
+
+    far = mv.MeasuredModes([1.5 * f])
+    started(mv.MeasuredModes([1.2 * f]))
+    started(mv.MeasuredModes([1.5 * f], shapes=modes.shapes[:, :1], outputs=modes.outputs))
+    started(far, measured(model, np.array([20.0, 30.0]), 0.01, 1, ["z0"], ["F"]))
+    with pytest.warns(AccuracyWarning, match=rf"mode at {1.5 * f:.4g} Hz has no shape.*model.*at {f:.4g} Hz"):
+        started(far)
