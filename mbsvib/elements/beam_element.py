@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -153,7 +152,7 @@ class Prismatic:
         return one, other
 
 
-def shear_ratios(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, float]:
+def shear_ratios(length: float, section: Properties, material: Material, shear: bool) -> tuple[Any, Any]:
     """Return (phi_y, phi_z), the ratios of bending to shear stiffness, zero without shear deformation."""
     if not shear:
         return 0.0, 0.0
@@ -177,43 +176,44 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
     """Return the rows F of the consistent mass matrix F^T F.
 
     ``length`` [m]. With ``shear``, a Timoshenko beam, the shape functions have shear deformation and there is rotary
-    inertia. Returns (12, 12) or (18, 12): one row for each Gauss point and direction, over (u1, theta1, u2, theta2) in
-    the element's axes.
+    inertia. Returns (..., 12, 12) or (..., 18, 12): one row for each Gauss point and direction, over (u1, theta1, u2,
+    theta2) in the element's axes; numbers of the section and the material may have leading axes.
     """
     mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
-    rows = []
-
-    def add(inertia: float, indices: Sequence[int], values: Any) -> None:
-        row = np.zeros(12)
-        row[indices] = values
-        rows.append(sqrt(inertia) * row)
-
+    rows: list[tuple[Any, Sequence[int], Array]] = []
     for x, weight in gauss(2):
-        add(weight * mass, [0, 6], (1.0 - x, x))
-        add(weight * polar_inertia, [3, 9], (1.0 - x, x))
+        rows.append((weight * mass, [0, 6], np.array((1.0 - x, x))))
+        rows.append((weight * polar_inertia, [3, 9], np.array((1.0 - x, x))))
     for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
                                             (section.Iz, section.Iy), strict=True):  # fmt: skip
         slopes = np.array([1.0, sign, 1.0, sign])
         for x, weight in gauss(4):
-            add(weight * mass, indices, slopes * deflection(x, length, phi))
+            rows.append((weight * mass, indices, slopes * deflection(x, length, phi)))
         for x, weight in gauss(3) if shear else ():
-            add(weight * material.rho * moment * length, indices, slopes * rotation(x, length, phi))
-    return np.array(rows)
+            rows.append((weight * material.rho * moment * length, indices, slopes * rotation(x, length, phi)))
+    roots = [np.sqrt(inertia)[..., None] * values for inertia, _, values in rows]
+    result = np.zeros((*np.broadcast_shapes(*[root.shape[:-1] for root in roots]), len(rows), 12),
+                      np.result_type(*roots))  # fmt: skip
+    for i, (root, (_, indices, _)) in enumerate(zip(roots, rows, strict=True)):
+        result[..., i, indices] = root
+    return result
 
 
-def deflection(x: float, length: float, phi: float) -> Array:
-    """Return the deflection at x (0..1) per deflection and rotation of the first end and of the second."""
-    y = 1.0 - x
-    shear = 0.5 * phi * x * y
-    return np.array([y * (y * (1.0 + 2.0 * x) + phi), length * (x * y * y + shear), x * (x * (1.0 + 2.0 * y) + phi),
-                     -length * (x * x * y + shear)]) / (1.0 + phi)  # fmt: skip
+def deflection(x: float, length: float, phi: Any) -> Array:
+    """Return the deflection (..., 4) at x (0..1) per deflection and rotation of the first end and of the second."""
+    y, phi = 1.0 - x, np.asarray(phi)[..., None]
+    fixed = np.array([y * y * (1.0 + 2.0 * x), length * x * y * y, x * x * (1.0 + 2.0 * y), -length * x * x * y])
+    return np.asarray((fixed + phi * np.array([y, 0.5 * length * x * y, x, -0.5 * length * x * y])) / (1.0 + phi))
 
 
-def rotation(x: float, length: float, phi: float) -> Array:
-    """Return the rotation of the section at x (0..1) per deflection and rotation of the first end and the second."""
-    y = 1.0 - x
+def rotation(x: float, length: float, phi: Any) -> Array:
+    """Return the rotation (..., 4) of the section at x (0..1) per deflection and rotation of the first end and the
+    second.
+    """
+    y, phi = 1.0 - x, np.asarray(phi)[..., None]
     slope = 6.0 * x * y / length
-    return np.array([-slope, y * (1.0 - 3.0 * x + phi), slope, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
+    fixed = np.array([-slope, y * (1.0 - 3.0 * x), slope, x * (1.0 - 3.0 * y)])
+    return np.asarray((fixed + phi * np.array([0.0, y, 0.0, x])) / (1.0 + phi))
 
 
 @cache

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields, replace
-from math import sqrt, tanh
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,8 +75,8 @@ class Leaf(Checked):
         constant b^3 t^3 / 144.
         """
         b, t = self.width, self.thickness
-        x = self.length / b * sqrt(6.0 / (1.0 + nu))
-        return Properties(b * t, b * t**3 / 12.0, t * b**3 / 12.0, rectangle_torsion(b, t) / (1.0 - tanh(x) / x),
+        x = self.length / b * np.sqrt(6.0 / (1.0 + nu))
+        return Properties(b * t, b * t**3 / 12.0, t * b**3 / 12.0, rectangle_torsion(b, t) / (1.0 - np.tanh(x) / x),
                           5.0 / 6.0, 5.0 / 6.0)  # fmt: skip
 
     @property
@@ -110,7 +109,7 @@ class _Cut(Checked):
     def element(self, length: float, material: Material, shear: bool) -> Element:
         """Return the element of this shape stretched to a length [m]; it always has shear deformation."""
         (flat, along, deep), stretch = self.profile(), length / self.extent
-        if self.thickness < THINNEST * deep:
+        if np.any(self.thickness < THINNEST * deep):
             expected = f"at least {THINNEST:g} of the depth of the cuts, {deep:g} m"
             raise check.refuse(type(self).__name__.lower(), "thickness", self.thickness, expected)
         return NotchElement(flat * stretch, along * stretch, deep, self.thickness, self.width, material)

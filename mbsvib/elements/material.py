@@ -40,7 +40,7 @@ class Material:
     @property
     def poisson(self) -> float:
         """Poisson's ratio nu, or E / (2 G) - 1 if G is given."""
-        return self.nu if self.nu is not None else self.E / (2.0 * (self.G or 1.0)) - 1.0
+        return self.nu if self.nu is not None else self.E / (2.0 * self.shear_modulus) - 1.0
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the dict from which ``make`` makes the same material."""

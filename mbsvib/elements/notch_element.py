@@ -22,12 +22,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import pi
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints
 from mbsvib.elements.sections import rectangle_torsion
+from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -42,11 +43,11 @@ SHEAR = 5.0 / 6.0
 
 
 class Plane(NamedTuple):
-    """Static deflections of one half in one plane, per d and per r, at the points: ``across`` (2, n) deflection,
-    ``about`` (2, n) rotation of the section; ``compliance`` is that of d and of r, ``line`` the bent line.
+    """Static deflections of one half in one plane, per d and per r, at the points: ``across`` (2, ..., n) deflection,
+    ``about`` (2, ..., n) rotation of the section; ``compliance`` is that of d and of r, ``line`` the bent line.
     """
 
-    compliance: tuple[float, float]
+    compliance: tuple[Any, Any]
     across: Array
     about: Array
     line: BentLine
@@ -68,40 +69,43 @@ class NotchElement:
 
     @property
     def _half(self) -> tuple[Array, Array, Array, Array]:
-        """Points x (n,) of one half [m], their weights (n,), the integrals from the middle to each (n, n), and h."""
+        """Points x (..., n) of one half [m], their weights (..., n), the integrals from the middle to each (..., n, n),
+        and h (..., n).
+        """
         unit, weight, running = _points()
+        flat, along, deep, thickness = (np.asarray(value)[..., None] for value in (
+            self.flat, self.along, self.deep, self.thickness))  # fmt: skip
         angle = 0.5 * pi * unit
-        x, h = self.along * np.sin(angle), self.thickness + 4.0 * self.deep * np.sin(0.5 * angle) ** 2
-        weight_of_notch = self.along * np.cos(angle) * 0.5 * pi
-        if not self.flat:
-            return x, weight * weight_of_notch, running * weight_of_notch, h
+        x, h = along * np.sin(angle), thickness + 4.0 * deep * np.sin(0.5 * angle) ** 2
+        weight_of_notch = along * np.cos(angle) * 0.5 * pi
+        if not np.any(self.flat):
+            return x, weight * weight_of_notch, running * weight_of_notch[..., None, :], h
         count = len(unit)
-        both = np.zeros((2 * count, 2 * count))
-        both[:count, :count] = running * self.flat
-        both[count:, :count] = weight * self.flat
-        both[count:, count:] = running * weight_of_notch
-        return (np.concatenate((self.flat * unit, self.flat + x)),
-                np.concatenate((weight * self.flat, weight * weight_of_notch)), both,
-                np.concatenate((np.full(count, self.thickness), h)))  # fmt: skip
+        both = np.zeros((*np.broadcast_shapes(flat.shape, along.shape)[:-1], 2 * count, 2 * count), x.dtype)
+        both[..., :count, :count] = running * flat[..., None]
+        both[..., count:, :count] = weight * flat[..., None]
+        both[..., count:, count:] = running * weight_of_notch[..., None, :]
+        return (concatenated((flat * unit, flat + x), -1), concatenated((weight * flat, weight * weight_of_notch), -1),
+                both, concatenated((thickness * np.ones(count), h), -1))  # fmt: skip
 
     @property
-    def length(self) -> float:
+    def length(self) -> Any:
         """Its length [m]."""
         return 2.0 * (self.flat + self.along)
 
     @property
-    def mass(self) -> float:
+    def mass(self) -> Any:
         """Its mass [kg]."""
         _, weight, _, h = self._half
-        return float(2.0 * self.material.rho * self.width * (weight @ h))
+        return 2.0 * self.material.rho * self.width * _over_half(weight, h)
 
     @property
-    def arm(self) -> float:
+    def arm(self) -> Any:
         """Distance of the weight of either half from its node [m], consistent with soft bending."""
-        return 4.0 * float(self._half[1] @ (self._heavier * self._planes()[1].about[1]))
+        return 4.0 * _over_half(self._half[1], self._heavier * self._planes()[1].about[1])
 
     @property
-    def odd_load(self) -> tuple[float, float]:
+    def odd_load(self) -> tuple[Any, Any]:
         """Mass at the end [kg] and its distance from the node [m], of an acceleration that grows from the middle, in
         soft bending.
         """
@@ -117,43 +121,45 @@ class NotchElement:
 
     @property
     def _heavier(self) -> Array:
-        """Share of the mass between the middle and each point (n,)."""
+        """Share of the mass between the middle and each point (..., n)."""
         _, weight, running, h = self._half
-        return np.asarray(0.5 * (running @ h) / (weight @ h))
+        return np.asarray(0.5 * _up_to(running, h) / _over_half(weight, h)[..., None])
 
     def _planes(self) -> tuple[Plane, Plane]:
         """The planes x-y, stiff, and x-z, soft."""
-        h, b = self._half[3], self.width
+        h, b = self._half[3], np.asarray(self.width)[..., None]
         return self._plane(b**3 * h / 12.0), self._plane(b * h**3 / 12.0)
 
     def _plane(self, moment: Array) -> Plane:
         x, weight, running, h = self._half
-        bend = 1.0 / (self.material.E * moment)
-        shear = 1.0 / (SHEAR * self.material.shear_modulus * self.width * h)
-        deflected, turned = 2.0 * float(weight @ (x * x * bend + shear)), 2.0 * float(weight @ bend)
-        about_d = (weight @ (x * bend) - running @ (x * bend)) / deflected
-        about_r = (running @ bend) / turned
-        slope = about_d + shear / deflected
-        across_r = 0.25 * self.length - (weight @ about_r - running @ about_r)
-        more = slope - 1.0 / self.length
-        heavier = self._heavier
-        line = BentLine(2.0 * float(weight @ more**2), 2.0 * float(weight @ about_r**2),
-                        -2.0 * float(weight @ (heavier * about_r * slope)))  # fmt: skip
-        return Plane((deflected, turned), np.array((running @ slope, across_r)), np.array((about_d, about_r)), line)
+        young, sheared = (np.asarray(value)[..., None] for value in (
+            self.material.E, SHEAR * self.material.shear_modulus * self.width))  # fmt: skip
+        bend, shear = 1.0 / (young * moment), 1.0 / (sheared * h)
+        deflected, turned = 2.0 * _over_half(weight, x * x * bend + shear), 2.0 * _over_half(weight, bend)
+        about_d = (_over_half(weight, x * bend)[..., None] - _up_to(running, x * bend)) / deflected[..., None]
+        about_r = _up_to(running, bend) / turned[..., None]
+        slope = about_d + shear / deflected[..., None]
+        length = np.asarray(self.length)[..., None]
+        across_r = 0.25 * length - (_over_half(weight, about_r)[..., None] - _up_to(running, about_r))
+        more = slope - 1.0 / length
+        line = BentLine(2.0 * _over_half(weight, more**2), 2.0 * _over_half(weight, about_r**2),
+                        -2.0 * _over_half(weight, self._heavier * about_r * slope))  # fmt: skip
+        across_d, across_r = np.broadcast_arrays(_up_to(running, slope), across_r)
+        return Plane((deflected, turned), np.array((across_d, across_r)), np.array((about_d, about_r)), line)
 
-    def stiffness(self) -> tuple[float, ...]:
+    def stiffness(self) -> tuple[Any, ...]:
         """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
-        (_, weight, _, h), stiff, soft = self._half, *self._planes()
-        pull = 2.0 * float(weight @ (1.0 / h)) / (self.material.E * self.width)
-        twist = 2.0 * float(weight @ (1.0 / self._torsion))
+        (_, weight, _, h), (stiff, soft) = self._half, self._planes()
+        pull = 2.0 * _over_half(weight, 1.0 / h) / (self.material.E * self.width)
+        twist = 2.0 * _over_half(weight, 1.0 / self._torsion)
         compliance = (pull, stiff.compliance[0], soft.compliance[0], twist, soft.compliance[1], stiff.compliance[1])
         return tuple([1.0 / value for value in compliance])
 
     @property
     def _torsion(self) -> Array:
-        """Torsional rigidity G J at the points (n,)."""
-        shear, b = self.material.shear_modulus, self.width
-        return np.array([shear * rectangle_torsion(b, h) for h in self._half[3].tolist()])
+        """Torsional rigidity G J at the points (..., n)."""
+        shear, b = (np.asarray(value)[..., None] for value in (self.material.shear_modulus, self.width))
+        return np.asarray(shear * rectangle_torsion(b, self._half[3]))
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
         """Return its bent lines in the planes x-y and x-z."""
@@ -161,26 +167,32 @@ class NotchElement:
         return stiff.line, soft.line
 
     def mass_rows(self) -> Array:
-        """Return the rows F (12, 12) of the consistent mass matrix F^T F, rotary inertia included."""
+        """Return the rows F (..., 12, 12) of the consistent mass matrix F^T F, rotary inertia included."""
         x, weight, running, h = self._half
-        b, rho, length = self.width, self.material.rho, self.length
-        mass, rows = 2.0 * rho * b * h * weight, np.zeros((12, 12))
+        b, rho, length = (np.asarray(value)[..., None] for value in (self.width, self.material.rho, self.length))
+        mass, parts = 2.0 * rho * b * h * weight, []
         difference, mean = np.array([-1.0, 1.0]), np.array([0.5, 0.5])
         for first, inertia, slope in ((0, mass, 1.0 / h), (3, mass * (b * b + h * h) / 12.0, 1.0 / self._torsion)):
-            odd = 0.5 * (running @ slope) / (weight @ slope)
-            rows[2 * (first > 0) : 2 * (first > 0) + 2, [first, first + 6]] = _compressed(
-                inertia, (np.outer(np.ones(len(x)), mean), np.outer(odd, difference)))  # fmt: skip
+            odd = 0.5 * _up_to(running, slope) / _over_half(weight, slope)[..., None]
+            parts.append(([first, first + 6], _compressed(inertia, mean, odd[..., None] * difference)))
         # over (u1, theta1, u2, theta2): motion and rotation of the middle, d and r
-        middle, turn = np.array([0.5, 0.25 * length, 0.5, -0.25 * length]), np.array([0.0, 0.5, 0.0, 0.5])
-        d, r = np.array([-1.0, -0.5 * length, 1.0, -0.5 * length]), np.array([0.0, -1.0, 0.0, 1.0])
-        squares = (np.full_like(h, b * b), h * h)
-        for i, ((indices, sign), plane, square) in enumerate(zip(PLANES, self._planes(), squares, strict=True)):
-            across, about = plane.across, plane.about
-            shapes = (middle + np.outer(across[1], r), np.outer(x, turn) + np.outer(across[0], d))
-            turns = (turn + np.outer(about[0], d), np.outer(about[1], r))
-            packed = _compressed(np.concatenate((mass, mass * square / 12.0)),
-                                 [np.concatenate(pair) for pair in zip(shapes, turns, strict=True)])  # fmt: skip
-            rows[4 + 4 * i : 8 + 4 * i, indices] = packed * np.array([1.0, sign, 1.0, sign])
+        middle = (np.array([0.5, 0.0, 0.5, 0.0]) + length * np.array([0.0, 0.25, 0.0, -0.25]))[..., None, :]
+        d = (np.array([-1.0, 0.0, 1.0, 0.0]) + length * np.array([0.0, -0.5, 0.0, -0.5]))[..., None, :]
+        turn, r = np.array([0.0, 0.5, 0.0, 0.5]), np.array([0.0, -1.0, 0.0, 1.0])
+        for (indices, sign), plane, square in zip(PLANES, self._planes(), (b * b * np.ones_like(h), h * h),
+                                                  strict=True):  # fmt: skip
+            across, about = plane.across[..., None], plane.about[..., None]
+            rotary = mass * square / 12.0
+            even = concatenated((middle + across[1] * r, turn + about[0] * d), -2)
+            odd = concatenated((x[..., None] * turn + across[0] * d, about[1] * r), -2)
+            packed = _compressed(concatenated((mass, rotary), -1), even, odd)
+            parts.append((indices, packed * np.array([1.0, sign, 1.0, sign])))
+        rows = np.zeros((*np.broadcast_shapes(*[part.shape[:-2] for _, part in parts]), 12, 12),
+                        np.result_type(*[part for _, part in parts]))  # fmt: skip
+        start = 0
+        for indices, part in parts:
+            rows[..., start : start + len(indices), indices] = part
+            start += len(indices)
         return rows
 
     def mass_points(self) -> MassPoints:
@@ -210,9 +222,33 @@ class NotchElement:
         return MassPoints(mass, mass[:, None] * squares / 12.0, moves, turns)
 
 
-def _compressed(inertia: Array, shapes: tuple[Array, ...] | list[Array]) -> Array:
-    """As few rows as columns with the same products as sqrt(inertia) times the rows of all shapes."""
-    return np.asarray(np.linalg.qr(np.concatenate([np.sqrt(inertia)[:, None] * shape for shape in shapes]))[1])
+def _over_half(weight: Array, values: Array) -> Any:
+    """Return the integral (...) of values (..., n) over one half."""
+    return (weight * values).sum(axis=-1)
+
+
+def _up_to(running: Array, values: Array) -> Array:
+    """Return the integrals (..., n) of values (..., n) from the middle to each point."""
+    return np.asarray((running @ values[..., None])[..., 0])
+
+
+def _compressed(inertia: Array, *shapes: Array) -> Array:
+    """Return as few rows (..., c, c) as columns with the same products as sqrt(inertia) times the rows of all shapes.
+
+    R of Q R by Gram and Schmidt, column by column, which is smooth also for complex steps.
+
+    ``inertia`` (..., n); ``shapes`` (..., n, c), c up to 4.
+    """
+    root = np.sqrt(inertia)[..., None]
+    rows = concatenated([np.asarray(root * shape) for shape in shapes], -2)
+    count = rows.shape[-1]
+    result = np.zeros((*rows.shape[:-2], count, count), rows.dtype)
+    for i in range(count):
+        result[..., i, i] = size = np.sqrt((rows[..., i] ** 2).sum(axis=-1))
+        unit = rows[..., i] / size[..., None]
+        result[..., i, i + 1 :] = share = (unit[..., None, :] @ rows[..., i + 1 :])[..., 0, :]
+        rows[..., i + 1 :] -= unit[..., None] * share[..., None, :]
+    return result
 
 
 @cache

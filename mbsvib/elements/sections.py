@@ -5,15 +5,23 @@ The section's axes are the beam's local y and z; Iy = integral of z^2 dA belongs
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import MISSING, dataclass, fields
-from math import exp, pi
-from typing import TYPE_CHECKING, Any
+from math import pi
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+R = TypeVar("R")
+
+# Odd numbers n of the series of torsion; e^(-pi n) of the next one is below 1e-55.
+ODD = np.arange(1.0, 41.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +104,7 @@ class Circle(Checked):
             Area, second moments, torsion constant and shear factors.
         """
         area, bending, factor = pi * self.radius**2, 0.25 * pi * self.radius**4, 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
-        return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
+        return Properties(area, bending, bending, 2.0 * bending, *_factors(self, factor))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +140,7 @@ class Tube(Checked):
         ratio = (inner / outer) ** 2
         square = (1.0 + ratio) ** 2
         factor = 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio)
-        return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
+        return Properties(area, bending, bending, 2.0 * bending, *_factors(self, factor))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +167,7 @@ class Rectangle(Checked):
         """
         b, h = self.width, self.height
         factor = 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
-        return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, rectangle_torsion(b, h),
-                          self.ky or factor, self.kz or factor)  # fmt: skip
+        return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, rectangle_torsion(b, h), *_factors(self, factor))
 
 
 SHAPES: dict[str, type[Section | Circle | Tube | Rectangle]] = {
@@ -170,8 +177,13 @@ Shape = Section | Circle | Tube | Rectangle
 _NAMES = {shape: name for name, shape in SHAPES.items()}
 
 
-def rectangle_torsion(width: float, height: float) -> float:
-    """Return the torsion constant of a rectangle [m^4], by Saint-Venant's series.
+def _factors(shape: Any, factor: Any) -> tuple[Any, Any]:
+    """Shear factors as given, else ``factor``."""
+    return (factor if shape.ky is None else shape.ky, factor if shape.kz is None else shape.kz)
+
+
+def rectangle_torsion(width: Any, height: Any) -> Any:
+    """Return the torsion constant of a rectangle, or of many of shapes (...) [m^4], by Saint-Venant's series.
 
     J = a b^3 / 3 (1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2 b) / n^5),  a >= b
 
@@ -179,10 +191,10 @@ def rectangle_torsion(width: float, height: float) -> float:
 
     Source: Timoshenko, Goodier, Theory of Elasticity, 3rd ed., section 109.
     """
-    a, b = max(width, height), min(width, height)
-    total = 31.0 * 1.0369277551433699263 / 32.0  # sum over odd n of n^-5 = 31/32 zeta(5)
-    for n in range(1, 41, 2):
-        total -= 2.0 * exp(-n * pi * a / b) / (1.0 + exp(-n * pi * a / b)) / n**5
+    a, b = np.maximum(width, height), np.minimum(width, height)
+    decay = np.exp(-pi * ODD * (a / b)[..., None])
+    # 31/32 zeta(5) is the sum over odd n of n^-5
+    total = 31.0 * 1.0369277551433699263 / 32.0 - (2.0 * decay / (1.0 + decay) / ODD**5).sum(axis=-1)
     return a * b**3 / 3.0 * (1.0 - 192.0 / pi**5 * b / a * total)
 
 
@@ -206,6 +218,15 @@ def constructor_kwargs(shape: Shape) -> dict[str, Any]:
     """Return the dict from which ``make`` makes the same section."""
     kind = {"type": _NAMES[type(shape)]} if not isinstance(shape, Section) else {}
     return kind | {item.name: value for item in fields(shape) if (value := getattr(shape, item.name)) is not None}
+
+
+def with_fields(record: R, values: Mapping[str, Any]) -> R:
+    """Return the same with those of the ``values`` that are its fields, unchecked, such as arrays of many variants."""
+    result = copy(record)
+    for item in fields(record):  # type: ignore[arg-type]
+        if item.name in values:
+            object.__setattr__(result, item.name, values[item.name])
+    return result
 
 
 def built(kind: type, kwargs: Mapping[str, Any], who: str, field: str) -> Any:
