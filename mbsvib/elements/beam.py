@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import hypot
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
+from mbsvib.elements.beam_points import end_along, points_of, tuples, y_axis_of
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, Part, derived
 from mbsvib.elements.roles import POINT, ParameterField
-from mbsvib.elements.sections import Properties, Shape
+from mbsvib.elements.sections import Circle, Properties, Rectangle, Shape, with_fields
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.rotations import exponential
 
@@ -29,12 +30,12 @@ if TYPE_CHECKING:
     from mbsvib.elements.bushing import Six
     from mbsvib.elements.placement import Placement, Pose
 
-ELEMENTS = 8
-# A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.
-MAX_ELEMENTS = 100_000
 # Smallest sine of the angle between a beam and the direction of its y axis
 PARALLEL = 1e-6
 MATERIAL = ("E", "rho", "nu", "G")
+DAMPING = frozenset({"alpha", "beta", "damping_ratio"})
+# Numbers of which each has limits of its own, those of its sign.
+SIGNED = DAMPING | {"E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz"}
 # Units of parameters other than lengths.
 UNITS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",
          "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
@@ -101,6 +102,45 @@ class Beam(Composed):
             owner = kwargs["material"] if field in MATERIAL else kwargs if hasattr(self, field) else kwargs["section"]
             owner[field] = value
         return make(**kwargs)
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        """Numbers of its material, its section and its damping; modal damping follows from none of the others."""
+        if self.displacements is not None:
+            return frozenset()
+        varied = {item.name for record in (self.material, self.section) for item in fields(record)}
+        return DAMPING | (set() if self.damping_ratio else varied - self.fixed_fields)
+
+    fixed_fields: ClassVar[frozenset[str]] = frozenset()
+
+    @property
+    def signed_fields(self) -> frozenset[str]:
+        return SIGNED | ({"width", "height", "radius"} if isinstance(self.section, Circle | Rectangle) else set())
+
+    def of_variants(self, values: Mapping[str, Array]) -> Beam:
+        """Return the beam with the numbers of many variants, unchecked, for its elements alone.
+
+        Parameters
+        ----------
+        values : mapping of str to array, shape (n,)
+            Values of its ``batched_fields``.
+
+        Returns
+        -------
+        Beam
+            The beam, whose elements have arrays.
+        """
+        return with_fields(self, {"section": with_fields(self.section, values), **values,
+                                  "material": with_fields(self.material, values)})  # fmt: skip
+
+    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        """Return stiffness and damping of its bushings; see ``Part.replaced_coefficients``."""
+        beam, count = self.of_variants(fields), np.broadcast_shapes(*[value.shape for value in fields.values()])
+        made: dict[float, dict[str, Array]] = {}
+        for length in {length for length, _ in self.frames()}:
+            k = np.array([np.broadcast_to(value, count) for value in beam.element(length).stiffness()])
+            made[length] = {"stiffness": k, "damping": beam.beta * k}
+        return {name: made[length] for name, (length, _) in zip(self.element_names, self.frames(), strict=True)}
 
     @property
     def properties(self) -> Properties:
@@ -243,9 +283,9 @@ class Beam(Composed):
         Beam
             The beam, unchecked.
         """
-        nodes = _tuples(points)
+        nodes = tuples(points)
         return replace(self, start=None, end=None, axis=None, length=None, elements=None, nodes=nodes, points=nodes,
-                       y_axis=_tuples(y_axes), displacements=None if displacements is None else _tuples(displacements),
+                       y_axis=tuples(y_axes), displacements=None if displacements is None else tuples(displacements),
                        )  # fmt: skip
 
     reversed_axis = 2  # of its elements
@@ -290,10 +330,6 @@ def _one_or_each(y_axes: Array) -> Array:
     return np.asarray(y_axes[0] if np.abs(y_axes - y_axes[0]).max() == 0.0 else y_axes)
 
 
-def _tuples(array: Array) -> tuple[Any, ...]:
-    return tuple([tuple(row) for row in array.tolist()])
-
-
 def make(
     name: str, a: str | None, b: str | None, section: Any, material: Any, start: Any = None, end: Any = None,
     axis: Any = None, length: Any = None, nodes: Any = None, elements: Any = None, shear: Any = False,
@@ -311,12 +347,12 @@ def make(
     rayleigh = checked_damping(who, "alpha", alpha), checked_damping(who, "beta", beta)
     ratio = checked_damping(who, "damping_ratio", damping_ratio)
     if axis is not None or length is not None:
-        axis, length, far_end = _end_along(who, start, end, axis, length)
-        (start, _), nodes, points, elements = _points(who, start, far_end, nodes, elements)
+        axis, length, far_end = end_along(who, start, end, axis, length)
+        (start, _), nodes, points, elements = points_of(who, start, far_end, nodes, elements)
     else:
-        (start, end), nodes, points, elements = _points(who, start, end, nodes, elements)
+        (start, end), nodes, points, elements = points_of(who, start, end, nodes, elements)
     if y_axis is not None:
-        y_axis = _y_axis(who, y_axis, len(points) - 1)
+        y_axis = y_axis_of(who, y_axis, len(points) - 1)
     if displacements is not None:
         displacements = checked_displacements(who, displacements, len(points))
     beam = Beam(name, a, b, shape, material, start, end, axis, length, nodes, elements, shear, y_axis, *rayleigh, ratio,
@@ -326,57 +362,6 @@ def make(
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "
                          f"or another body (None: a free end).", element=who, field="b")  # fmt: skip
     return beam
-
-
-def _y_axis(who: str, value: Any, elements: int) -> Any:
-    """One direction, or one for each element."""
-    items = list(value) if hasattr(value, "__iter__") else []
-    if not items or not hasattr(items[0], "__len__"):
-        return check.axis(value, who, "y_axis")
-    if len(items) != elements:
-        raise check.refuse(who, "y_axis", value, f"a direction, or one for each of the {elements} elements")
-    return tuple([check.axis(item, who, "y_axis") for item in items])
-
-
-def _end_along(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
-    """Checked axis and length, and the end point that follows from them."""
-    if end is not None:
-        raise ModelError(f"{who}: axis and length are given, so leave out end.", element=who, field="end")
-    if axis is None or length is None:
-        raise ModelError(f"{who}: axis and length go together; give both, or start and end.", element=who,
-                         field="axis" if axis is None else "length")  # fmt: skip
-    size = check.number(length, who, "length")
-    if size <= 0.0:
-        raise check.refuse(who, "length", length, "a positive number [m]")
-    unit, first = check.axis(axis, who, "axis"), check.vector(start, who, "start", "a point (x, y, z) [m], world axes")
-    return check.vector(axis, who, "axis"), size, (
-        first[0] + size * unit[0], first[1] + size * unit[1], first[2] + size * unit[2])  # fmt: skip
-
-
-def _points(
-    who: str, start: Any, end: Any, nodes: Any, elements: Any
-) -> tuple[tuple[Vector | None, Vector | None], tuple[Vector, ...] | None, tuple[Vector, ...], int | None]:
-    """Checked start and end, nodes, points of all nodes, and number of elements."""
-    count = ELEMENTS if elements is None else elements
-    if type(count) is not int or not 1 <= count <= MAX_ELEMENTS:
-        raise check.refuse(who, "elements", elements, f"a whole number from 1 to {MAX_ELEMENTS}")
-    if nodes is not None:
-        if start is not None or end is not None or elements is not None:
-            raise ModelError(f"{who}: nodes are given, so leave out start, end and elements.",
-                             element=who, field="nodes")  # fmt: skip
-        items = check.listed(nodes, who, "nodes", "two or more points")
-        if len(items) < 2:
-            raise check.refuse(who, "nodes", nodes, "two or more points")
-        points = tuple([check.vector(point, who, "nodes") for point in items])
-        return (None, None), points, points, None
-    for word, value in (("start", start), ("end", end)):
-        if value is None:
-            raise check.refuse(who, word, None, "a point (x, y, z) [m], world axes, or nodes")
-    first, last = check.vector(start, who, "start"), check.vector(end, who, "end")
-    if first == last:
-        raise check.refuse(who, "end", end, "a point other than start", "A beam needs a length.")
-    fraction = (np.arange(count + 1) / count)[:, None]
-    return (first, last), None, _tuples((1.0 - fraction) * first + fraction * last), elements
 
 
 def _frame(p: Vector, q: Vector, y_axis: Vector | None, who: str) -> tuple[float, Matrix3]:

@@ -131,16 +131,16 @@ class Prismatic:
     def mass_points(self) -> MassPoints:
         """Return its mass at four Gauss points."""
         ratios = shear_ratios(self.length, self.section, self.material, self.shear)
-        points = gauss(4)
-        moves, turns = np.zeros((2, len(points), 3, 12))
-        for move, turn, (x, _) in zip(moves, turns, points, strict=True):
-            move[0, [0, 6]] = turn[0, [3, 9]] = (1.0 - x, x)
-            for (indices, sign), phi, across, about in zip(PLANES, ratios, (1, 2), (2, 1), strict=True):
-                slopes = np.array([1.0, sign, 1.0, sign])
-                move[across, indices] = slopes * deflection(x, self.length, phi)
-                if self.shear:
-                    turn[about, indices] = sign * slopes * rotation(x, self.length, phi)
-        shares, (iy, iz) = np.array([weight for _, weight in points]), (self.section.Iy, self.section.Iz)
+        x, shares = gauss(4)
+        moves, turns = np.zeros((2, len(x), 3, 12))
+        for column, part in ((0, 1.0 - x), (6, x)):
+            moves[:, 0, column] = turns[:, 0, column + 3] = part
+        for (indices, sign), phi, across, about in zip(PLANES, ratios, (1, 2), (2, 1), strict=True):
+            slopes = np.array([1.0, sign, 1.0, sign])
+            moves[:, across, indices] = slopes * deflection(x, self.length, phi)
+            if self.shear:
+                turns[:, about, indices] = sign * slopes * rotation(x, self.length, phi)
+        iy, iz = self.section.Iy, self.section.Iz
         sections = self.length * self.material.rho * np.array([iy + iz, iy, iz])
         return MassPoints(self.mass * shares, shares[:, None] * sections, moves, turns)
 
@@ -180,47 +180,54 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
     theta2) in the element's axes; numbers of the section and the material may have leading axes.
     """
     mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
-    rows: list[tuple[Any, Sequence[int], Array]] = []
-    for x, weight in gauss(2):
-        rows.append((weight * mass, [0, 6], np.array((1.0 - x, x))))
-        rows.append((weight * polar_inertia, [3, 9], np.array((1.0 - x, x))))
+    (x, weight), parts = gauss(2), []
+    for inertia, ends in ((mass, [0, 6]), (polar_inertia, [3, 9])):
+        parts.append((inertia, weight, ends, np.stack((1.0 - x, x), axis=-1)))
     for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
                                             (section.Iz, section.Iy), strict=True):  # fmt: skip
         slopes = np.array([1.0, sign, 1.0, sign])
-        for x, weight in gauss(4):
-            rows.append((weight * mass, indices, slopes * deflection(x, length, phi)))
-        for x, weight in gauss(3) if shear else ():
-            rows.append((weight * material.rho * moment * length, indices, slopes * rotation(x, length, phi)))
-    roots = [np.sqrt(inertia)[..., None] * values for inertia, _, values in rows]
-    result = np.zeros((*np.broadcast_shapes(*[root.shape[:-1] for root in roots]), len(rows), 12),
-                      np.result_type(*roots))  # fmt: skip
-    for i, (root, (_, indices, _)) in enumerate(zip(roots, rows, strict=True)):
-        result[..., i, indices] = root
+        x, weight = gauss(4)
+        parts.append((mass, weight, indices, slopes * deflection(x, length, phi)))
+        if shear:
+            x, weight = gauss(3)
+            parts.append((material.rho * moment * length, weight, indices, slopes * rotation(x, length, phi)))
+    return in_columns([(indices, np.sqrt(np.asarray(inertia)[..., None] * weight)[..., None] * values)
+                       for inertia, weight, indices, values in parts])  # fmt: skip
+
+
+def in_columns(parts: Sequence[tuple[list[int], Array]]) -> Array:
+    """Return rows (..., n, 12), those of each part (..., k, c) in its c columns, one part below the other."""
+    lead = np.broadcast_shapes(*[rows.shape[:-2] for _, rows in parts])
+    result = np.zeros((*lead, sum(rows.shape[-2] for _, rows in parts), 12),
+                      np.result_type(*[rows for _, rows in parts]))  # fmt: skip
+    start = 0
+    for indices, rows in parts:
+        result[..., start : start + rows.shape[-2], indices] = rows
+        start += rows.shape[-2]
     return result
 
 
-def deflection(x: float, length: float, phi: Any) -> Array:
-    """Return the deflection (..., 4) at x (0..1) per deflection and rotation of the first end and of the second."""
-    y, phi = 1.0 - x, np.asarray(phi)[..., None]
-    fixed = np.array([y * y * (1.0 + 2.0 * x), length * x * y * y, x * x * (1.0 + 2.0 * y), -length * x * x * y])
-    return np.asarray((fixed + phi * np.array([y, 0.5 * length * x * y, x, -0.5 * length * x * y])) / (1.0 + phi))
+def deflection(x: Array, length: float, phi: Any) -> Array:
+    """Return the deflection (..., n, 4) at x (n,), 0..1, per deflection and rotation of either end."""
+    y, phi = 1.0 - x, np.asarray(phi)[..., None, None]
+    fixed = np.stack((y * y * (1.0 + 2.0 * x), length * x * y * y, x * x * (1.0 + 2.0 * y), -length * x * x * y), -1)
+    sheared = np.stack((y, 0.5 * length * x * y, x, -0.5 * length * x * y), axis=-1)
+    return np.asarray((fixed + phi * sheared) / (1.0 + phi))
 
 
-def rotation(x: float, length: float, phi: Any) -> Array:
-    """Return the rotation (..., 4) of the section at x (0..1) per deflection and rotation of the first end and the
-    second.
-    """
-    y, phi = 1.0 - x, np.asarray(phi)[..., None]
-    slope = 6.0 * x * y / length
-    fixed = np.array([-slope, y * (1.0 - 3.0 * x), slope, x * (1.0 - 3.0 * y)])
-    return np.asarray((fixed + phi * np.array([0.0, y, 0.0, x])) / (1.0 + phi))
+def rotation(x: Array, length: float, phi: Any) -> Array:
+    """Return the rotation (..., n, 4) of the sections at x (n,), 0..1, per deflection and rotation of either end."""
+    y, phi = 1.0 - x, np.asarray(phi)[..., None, None]
+    slope, none = 6.0 * x * y / length, np.zeros_like(x)
+    fixed = np.stack((-slope, y * (1.0 - 3.0 * x), slope, x * (1.0 - 3.0 * y)), axis=-1)
+    return np.asarray((fixed + phi * np.stack((none, y, none, x), axis=-1)) / (1.0 + phi))
 
 
 @cache
-def gauss(points: int) -> tuple[tuple[float, float], ...]:
-    """Return Gauss points and weights on 0..1."""
+def gauss(points: int) -> tuple[Array, Array]:
+    """Return Gauss points and weights (n,) on 0..1."""
     x, weight = np.polynomial.legendre.leggauss(points)
-    return tuple(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))
+    return 0.5 * (1.0 + x), 0.5 * weight
 
 
 def check_flags(who: str, shear: Any, second_order: Any) -> None:

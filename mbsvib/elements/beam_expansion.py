@@ -21,7 +21,7 @@ from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array
@@ -35,6 +35,17 @@ def expand(beam: Beam, *_: Any) -> ExpandedPart:
         massless_bodies(beam.node_names), {joint.name: joint for joint, _ in pairs},
         {spring.name: spring for _, spring in pairs}, mass=tuple(mass), elastic=tuple(dampers(beam, mass)),
     )  # fmt: skip
+
+
+def varied_rows(beam: Beam, fields: Mapping[str, Array]) -> tuple[list[SharedRows], list[SharedRows]]:
+    """Return the mass rows of a beam with the numbers of many variants, and the rows of its damping.
+
+    ``fields`` (n,): values of its ``batched_fields``. Matrices and coefficients that vary have an axis of variants in
+    front.
+    """
+    varied = beam.of_variants(fields)
+    mass = masses(varied)
+    return mass, dampers(varied, mass)
 
 
 def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
@@ -121,10 +132,11 @@ def elastic_part(beam: Beam, gravity: Vector | None = None) -> ElasticPart:
 def dampers(beam: Beam, mass: Sequence[SharedRows]) -> list[SharedRows]:
     """Return the rows of mass-proportional and of modal damping, if the beam has any; ``mass``: its mass rows."""
     result = []
-    if beam.alpha:
-        result += [SharedRows(beam.name, rows.nodes, rows.matrix, damping=np.full(len(rows.matrix), beam.alpha))
+    if np.ndim(beam.alpha) or beam.alpha:
+        alpha = np.asarray(beam.alpha)[..., None]
+        result += [SharedRows(beam.name, rows.nodes, rows.matrix, damping=alpha * np.ones(rows.matrix.shape[-2]))
                    for rows in mass]  # fmt: skip
-    if beam.damping_ratio:
+    if np.ndim(beam.damping_ratio) or beam.damping_ratio:
         result.append(modal_damper(beam, mass))
     return result
 
@@ -152,7 +164,7 @@ def modal_damper(beam: Beam, mass: Sequence[SharedRows]) -> SharedRows:
     nodes = tuple([
         Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i)) for i in range(len(frames))
     ])  # fmt: skip
-    return SharedRows(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
+    return SharedRows(beam.name, nodes, matrix, damping=2.0 * np.asarray(beam.damping_ratio)[..., None] / omega**3)
 
 
 def _free_mass_rows(beam: Beam, mass: Sequence[SharedRows]) -> Array:

@@ -32,7 +32,7 @@ LINE = {"start": point("first", other="end"), "end": point("second", other="star
 class Connection(Part):
     """An element between the bodies ``first`` and ``second``."""
 
-    _engine = ("acts_along_line at_rest cross_coupling generated_names law loaded preload_form replaced_coefficients "
+    _engine = ("acts_along_line at_rest cross_coupling generated_names law loaded preload_form "
                "rest_wrench row_values")  # fmt: skip
 
     law: ClassVar[Law | None] = None  # of its force in finite motion
@@ -112,21 +112,6 @@ class Connection(Part):
         values = {field: fields[field] for field in ("stiffness", "damping", "inertance") if field in fields}
         return {field: np.repeat(array[None], len(along), axis=0) if array.ndim == 1 else array[along]
                 for field, array in values.items()}  # fmt: skip
-
-    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-        """Return stiffness and damping of the connections that replace it.
-
-        Parameters
-        ----------
-        fields : mapping of str to array
-            Values of its fields by name, with the variants on the last axis.
-
-        Returns
-        -------
-        dict
-            {name of a connection: {field: values}}; none for what stands for itself.
-        """
-        return {}
 
     def preload_form(self, size: float) -> PreloadForm | None:
         """Return how it can carry a preload.

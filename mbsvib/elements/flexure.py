@@ -24,7 +24,7 @@ from mbsvib.elements.material import Material
 from mbsvib.elements.notch_element import NotchElement
 from mbsvib.elements.part import derived
 from mbsvib.elements.roles import POINT, TURN, ParameterField
-from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion
+from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion, with_fields
 from mbsvib.errors import AccuracyWarning, nearest
 from mbsvib.linalg.rotations import exponential
 
@@ -211,6 +211,15 @@ class Flexure(Beam):
                 yield POINT.field("position", self.position)
                 yield TURN.field("orientation", self.orientation)
             yield item
+
+    @property
+    def fixed_fields(self) -> frozenset[str]:  # type: ignore[override]
+        """Numbers of its shape by which its ends are elsewhere."""
+        return frozenset({"radius" if isinstance(self.shape, Notch) else "length"})
+
+    def of_variants(self, values: Mapping[str, Array]) -> Beam:
+        """Return the flexure with the numbers of many variants, unchecked; see ``Beam.of_variants``."""
+        return with_fields(super(Flexure, self).of_variants(values), {"shape": with_fields(self.shape, values)})
 
     def with_values(self, values: Mapping[str, Any]) -> Flexure:
         kwargs = self.constructor_kwargs()

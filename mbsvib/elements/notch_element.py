@@ -20,13 +20,13 @@ chapter 2 (corner-filleted).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints
+from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints, in_columns
 from mbsvib.elements.sections import rectangle_torsion
 from mbsvib.linalg.products import concatenated
 
@@ -53,7 +53,7 @@ class Plane(NamedTuple):
     line: BentLine
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NotchElement:
     """A bar of ``width`` b along y and of the thickness h(x) along z, with the neck's ``thickness`` t [m].
 
@@ -67,7 +67,7 @@ class NotchElement:
     width: float
     material: Material
 
-    @property
+    @cached_property
     def _half(self) -> tuple[Array, Array, Array, Array]:
         """Points x (..., n) of one half [m], their weights (..., n), the integrals from the middle to each (..., n, n),
         and h (..., n).
@@ -102,7 +102,7 @@ class NotchElement:
     @property
     def arm(self) -> Any:
         """Distance of the weight of either half from its node [m], consistent with soft bending."""
-        return 4.0 * _over_half(self._half[1], self._heavier * self._planes()[1].about[1])
+        return 4.0 * _over_half(self._half[1], self._heavier * self._planes[1].about[1])
 
     @property
     def odd_load(self) -> tuple[Any, Any]:
@@ -111,7 +111,7 @@ class NotchElement:
         """
         x, weight, _, h = self._half
         mass = 2.0 * self.material.rho * self.width * h * weight * (2.0 * x / self.length)
-        at_end = float(mass @ self._planes()[1].across[0])
+        at_end = float(mass @ self._planes[1].across[0])
         return at_end, 0.5 * self.length - 0.5 * float(mass @ x) / at_end
 
     @property
@@ -119,12 +119,13 @@ class NotchElement:
         """Whether sections turn about all axes: they do."""
         return True
 
-    @property
+    @cached_property
     def _heavier(self) -> Array:
         """Share of the mass between the middle and each point (..., n)."""
         _, weight, running, h = self._half
         return np.asarray(0.5 * _up_to(running, h) / _over_half(weight, h)[..., None])
 
+    @cached_property
     def _planes(self) -> tuple[Plane, Plane]:
         """The planes x-y, stiff, and x-z, soft."""
         h, b = self._half[3], np.asarray(self.width)[..., None]
@@ -149,13 +150,13 @@ class NotchElement:
 
     def stiffness(self) -> tuple[Any, ...]:
         """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
-        (_, weight, _, h), (stiff, soft) = self._half, self._planes()
+        (_, weight, _, h), (stiff, soft) = self._half, self._planes
         pull = 2.0 * _over_half(weight, 1.0 / h) / (self.material.E * self.width)
         twist = 2.0 * _over_half(weight, 1.0 / self._torsion)
         compliance = (pull, stiff.compliance[0], soft.compliance[0], twist, soft.compliance[1], stiff.compliance[1])
         return tuple([1.0 / value for value in compliance])
 
-    @property
+    @cached_property
     def _torsion(self) -> Array:
         """Torsional rigidity G J at the points (..., n)."""
         shear, b = (np.asarray(value)[..., None] for value in (self.material.shear_modulus, self.width))
@@ -163,7 +164,7 @@ class NotchElement:
 
     def bent_lines(self) -> tuple[BentLine, BentLine]:
         """Return its bent lines in the planes x-y and x-z."""
-        stiff, soft = self._planes()
+        stiff, soft = self._planes
         return stiff.line, soft.line
 
     def mass_rows(self) -> Array:
@@ -179,7 +180,7 @@ class NotchElement:
         middle = (np.array([0.5, 0.0, 0.5, 0.0]) + length * np.array([0.0, 0.25, 0.0, -0.25]))[..., None, :]
         d = (np.array([-1.0, 0.0, 1.0, 0.0]) + length * np.array([0.0, -0.5, 0.0, -0.5]))[..., None, :]
         turn, r = np.array([0.0, 0.5, 0.0, 0.5]), np.array([0.0, -1.0, 0.0, 1.0])
-        for (indices, sign), plane, square in zip(PLANES, self._planes(), (b * b * np.ones_like(h), h * h),
+        for (indices, sign), plane, square in zip(PLANES, self._planes, (b * b * np.ones_like(h), h * h),
                                                   strict=True):  # fmt: skip
             across, about = plane.across[..., None], plane.about[..., None]
             rotary = mass * square / 12.0
@@ -187,13 +188,7 @@ class NotchElement:
             odd = concatenated((x[..., None] * turn + across[0] * d, about[1] * r), -2)
             packed = _compressed(concatenated((mass, rotary), -1), even, odd)
             parts.append((indices, packed * np.array([1.0, sign, 1.0, sign])))
-        rows = np.zeros((*np.broadcast_shapes(*[part.shape[:-2] for _, part in parts]), 12, 12),
-                        np.result_type(*[part for _, part in parts]))  # fmt: skip
-        start = 0
-        for indices, part in parts:
-            rows[..., start : start + len(indices), indices] = part
-            start += len(indices)
-        return rows
+        return in_columns(parts)
 
     def mass_points(self) -> MassPoints:
         """Return its mass at the points of both halves."""
@@ -212,7 +207,7 @@ class NotchElement:
             rows[:, 0, [first, first + 6]] = mirrored(np.tile(mean, (n, 1)), np.outer(odd, difference))
         middle, turn = np.array([0.5, 0.25 * length, 0.5, -0.25 * length]), np.array([0.0, 0.5, 0.0, 0.5])
         d, r = np.array([-1.0, -0.5 * length, 1.0, -0.5 * length]), np.array([0.0, -1.0, 0.0, 1.0])
-        for (indices, sign), plane, axis, about in zip(PLANES, self._planes(), (1, 2), (2, 1), strict=True):
+        for (indices, sign), plane, axis, about in zip(PLANES, self._planes, (1, 2), (2, 1), strict=True):
             slopes = np.array([1.0, sign, 1.0, sign])
             moves[:, axis, indices] = slopes * mirrored(
                 middle + np.outer(plane.across[1], r), np.outer(x, turn) + np.outer(plane.across[0], d))  # fmt: skip

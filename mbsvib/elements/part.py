@@ -37,7 +37,7 @@ class Part(Completed):
 
     _engine = (
         "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
-        "point_fields replaced_fields roles signed_fields suspects symbol with_values"
+        "point_fields replaced_coefficients replaced_fields roles signed_fields suspects symbol with_values"
     )
 
     roles: ClassVar[Mapping[str, Role]] = {}
@@ -109,6 +109,21 @@ class Part(Completed):
             The same values by the fields of that part; of a part that nothing replaces, as they are.
         """
         return fields
+
+    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        """Return stiffness and damping of the connections that replace it.
+
+        Parameters
+        ----------
+        fields : mapping of str to array
+            Values of its fields by name, with the variants on the last axis.
+
+        Returns
+        -------
+        dict
+            {name of a connection: {field: values}}; none for what stands for itself.
+        """
+        return {}
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, except those at their default."""

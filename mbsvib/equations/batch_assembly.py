@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
@@ -150,7 +151,10 @@ class BatchPlan:
         shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
-        return bool(shared or fixed or varies or self._replacing_alone)
+        # strain follows the section of a beam
+        ports = (*self.user_model.inputs.values(), *self.user_model.outputs.values())
+        strained = bool(self.geometry.elastic) and any(type(part) in EXPANSIONS for part in ports)
+        return bool(shared or fixed or varies or strained or self._replacing_alone)
 
     @property
     def _replacing_alone(self) -> bool:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.bushing import Bushing, rows_of_matrices
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.families import connection_rows
+from mbsvib.elements.families import VARIED, connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
+from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import COEFFICIENTS
 from mbsvib.mechanism.topology import FLOATS
@@ -22,9 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Part
+    from mbsvib.elements.shared_rows import Expansion
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.couplings import Couplings
+    from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -38,8 +41,9 @@ class GeometryPlan:
     ``bodies`` (k,) have the positions ``centres`` (3, k), and ``ports`` (p,) theirs at the centres ``port_centres``
     (3, p). Of ``springs``, ``coefficients`` are the rows of numbers of some columns by name; elements of ``matrices``
     have rows that are made anew; ``replacing`` are connections that vary, one that replaces each in the equations with
-    coefficients of its own, and its columns. ``masses`` are bodies with the rows of their masses, ``tensors`` those
-    whose tensor varies: number, rows of the six entries, rows of the rotation vector, None where either is constant.
+    coefficients of its own, and its columns; ``elastic`` are parts whose rows in the ``expansion`` vary. ``masses`` are
+    bodies with the rows of their masses, ``tensors`` those whose tensor varies: number, rows of the six entries, rows
+    of the rotation vector, None where either is constant.
     """
 
     scene: Scene
@@ -58,7 +62,9 @@ class GeometryPlan:
     ports: Index
     port_centres: Index
     inertial_outputs: tuple[Index | None, ...]
-    replacing: tuple[tuple[Any, Any, Index], ...] = ()
+    replacing: tuple[tuple[Any, Any, Index], ...]
+    expansion: Expansion | None
+    elastic: tuple[Part, ...]
 
     @property
     def constant(self) -> bool:
@@ -91,6 +97,8 @@ class GeometryPlan:
             changes["port"] = self._ports(numbers)
         if len(self.masses[0]) or self.tensors:
             changes["inertia"] = self._inertia(values)
+        if self.elastic:
+            changes["shared"] = self._shared(values)
         return replace(scene, **changes) if changes else scene
 
     def _springs(self, values: Values) -> ElementRows:
@@ -115,6 +123,18 @@ class GeometryPlan:
         number = self.scene.topology.body_numbers
         return ElementRows.join([springs, *(_of_matrix(self.scene.elements[i], i, number, values)
                                             for i in self.matrices)])  # fmt: skip
+
+    def _shared(self, values: Values) -> Shared:
+        """Rows between more than two bodies, some with matrices or coefficients that vary."""
+        made = [VARIED[type(part)](part, values.fields[part.name]) for part in self.elastic]
+        of_part = [{part.name: iter(rows[i]) for part, rows in zip(self.elastic, made, strict=True)} for i in (0, 1)]
+        assert self.expansion is not None
+        mass, elastic = (tuple([next(varied[rows.owner]) if rows.owner in varied else rows for rows in constant])
+                         for constant, varied in zip((self.expansion.mass, self.expansion.elastic), of_part,
+                                                        strict=True))  # fmt: skip
+        assert self.scene.shared is not None
+        return shared_rows(replace(self.expansion, mass=mass, elastic=elastic), self.scene.topology.body_numbers,
+                           self.scene.shared.first)  # fmt: skip
 
     def _couplings(self, values: Values) -> Couplings | None:
         """The relations of couplers, and the coordinates of cut joints that they measure."""
@@ -177,7 +197,8 @@ def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
         scene, index, np.array(list(moved), dtype=np.intp), _stacked(list(moved.values())),
         _twists(scene, index, moved), _cuts(scene, index), _measured(scene, index), springs, elements, coefficients,
         matrices, (bodies, rows), tuple(tensors), np.array([row for row, _ in ports], dtype=np.intp),
-        _stacked([at for _, at in ports]), inertial, _replacing(scene, springs, slots),
+        _stacked([at for _, at in ports]), inertial, _replacing(scene, springs, slots), model.expansion,
+        tuple([part for name in slots.index if type(part := slots.parameters.parts[name]) in VARIED]),
     )  # fmt: skip
 
 
@@ -277,7 +298,7 @@ def _elements(
 def _replacing(scene: Scene, springs: ElementRows, slots: Slots) -> tuple[tuple[Any, Any, Index], ...]:
     """Connections that vary, with one that replaces each in the equations and its columns."""
     numbers = {part.name: i for i, part in enumerate(scene.elements)}
-    owners = [part for part in map(slots.parameters.parts.__getitem__, slots.index) if isinstance(part, Connection)]
+    owners = [slots.parameters.parts[name] for name in slots.index]
     return tuple([(owner, scene.elements[numbers[name]], np.flatnonzero(springs.owner == numbers[name]))
                   for owner in owners for name in owner.replaced_coefficients({}) if name in numbers])  # fmt: skip
 

@@ -32,8 +32,8 @@ _SIX = np.eye(6)
 class Composite:
     """Composite rows as arrays: base ``rows``, and ``blocks`` of matrices of equal shape.
 
-    A block has numbers of base rows (e, b) and matrices (e, r, b). ``moves_with_ground`` is 1 for base rows that move
-    with the ground, else 0.
+    A block has numbers of base rows (e, b) and matrices (..., e, r, b). ``moves_with_ground`` is 1 for base rows that
+    move with the ground, else 0.
     """
 
     rows: Rows
@@ -43,24 +43,24 @@ class Composite:
     @property
     def count(self) -> int:
         """Number of composite rows."""
-        return sum(matrix.shape[0] * matrix.shape[1] for _, matrix in self.blocks)
+        return sum(matrix.shape[-3] * matrix.shape[-2] for _, matrix in self.blocks)
 
     def of(self, base: Array) -> Array:
         """Return the composite rows (..., rows, m) of the base rows (..., base, m)."""
-        *lead, _, m = base.shape
-        parts = [np.matmul(matrix, base[..., index, :]).reshape(*lead, len(index) * matrix.shape[1], m)
-                 for index, matrix in self.blocks]  # fmt: skip
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-2)
+        parts = [np.matmul(matrix, base[..., index, :]) for index, matrix in self.blocks]
+        parts = [part.reshape(*part.shape[:-3], part.shape[-3] * part.shape[-2], part.shape[-1]) for part in parts]
+        return np.asarray(concatenated(parts, -2))
 
     def back(self, forces: Array) -> Array:
         """Return the forces (..., base, n) along the base rows of forces (..., rows, n) along the composite rows."""
-        *lead, _, n = forces.shape
+        n = forces.shape[-1]
+        lead = np.broadcast_shapes(forces.shape[:-2], *[matrix.shape[:-3] for _, matrix in self.blocks])
         result, start = np.zeros((len(self.rows.first), *lead, n), forces.dtype), 0
         for index, matrix in self.blocks:
-            e, r, b = matrix.shape
-            own = forces[..., start : start + e * r, :].reshape(*lead, e, r, n)
-            part = np.einsum("erb,...ern->eb...n", matrix, own)
-            np.add.at(result, index.reshape(-1), part.reshape(e * b, *lead, n))
+            e, r, b = matrix.shape[-3:]
+            own = forces[..., start : start + e * r, :].reshape(*forces.shape[:-2], e, r, n)
+            part = np.broadcast_to(np.einsum("...erb,...ern->...ebn", matrix, own), (*lead, e, b, n))
+            np.add.at(result, index.reshape(-1), np.moveaxis(part.reshape(*lead, e * b, n), -2, 0))
             start += e * r
         return np.moveaxis(result, 0, -2)
 
@@ -112,7 +112,7 @@ def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
     shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
     for rows in parts:
         start = [index_of.setdefault(node, len(index_of)) for node in rows.nodes]
-        shapes.setdefault(rows.matrix.shape, []).append((start, rows.matrix))
+        shapes.setdefault(rows.matrix.shape[-2:], []).append((start, rows.matrix))
     nodes = list(index_of)
     count = len(nodes)
     force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
@@ -121,7 +121,7 @@ def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
     point = np.repeat(np.array([node.point for node in nodes], dtype=float).T, 6, axis=1)
     blocks = tuple([
         ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),
-         np.array([matrix for _, matrix in group]))
+         concatenated([matrix[..., None, :, :] for _, matrix in group], -3))
         for group in shapes.values()
     ])  # fmt: skip
     moves_with_ground = np.repeat(np.array([float(node.moves_with_ground) for node in nodes]), 6)
@@ -132,15 +132,14 @@ def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Ela
     """Return composite elastic and damping rows, in the order of ``stack``."""
     shapes: dict[tuple[int, ...], list[SharedRows]] = {}
     for rows in parts:
-        shapes.setdefault(rows.matrix.shape, []).append(rows)
+        shapes.setdefault(rows.matrix.shape[-2:], []).append(rows)
     ordered = [rows for group in shapes.values() for rows in group]
 
     def values(key: str) -> Any:
-        return np.concatenate([
-            np.zeros(len(rows.matrix)) if getattr(rows, key) is None else getattr(rows, key) for rows in ordered
-        ])  # fmt: skip
+        return concatenated([np.zeros(rows.matrix.shape[-2]) if getattr(rows, key) is None else getattr(rows, key)
+                             for rows in ordered], -1)  # fmt: skip
 
-    owner = tuple([rows.owner for rows in ordered for _ in range(len(rows.matrix))])
+    owner = tuple([rows.owner for rows in ordered for _ in range(rows.matrix.shape[-2])])
     return ElasticRows(stack(parts, number), values("stiffness"), values("damping"), owner)
 
 
@@ -190,7 +189,7 @@ class Shared:
         number = {name: self.first + i for i, name in enumerate(self.names)}
         owners = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
         acts = np.flatnonzero(np.any(rows, axis=(*range(rows.ndim - 2), rows.ndim - 1)))
-        k, c = self.elastic.stiffness[acts], self.elastic.damping[acts]
+        k, c = self.elastic.stiffness[..., acts], self.elastic.damping[..., acts]
         return (concatenated((above, rows[..., acts, :]), -2), concatenated((stiffness, k), -1),
                 concatenated((damping, c), -1), np.concatenate((owner, owners[acts])))  # fmt: skip
 

@@ -40,13 +40,16 @@ def test_element_matrices_are_those_of_the_book(length, shear):
 
 
 def test_shape_functions_at_the_ends_and_under_rigid_motion():
-    for phi in (0.0, 0.7):
-        assert deflection(0.0, 2.0, phi) == pytest.approx([1, 0, 0, 0], abs=1e-15)
-        assert deflection(1.0, 2.0, phi) == pytest.approx([0, 0, 1, 0], abs=1e-15)
-        assert rotation(0.0, 2.0, phi) == pytest.approx([0, 1, 0, 0], abs=1e-15)
-        turned = np.array([-0.6, 1.0, 1.4, 1.0])  # about x = 0.3 of the length 2
-        assert deflection(0.3, 2.0, phi) @ turned == pytest.approx(0.0, abs=1e-15)
-        assert rotation(0.3, 2.0, phi) @ turned == pytest.approx(1.0, rel=1e-15)
+    x, phi = np.array([0.0, 1.0, 0.3]), np.array([0.0, 0.7])
+    deflections, rotations = deflection(x, 2.0, phi), rotation(x, 2.0, phi)
+    turned = np.array([-0.6, 1.0, 1.4, 1.0])  # about x = 0.3 of the length 2
+    for i in range(2):
+        assert deflections[i, 0] == pytest.approx([1, 0, 0, 0], abs=1e-15)
+        assert deflections[i, 1] == pytest.approx([0, 0, 1, 0], abs=1e-15)
+        assert rotations[i, 0] == pytest.approx([0, 1, 0, 0], abs=1e-15)
+        assert deflections[i, 2] @ turned == pytest.approx(0.0, abs=1e-15)
+        assert rotations[i, 2] @ turned == pytest.approx(1.0, rel=1e-15)
+        np.testing.assert_array_equal(deflections[i], deflection(x, 2.0, phi[i]))
 
 
 @pytest.mark.parametrize("shear", [False, True])

@@ -246,7 +246,8 @@ def test_variants_of_a_beam_are_the_beams_themselves():
     modes = batch.modes()
     for i, (modulus, density) in enumerate(zip((1e9, 2e9, 5e10), (1e3, 1e3, 7e3), strict=True)):
         single = model.with_values({"rod.E": modulus, "rod.rho": density}).linearize()
-        assert all((getattr(batch, key)[i] == getattr(single, key)).all() for key in ("M", "C", "K", "B", "Cq"))
+        assert all((getattr(batch, key)[i] == getattr(single, key)).all() for key in ("M", "C", "B", "Cq"))
+        np.testing.assert_allclose(batch.K[i], single.K, rtol=4e-16, atol=0.0)  # sums in another order
         np.testing.assert_allclose(modes.frequencies[i], single.modes().frequencies, rtol=1e-13)
     assert batch[1].explain() == model.with_values({"rod.E": 2e9, "rod.rho": 1e3}).linearize().explain()
 

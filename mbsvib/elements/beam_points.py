@@ -1,0 +1,73 @@
+"""The nodes of a beam, as users give them: two ends, an end with an axis and a length, or all of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
+
+ELEMENTS = 8
+# A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.
+MAX_ELEMENTS = 100_000
+
+
+def tuples(array: Array) -> tuple[Any, ...]:
+    return tuple([tuple(row) for row in array.tolist()])
+
+
+def y_axis_of(who: str, value: Any, elements: int) -> Any:
+    """One direction, or one for each element."""
+    items = list(value) if hasattr(value, "__iter__") else []
+    if not items or not hasattr(items[0], "__len__"):
+        return check.axis(value, who, "y_axis")
+    if len(items) != elements:
+        raise check.refuse(who, "y_axis", value, f"a direction, or one for each of the {elements} elements")
+    return tuple([check.axis(item, who, "y_axis") for item in items])
+
+
+def end_along(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
+    """Checked axis and length, and the end point that follows from them."""
+    if end is not None:
+        raise ModelError(f"{who}: axis and length are given, so leave out end.", element=who, field="end")
+    if axis is None or length is None:
+        raise ModelError(f"{who}: axis and length go together; give both, or start and end.", element=who,
+                         field="axis" if axis is None else "length")  # fmt: skip
+    size = check.number(length, who, "length")
+    if size <= 0.0:
+        raise check.refuse(who, "length", length, "a positive number [m]")
+    unit, first = check.axis(axis, who, "axis"), check.vector(start, who, "start", "a point (x, y, z) [m], world axes")
+    return check.vector(axis, who, "axis"), size, (
+        first[0] + size * unit[0], first[1] + size * unit[1], first[2] + size * unit[2])  # fmt: skip
+
+
+def points_of(
+    who: str, start: Any, end: Any, nodes: Any, elements: Any
+) -> tuple[tuple[Vector | None, Vector | None], tuple[Vector, ...] | None, tuple[Vector, ...], int | None]:
+    """Checked start and end, nodes, points of all nodes, and number of elements."""
+    count = ELEMENTS if elements is None else elements
+    if type(count) is not int or not 1 <= count <= MAX_ELEMENTS:
+        raise check.refuse(who, "elements", elements, f"a whole number from 1 to {MAX_ELEMENTS}")
+    if nodes is not None:
+        if start is not None or end is not None or elements is not None:
+            raise ModelError(f"{who}: nodes are given, so leave out start, end and elements.",
+                             element=who, field="nodes")  # fmt: skip
+        items = check.listed(nodes, who, "nodes", "two or more points")
+        if len(items) < 2:
+            raise check.refuse(who, "nodes", nodes, "two or more points")
+        points = tuple([check.vector(point, who, "nodes") for point in items])
+        return (None, None), points, points, None
+    for word, value in (("start", start), ("end", end)):
+        if value is None:
+            raise check.refuse(who, word, None, "a point (x, y, z) [m], world axes, or nodes")
+    first, last = check.vector(start, who, "start"), check.vector(end, who, "end")
+    if first == last:
+        raise check.refuse(who, "end", end, "a point other than start", "A beam needs a length.")
+    fraction = (np.arange(count + 1) / count)[:, None]
+    return (first, last), None, tuples((1.0 - fraction) * first + fraction * last), elements

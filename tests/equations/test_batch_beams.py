@@ -1,0 +1,151 @@
+"""Variants of beams and flexures with other materials, sections and damping are computed at once."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib.equations.batch_assembly import BatchPlan
+from mbsvib.errors import ModelError
+
+STEEL, COUNT = {"E": 2e11, "rho": 7800.0, "nu": 0.3}, 4
+SECTIONS = {
+    "properties": {"A": 1e-3, "Iy": 2e-7, "Iz": 1e-7, "J": 2.5e-7, "ky": 0.8, "kz": 0.7},
+    "circle": {"type": "circle", "radius": 0.02},
+    "tube": {"type": "tube", "radius": 0.02, "wall": 0.003, "ky": 0.5},
+    "rectangle": {"type": "rectangle", "width": 0.03, "height": 0.02},
+}
+SHAPES = {
+    "leaf": {"type": "leaf", "length": 0.05, "width": 0.02, "thickness": 0.001},
+    "notch": {"type": "notch", "radius": 0.004, "width": 0.02, "thickness": 0.001},
+    "elliptic": {"type": "elliptic", "length": 0.01, "depth": 0.003, "width": 0.02, "thickness": 0.001},
+    "corner_filleted": {"type": "corner_filleted", "length": 0.012, "radius": 0.003, "width": 0.02,
+                        "thickness": 0.001},
+}  # fmt: skip
+ENDS = {"leaf": {"length"}, "notch": {"radius"}, "elliptic": {"length"}, "corner_filleted": {"length"}}
+KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+
+
+def beam(kind, material=STEEL, shear=True, **damping):
+    """Two bodies on a bent beam with a free joint between them, so that a loop is closed by it."""
+    model = mv.Model("beam")
+    model.add_body("tip", 3.0, (0.1, 0.2, 0.3), position=(1.0, 0.2, 0.1))
+    model.add_beam("bar", "ground", "tip", SECTIONS[kind], material, nodes=[(0, 0, 0), (0.4, 0, 0), (0.8, 0.2, 0.1)],
+                   shear=shear, y_axis=(0.1, 1, 0.3), **damping)  # fmt: skip
+    model.add_spring("line", "ground", "tip", (0, 0.5, 0), (0.8, 0.2, 0.1), 1e5, 3.0)
+    return with_ports(model, "bar.e2")
+
+
+def flexure(kind, material=STEEL, shear=False, **damping):
+    """A stage on two flexures of different widths, of which the second one closes a loop."""
+    model = mv.Model("flexure")
+    model.add_body("tip", 3.0, (0.1, 0.2, 0.3), position=(0.02, 0, 0.05))
+    model.add_flexure("bar", "ground", "tip", SHAPES[kind], material, (0, 0, 0), ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+                      shear=shear, **damping)  # fmt: skip
+    model.add_flexure("other", "ground", "tip", SHAPES["leaf"], material, (0.0, 0.0, 0.1))
+    return with_ports(model, "bar.e1")
+
+
+def with_ports(model, element):
+    model.add_input("F", "tip", (1, 2, 3, 0.1, 0.2, 0.3))
+    model.add_base_motion("base", (1, 0.3, 0.2))
+    model.add_output("x", "tip", (1, 2, 3))
+    model.add_output("a", "tip", "y", quantity="acceleration")
+    model.add_force_output("f", element, (1, 2, 3, 0.1, 0.2, 0.3))
+    return model
+
+
+def scenes():
+    """Model, and the names of what varies."""
+    for kind in SECTIONS:
+        for shear, material in ((True, STEEL), (False, {"E": 7e10, "rho": 2700.0, "G": 2.6e10})):
+            yield f"{kind}-{shear}", (beam, kind, material, shear, {"alpha": 0.4, "beta": 1e-4}, ())
+    for kind in SHAPES:
+        yield kind, (flexure, kind, STEEL, kind == "leaf", {"alpha": 0.4, "beta": 1e-4}, ENDS[kind])
+    yield "modal", (beam, "tube", STEEL, True, {"damping_ratio": 0.02}, {*STEEL, *SECTIONS["tube"], "kz"})
+
+
+CASES = dict(scenes())
+
+
+def case(name):
+    build, kind, material, shear, damping, fixed = CASES[name]
+    model = build(kind, material, shear, **damping)
+    ends = {f"{axis}.{i}" for axis in ("position", "orientation") for i in ("x", "y", "z", "rx", "ry", "rz")}
+    varied = [full for full in model.parameters if full.startswith("bar.")
+              and full[4:] not in {*fixed, *ends} and model.parameters[full]]  # fmt: skip
+    return model, varied
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("one after the other")
+
+    monkeypatch.setattr(BatchPlan, "_one_by_one", refuse)
+
+
+@pytest.mark.few(2)
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("name", CASES)
+def test_at_once_they_are_as_alone(name):
+    model, names = case(name)
+    assert len(names) == 1 if name == "modal" else len(names) >= 5
+    rng = np.random.default_rng(4)
+    values = {one: model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}
+    values["tip.mass"] = np.linspace(1.0, 4.0, COUNT)
+    values["tip.position.y"] = np.linspace(-0.1, 0.1, COUNT)
+    batch, plant = model.linearize(values=values), model.compile(list(values))
+    for i in range(COUNT):
+        chosen = {one: float(array[i]) for one, array in values.items()}
+        alone, single = model.with_values(chosen).linearize(), plant(list(chosen.values()))
+        for key in KEYS:
+            expected = getattr(alone, key)
+            size = np.abs(expected).max(initial=0.0)
+            assert_allclose(getattr(batch[i], key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
+            assert_allclose(getattr(single, key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
+
+
+@pytest.mark.few(2)
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("name", CASES)
+def test_their_tangents_are_slopes_between_variants(name):
+    """Complex steps through sections and elements, against differences of fourth order of models by themselves."""
+    model, names = case(name)
+    plant, step = model.compile(names), 1e-3
+    rates = plant.nominal * np.random.default_rng(5).uniform(-1.0, 1.0, len(names))
+    tangent = plant.tangent(plant.nominal, rates)
+
+    def at(share):
+        return model.with_values(dict(zip(names, (plant.nominal + share * rates).tolist(), strict=True))).linearize()
+
+    systems = {share: at(share * step) for share in (-2, -1, 1, 2)}
+    for key in KEYS:
+        far, near = (getattr(systems[k], key) - getattr(systems[-k], key) for k in (2, 1))
+        expected = (8.0 * near - far) / (12.0 * step)
+        assert_allclose(getattr(tangent, key), expected, atol=3e-9 * max(np.abs(getattr(at(0.0), key)).max(), 1e-300))
+
+
+def test_what_else_varies_is_computed_alone():
+    """Ends that move, modal damping that follows the stiffness, and strain that follows the section."""
+    for model, name in ((flexure("leaf"), "bar.length"), (flexure("notch"), "bar.radius"),
+                        (beam("tube", damping_ratio=0.02), "bar.E"), (beam("tube"), "bar.alpha")):  # fmt: skip
+        values = {name: 1.1 * (model.parameters[name] or 1.0) * np.ones(2)}
+        assert model.compile([name])._plan.one_by_one, name
+        alone = model.with_values({name: float(values[name][0])}).linearize()
+        assert_allclose(model.linearize(values=values).K[1], alone.K, rtol=1e-12, atol=1e-12 * np.abs(alone.K).max())
+    model = beam("circle")
+    model.add_strain_output("eps", "bar.e1")
+    assert model.compile(["bar.radius"])._plan.one_by_one
+    assert not model.compile(["tip.mass"])._plan.one_by_one
+
+
+@pytest.mark.parametrize(("model", "name", "values", "message"), [
+    (beam("tube"), "bar.wall", [0.003, 0.03], r"variant 1: .*wall = 0\.03"),
+    (beam("tube"), "bar.E", [1e11, -1e11], r"variant 1: .*E = -100000000000"),
+    (flexure("leaf"), "bar.thickness", [1e-3, 0.03], r"variant 1: .*at most the width"),
+    (flexure("notch"), "bar.thickness", [1e-3, 1e-7], r"variant 1: .*of the depth of the cuts"),
+])  # fmt: skip
+def test_what_one_cannot_have_is_refused_by_its_number(model, name, values, message):
+    with pytest.raises(ModelError, match=message):
+        model.linearize(values={name: np.array(values)})
