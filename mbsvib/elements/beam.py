@@ -134,7 +134,6 @@ class Beam(Composed):
                                   "material": with_fields(self.material, values)})  # fmt: skip
 
     def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-        """Return stiffness and damping of its bushings; see ``Part.replaced_coefficients``."""
         beam, count = self.of_variants(fields), np.broadcast_shapes(*[value.shape for value in fields.values()])
         made: dict[float, dict[str, Array]] = {}
         for length in {length for length, _ in self.frames()}:

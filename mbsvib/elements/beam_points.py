@@ -19,6 +19,7 @@ MAX_ELEMENTS = 100_000
 
 
 def tuples(array: Array) -> tuple[Any, ...]:
+    """Return rows (n, m) as tuples."""
     return tuple([tuple(row) for row in array.tolist()])
 
 
