@@ -12,7 +12,7 @@ positive real functions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -23,30 +23,27 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import dynamic_factors as forms
-from mbsvib.elements.dynamic_factors import least_error
-from mbsvib.errors import AccuracyWarning, ModelError, counted, nearest
+from mbsvib.elements.dynamic_factors import WHO, least_error
+from mbsvib.errors import AccuracyWarning, ModelError, counted
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
 
-WHO = "Dynamic"
 # Lines a decade at which a fit and its error are taken.
 LINES = 24
 # Relative error of a measured factor, unless it is stated: of good tests of elastomers.
 NOISE = 0.05
-# Factors of passive elements have no power on the axis below this share of their size, but for rounding.
-PASSIVE = 1e-9
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Dynamic(Displayed):
     """How a stiffness changes with frequency: K(w) = K factor(i w).
 
-    Made by ``prony``, ``zener``, ``ghm``, ``table``, ``hysteretic`` and ``transfer``. A rational one has states:
-    ``static`` + ``viscous`` s + sum of ``weights`` s ``times`` / (1 + s ``times``); others have ``rational(band)``,
-    which says its ``error`` and the ``least_error`` that any passive model has over the band.
+    Made by ``prony``, ``zener``, ``ghm``, ``table``, ``hysteretic``, ``transfer`` and ``delay``. A rational one has
+    states: ``static`` + ``viscous`` s + sum of ``weights`` s ``times`` / (1 + s ``times``); others have
+    ``rational(band)``, which says its ``error`` and the ``least_error`` that any passive model has over the band.
     """
 
     name: str
@@ -59,6 +56,7 @@ class Dynamic(Displayed):
     error: float = 0.0
     least_error: float = 0.0
     noise: float = np.inf
+    late: float = 0.0  # delay [s] of which it is made
 
     def __str__(self) -> str:
         return repr(self)  # ``table`` makes one here, and prints none
@@ -89,11 +87,11 @@ class Dynamic(Displayed):
         Returns
         -------
         dict
-            ``static``, ``viscous`` [s], ``weights`` and ``times`` [s], without those at their default.
+            ``static``, ``viscous`` [s], ``delay`` [s], ``weights`` and ``times`` [s], without those at their default.
         """
         weights, times = (tuple([pair[k] for pair in self.terms]) for k in (0, 1))
         words: dict[str, Any] = {"static": self.static} if self.static != 1.0 else {}
-        words |= {"viscous": self.viscous} if self.viscous else {}
+        words |= {word: value for word, value in (("viscous", self.viscous), ("delay", self.late)) if value}
         return words | {"weights": weights, "times": times}
 
     @staticmethod
@@ -103,7 +101,8 @@ class Dynamic(Displayed):
         Parameters
         ----------
         words : mapping
-            ``weights`` and ``times`` [s] of relaxations, ``static`` (default 1) and ``viscous`` [s] (default 0).
+            ``weights`` and ``times`` [s] of relaxations, ``static`` (default 1) and ``viscous`` [s] (default 0); with a
+            ``delay`` [s], weights may be negative.
 
         Returns
         -------
@@ -115,17 +114,8 @@ class Dynamic(Displayed):
         ModelError
             If a word is unknown, or a number is refused.
         """
-        known = ("static", "viscous", "weights", "times")
-        for word in words:
-            if word not in known:
-                raise ModelError(f"{WHO}: {word!r} is not a word of it; expected some of {', '.join(known)}."
-                                 f"{nearest(str(word), known)}", field="dynamic")  # fmt: skip
-        plain = Dynamic.prony(words.get("weights", ()), words.get("times", ()))
-        static, viscous = (float(_vector([words.get(word, default)], word, 0.0)[0]) for word, default in (
-            ("static", 1.0), ("viscous", 0.0)))  # fmt: skip
-        assert plain.weights is not None
-        assert plain.times is not None
-        return _rational("relaxations", static, viscous, plain.weights, plain.times)
+        *terms, late = forms.read(words)
+        return _rational("delay" if late else "relaxations", *terms, late=late)
 
     def factor(self, omega: ArrayLike) -> Complex:
         """Return the factor of the stiffness.
@@ -163,11 +153,7 @@ class Dynamic(Displayed):
         ModelError
             If a weight is negative, a time is not positive, or their numbers differ.
         """
-        g, tau = _vector(weights, "weights", 0.0), _vector(times, "times", 0.0)
-        if len(g) != len(tau) or (tau <= 0.0).any():
-            raise ModelError(f"{WHO}.prony: weights = {shown(weights)}, times = {shown(times)}; expected as many "
-                             f"times, above 0 s, as weights.")  # fmt: skip
-        return _rational("prony", 1.0, 0.0, g, tau)
+        return _rational("prony", 1.0, 0.0, *forms.terms(weights, times, 0.0))
 
     @staticmethod
     def zener(weight: float, time: float, order: float = 1.0) -> Dynamic:
@@ -220,7 +206,7 @@ class Dynamic(Displayed):
 
         Source: McTavish & Hughes, J. Vibration and Acoustics 115 (1993) 103, eq. (5).
         """
-        g, z, f = (_vector(value, label, 0.0) for value, label in (
+        g, z, f = (forms.vector(value, label, 0.0) for value, label in (
             (weights, "weights"), (damping_ratios, "damping_ratios"), (frequencies, "frequencies")))  # fmt: skip
         if not len(g) == len(z) == len(f) or min(*z, *f, 1.0) <= 0.0:
             raise ModelError(f"{WHO}.ghm: weights = {shown(weights)}, damping_ratios = {shown(damping_ratios)}, "
@@ -249,7 +235,7 @@ class Dynamic(Displayed):
         ModelError
             If the loss factor is negative, or the band is none.
         """
-        eta = _vector([loss], "loss", 0.0)[0]
+        eta = forms.vector([loss], "loss", 0.0)[0]
         exact = Dynamic(f"loss factor {eta:g}", partial(forms.constant, value=1.0 + 1j * eta))
         return exact if band is None else exact.rational(band)
 
@@ -279,7 +265,7 @@ class Dynamic(Displayed):
         """
         from scipy.interpolate import PchipInterpolator
 
-        f = _vector(frequencies, "frequencies", 0.0)
+        f = forms.vector(frequencies, "frequencies", 0.0)
         values = np.asarray(factors, dtype=complex)
         if values.shape != f.shape or len(f) < 2 or (np.diff(f) <= 0.0).any() or f[0] == 0.0:
             raise ModelError(f"{WHO}.table: frequencies = {shown(frequencies)}, factors = {shown(factors)}; expected "
@@ -294,7 +280,7 @@ class Dynamic(Displayed):
                 f"{100 * least_error(function, 2 * np.pi * f[0], 2 * np.pi * f[-1]):.2g} %.")  # fmt: skip
             raise ModelError(f"{WHO}.table: the factor at {f[wrong[0]]:g} Hz is {values[wrong[0]]:g}; expected finite "
                              f"factors with an imaginary part of 0 or more, as only these take energy.{share}")
-        return Dynamic(f"table of {len(f)} factors", function, noise=float(_vector([noise], "noise", 0.0)[0]))
+        return Dynamic(f"table of {len(f)} factors", function, noise=float(forms.vector([noise], "noise", 0.0)[0]))
 
     @staticmethod
     def transfer(numerator: ArrayLike, denominator: ArrayLike) -> Dynamic:
@@ -315,7 +301,7 @@ class Dynamic(Displayed):
         ModelError
             If it is not proper but for a damper, not stable, or gives energy to the mechanism.
         """
-        num, den = (np.trim_zeros(_vector(one, label, -np.inf), "f") for one, label in (
+        num, den = (np.trim_zeros(forms.vector(one, label, -np.inf), "f") for one, label in (
             (numerator, "numerator"), (denominator, "denominator")))  # fmt: skip
         if not len(den) or len(num) > len(den) + 1:
             raise ModelError(f"{WHO}.transfer: numerator = {shown(numerator)}, denominator = {shown(denominator)}; "
@@ -324,11 +310,7 @@ class Dynamic(Displayed):
         if (poles.real >= 0.0).any():
             raise ModelError(f"{WHO}.transfer: pole at {poles[poles.real.argmax()]:.4g} rad/s; expected stable ones, "
                              f"with a negative real part.")  # fmt: skip
-        sizes = np.array([size for size in np.abs([*poles, *np.roots(num)]) if size > 0.0])
-        around = np.geomspace(0.01 * sizes.min(), 100.0 * sizes.max(), 400) if len(sizes) else np.ones(1)
-        value = np.polyval(num, 1j * around) / np.polyval(den, 1j * around)
-        if (value.imag < -PASSIVE * np.abs(value)).any():
-            w = around[int((value.imag / np.abs(value)).argmin())]
+        if (w := forms.active_at(num, den, poles)) is not None:
             raise ModelError(f"{WHO}.transfer: at {w / (2 * np.pi):.4g} Hz its imaginary part is negative; expected "
                              f"0 or more, as only these take energy.")  # fmt: skip
         if (rest := np.polyval(num, 0.0) / np.polyval(den, 0.0)) < 0.0:
@@ -337,8 +319,33 @@ class Dynamic(Displayed):
         other = Dynamic("transfer", partial(forms.ratio, num=num, den=den))
         return other if terms is None else _rational("transfer", *terms)
 
+    @staticmethod
+    def delay(time: float) -> Dynamic:
+        """Return e^(-s T), a force that follows the deformation T later, as that of an actuator fed by a sensor.
+
+        Parameters
+        ----------
+        time : float
+            T [s], above 0.
+
+        Returns
+        -------
+        Dynamic
+            For responses; not passive. ``rational(band)`` is (1 - s T / 2) / (1 + s T / 2) and states its error.
+
+        Raises
+        ------
+        ModelError
+            If the time is not positive.
+        """
+        if (late := float(forms.vector([time], "time", 0.0)[0])) <= 0.0:
+            raise ModelError(f"{WHO}.delay: time = {shown(time)}; expected one above 0 s.", field="time")
+        return Dynamic(f"delay of {late:g} s", partial(forms.delayed, time=late), late=late)
+
     def rational(self, band: tuple[float, float], static: float | None = None) -> Dynamic:
         """Return the sum of relaxations that is nearest over a band of frequencies, stable and passive everywhere.
+
+        Of a delay it is the first-order Padé approximation, which is as large at all frequencies and not passive.
 
         Parameters
         ----------
@@ -357,44 +364,30 @@ class Dynamic(Displayed):
         Raises
         ------
         ModelError
-            If the band is no pair of ascending frequencies above 0, or ``static`` is negative.
+            If the band is no pair of ascending frequencies above 0, ``static`` is negative, or not 1 of a delay.
         """
-        low, high = _band(band)
-        rest = None if static is None else float(_vector([static], "static", 0.0)[0])
+        low, high = forms.band(band)
+        rest = None if static is None else float(forms.vector([static], "static", 0.0)[0])
         omega = np.geomspace(low, high, max(16, int(np.ceil(LINES * np.log10(high / low))) + 1))
         exact = self.factor(omega)
-        terms = forms.fitted(omega, exact, low, high, rest)
+        if self.late and rest not in (None, 1.0):
+            raise ModelError(f"{WHO}.rational: static = {static} of a {self.name}; expected 1.", field="static")
+        terms = (1.0, 0.0, *forms.pade(self.late)) if self.late else forms.fitted(omega, exact, low, high, rest)
         result = _rational(f"{self.name}, {low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz", *terms)
         error = float((np.abs(result.factor(omega) - exact) / np.abs(exact)).max())
-        least = min(least_error(self.factor, low, high), error)  # the fit is passive, the programme has bins
+        # sums of relaxations are passive, and the programme has bins
+        least = min(least_error(self.factor, low, high), np.inf if self.late else error)
         if least > self.noise:
             warn(f"{self.name}: no passive model comes nearer to it than {100 * least:.2g} % from "
                  f"{low / (2 * np.pi):g} to {high / (2 * np.pi):g} Hz, which is more than its noise of "
                  f"{100 * self.noise:.2g} %: it is not causal or not passive.",
                  AccuracyWarning, stacklevel=2)  # fmt: skip
-        return _rational(result.name, *terms, error, least)
+        return replace(result, error=error, least_error=least, late=self.late)
 
     def __repr__(self) -> str:
         return f"Dynamic({self.name!r}{f', {len(self.weights)} relaxations' if self.weights is not None else ''})"
 
 
-def _vector(value: Any, label: str, least: float) -> Array:
-    array = np.atleast_1d(reals(value, WHO, label, "real numbers", ModelError))
-    if array.ndim != 1 or not np.isfinite(array).all() or (array < least).any():
-        limit = ", 0 or more" if least == 0.0 else ""
-        raise ModelError(f"{WHO}: {label} = {shown(value)}; expected finite numbers{limit}.", field=label)  # fmt: skip
-    return array
-
-
-def _band(band: Any) -> tuple[float, float]:
-    pair = _vector(band, "band", 0.0)
-    if len(pair) != 2 or not 0.0 < pair[0] < pair[1]:
-        raise ModelError(f"{WHO}: band = {shown(band)}; expected two ascending frequencies above 0 Hz.", field="band")
-    return float(2 * np.pi * pair[0]), float(2 * np.pi * pair[1])
-
-
-def _rational(
-    name: str, static: float, viscous: float, weights: Array, times: Array, error: float = 0.0, least: float = 0.0
-) -> Dynamic:  # fmt: skip
+def _rational(name: str, static: float, viscous: float, weights: Array, times: Array, late: float = 0.0) -> Dynamic:
     function = partial(forms.sum_of, static=static, viscous=viscous, weights=weights, times=times)
-    return Dynamic(name, function, static, viscous, weights, times, error, least)
+    return Dynamic(name, function, static, viscous, weights, times, late=late)

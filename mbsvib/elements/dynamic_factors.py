@@ -13,14 +13,19 @@ from warnings import warn
 
 import numpy as np
 
-from mbsvib.errors import AccuracyWarning
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import reals
+from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array, Complex
 
 
+WHO = "Dynamic"
+# Factors of passive elements have no power on the axis below this share of their size, but for rounding.
+PASSIVE = 1e-9
 # Time constants of a fit: so many a decade, and so far beyond the band.
 A_DECADE, BEYOND = 4, 10.0
 # The static stiffness of a fit is at least this share of its smallest storage stiffness in the band: it holds weights.
@@ -29,6 +34,48 @@ HELD = 0.5
 NONE = 1e-9
 # A frequency beyond a table by this share is rounding of its end.
 END = 1e-12
+
+
+def vector(value: Any, label: str, least: float) -> Array:
+    """Return finite numbers that are at least ``least``, of which there may be one."""
+    array = np.atleast_1d(reals(value, WHO, label, "real numbers", ModelError))
+    if array.ndim != 1 or not np.isfinite(array).all() or (array < least).any():
+        limit = ", 0 or more" if least == 0.0 else ""
+        raise ModelError(f"{WHO}: {label} = {shown(value)}; expected finite numbers{limit}.", field=label)  # fmt: skip
+    return array
+
+
+def band(given: Any) -> tuple[float, float]:
+    """Return the ends [rad/s] of a band [Hz]."""
+    pair = vector(given, "band", 0.0)
+    if len(pair) != 2 or not 0.0 < pair[0] < pair[1]:
+        raise ModelError(f"{WHO}: band = {shown(given)}; expected two ascending frequencies above 0 Hz.", field="band")
+    return float(2 * np.pi * pair[0]), float(2 * np.pi * pair[1])
+
+
+def terms(weights: Any, times: Any, least: float) -> tuple[Array, Array]:
+    """Return weights, each at least ``least``, and times [s] of relaxations, as many of each."""
+    g, tau = vector(weights, "weights", least), vector(times, "times", 0.0)
+    if len(g) != len(tau) or (tau <= 0.0).any():
+        raise ModelError(f"{WHO}.prony: weights = {shown(weights)}, times = {shown(times)}; expected as many times, "
+                         f"above 0 s, as weights.")  # fmt: skip
+    return g, tau
+
+
+def read(words: Mapping[str, Any]) -> tuple[float, float, Array, Array, float]:
+    """Return static and viscous part, weights, times and delay of the words of a model file."""
+    known = ("static", "viscous", "delay", "weights", "times")
+    for word in words:
+        if word not in known:
+            raise ModelError(f"{WHO}: {word!r} is not a word of it; expected some of {', '.join(known)}."
+                             f"{nearest(str(word), known)}", field="dynamic")  # fmt: skip
+    static, viscous, late = (float(vector([words.get(word, default)], word, 0.0)[0]) for word, default in (
+        ("static", 1.0), ("viscous", 0.0), ("delay", 0.0)))  # fmt: skip
+    if late and "weights" not in words:
+        raise ModelError(f"{WHO}: delay = {late:g} without weights and times; expected those of "
+                         f"Dynamic.delay({late:g}).rational((low, high)), which states its error.", field="delay")
+    weights, times = terms(words.get("weights", ()), words.get("times", ()), -np.inf if late else 0.0)
+    return static, viscous, weights, times, late
 
 
 def constant(omega: Array, value: complex) -> Complex:
@@ -65,9 +112,28 @@ def ghm(omega: Array, weights: Array, ratios: Array, natural: Array) -> Complex:
     return np.asarray(1.0 + (moving / (moving + natural**2)) @ weights)
 
 
+def delayed(omega: Array, time: float) -> Complex:
+    """Return e^(-s time)."""
+    return np.asarray(np.exp(-1j * omega * time))
+
+
+def pade(time: float) -> tuple[Array, Array]:
+    """Return weight and time of (1 - s time / 2) / (1 + s time / 2) = 1 - 2 (s time / 2) / (1 + s time / 2)."""
+    return np.array([-2.0]), np.array([0.5 * time])
+
+
 def ratio(omega: Array, num: Array, den: Array) -> Complex:
     """Return a ratio of polynomials in s."""
     return np.asarray(np.polyval(num, 1j * omega) / np.polyval(den, 1j * omega))
+
+
+def active_at(num: Array, den: Array, poles: Any) -> float | None:
+    """Return the angular frequency [rad/s] at which a ratio of polynomials gives energy most, None if nowhere."""
+    sizes = np.array([size for size in np.abs([*poles, *np.roots(num)]) if size > 0.0])
+    around = np.geomspace(0.01 * sizes.min(), 100.0 * sizes.max(), 400) if len(sizes) else np.ones(1)
+    value = ratio(around, num, den)
+    share = value.imag / np.abs(value)
+    return float(around[int(share.argmin())]) if (value.imag < -PASSIVE * np.abs(value)).any() else None
 
 
 def relaxations_of(num: Array, den: Array, poles: Any) -> tuple[float, float, Array, Array] | None:

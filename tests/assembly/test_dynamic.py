@@ -190,6 +190,25 @@ def test_force_outputs_feel_a_dynamic_mount():
     np.testing.assert_allclose(system[names].frequency_response(omega) / size, expected / size, rtol=0.0, atol=1e-10)
 
 
+def test_a_delay_is_exact_in_responses_and_the_first_pade_approximation_with_states():
+    """A force that is late, between a measured mass and one of a model: closed form at any delay."""
+    late, k, w = Dynamic.delay(3e-3), 5e3, np.geomspace(10.0, 3000.0, 20)
+    np.testing.assert_allclose(late.factor(w), np.exp(-3e-3j * w), rtol=1e-15)
+    np.testing.assert_allclose(late.factor(-w), np.exp(3e-3j * w), rtol=1e-15)
+    parts = {"a": mv.Measurement(w, -1.0 / (3.0 * w[None, None] ** 2), ["p.x"], ["p.x"], quantity="displacement"),
+             "b": mv.System.from_matrices([[2.0]], None, [[400.0]], [1.0], [1.0], inputs=["p.x"], outputs=["p.x"])}
+    found = mv.assemble(parts, [("a.p", "b.p", ([k], late))]).responses
+    z = k * np.exp(-3e-3j * w)
+    expected = np.linalg.inv(np.array([[z - 3.0 * w**2, -z], [-z, z + 400.0 - 2.0 * w**2]]).transpose(2, 0, 1))
+    np.testing.assert_allclose(found, expected.transpose(1, 2, 0), rtol=1e-12)
+    stated = late.rational((1.0, 40.0))
+    x = 3e-3 * 2 * np.pi * 40.0  # the error is largest at the end of the band
+    assert stated.error == pytest.approx(abs((1 - 0.5j * x) / (1 + 0.5j * x) - np.exp(-1j * x)), rel=1e-9)
+    np.testing.assert_allclose(stated.factor(w), (1 - 1.5e-3j * w) / (1 + 1.5e-3j * w), rtol=1e-14)
+    assert stated.least_error > stated.error  # no passive model is as near
+    assert Dynamic.of_words(stated.words()) == stated
+
+
 @pytest.mark.parametrize(("make", "words"), [
     (lambda: Dynamic.prony([0.5], [0.1, 0.2]), "expected as many times, above 0 s, as weights"),
     (lambda: Dynamic.prony([-0.5], [0.1]), "weights = .*expected finite numbers, 0 or more"),
@@ -204,6 +223,10 @@ def test_force_outputs_feel_a_dynamic_mount():
     (lambda: Dynamic.transfer([1.0], [1.0, -1.0]), "pole at 1 rad/s; expected stable ones"),
     (lambda: Dynamic.transfer([1.0], [0.1, 1.0]), "imaginary part is negative"),
     (lambda: Dynamic.transfer([1.0, -1.0], [1.0, 1.0]), "it is -1 at rest; expected 0 or more"),
+    (lambda: Dynamic.delay(0.0), r"time = 0.0; expected one above 0 s"),
+    (lambda: Dynamic.delay(1e-3).rational((1.0, 9.0), static=0.9), "static = 0.9 of a delay of 0.001 s; expected 1"),
+    (lambda: Dynamic.of_words({"delay": 1e-3}), "delay = 0.001 without weights and times"),
+    (lambda: Dynamic.of_words({"weights": [-2.0], "times": [1e-3]}), "weights = .*0 or more"),
 ])  # fmt: skip
 def test_factors_that_no_element_has_are_refused(make, words):
     with pytest.raises(ModelError, match=f"(?s){words}"):

@@ -209,3 +209,23 @@ def test_what_no_spring_is_is_refused(words, text):
         model.add_spring("k", "ground", "b", (0, 0, -1), (0, 0, 0), **words)
     with pytest.raises(ModelError, match=f"(?s){text}"):
         model.add_torsion_spring("k", "ground", "b", (0, 0, 1), **words)
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_a_force_that_is_late_drives_its_mass(kind, tmp_path):
+    """Poles of m s^2 + c s + k (1 - s T / 2) / (1 + s T / 2), near those of m s^2 + c s + k e^(-s T)."""
+    late = 5e-4
+    model = one_mass(kind, factor=mv.Dynamic.delay(late).rational((1.0, 20.0)))
+    found = model.linearize().modes().eigenvalues
+    expected = np.roots(np.polyadd(np.polymul([M, C, 0.0], [late / 2, 1.0]), K * np.array([-late / 2, 1.0])))
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-10)
+    s = found[found.imag > 0.0][0]
+    for _ in range(4):
+        s -= (M * s**2 + C * s + K * np.exp(-s * late)) / (2 * M * s + C - K * late * np.exp(-s * late))
+    assert s.real > 0.0  # k T > c
+    np.testing.assert_allclose(found[found.imag > 0.0], s, rtol=1e-5)
+    mv.save(model, tmp_path / "late.yaml")
+    again = mv.load(tmp_path / "late.yaml")
+    np.testing.assert_array_equal(again.linearize().modes().eigenvalues, found)
+    longer = again.with_values({"k.tau1": late}).linearize().modes().eigenvalues
+    assert longer.real.max() > 1.5 * found.real.max()
