@@ -114,8 +114,8 @@ class Dynamic(Displayed):
         ModelError
             If a word is unknown, or a number is refused.
         """
-        *terms, late = forms.read(words)
-        return _rational("delay" if late else "relaxations", *terms, late=late)
+        static, viscous, weights, times, late = forms.read(words)
+        return _rational("delay" if late else "relaxations", static, viscous, weights, times, late)
 
     def factor(self, omega: ArrayLike) -> Complex:
         """Return the factor of the stiffness.
