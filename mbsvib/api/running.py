@@ -73,13 +73,14 @@ class Cycle(Columnar, CycleData):
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
         """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
 
-        The motion of the drives stays as it is; the others follow the lengths.
+        The motion of the drives stays as it is; the others follow the lengths, and beams and superelements bend in the
+        periodic motion that belongs to them.
 
         Parameters
         ----------
         parameters : str or sequence of str, optional
             Names or patterns of masses, centres (``"link1.position.x"``), inertias, positions of joints, and numbers of
-            springs, loads and gravity; default: masses, centres and inertias of all bodies.
+            springs, loads and gravity, none of beams; default: masses, centres and inertias of all bodies.
 
         Returns
         -------
@@ -103,14 +104,17 @@ class Cycle(Columnar, CycleData):
         M(t) delta'' + (C(t) + c) delta' + (K(t) + k) delta = 0
 
         Released drives keep the torque of the cycle and deviate by delta from their motion; the others stay on theirs.
+        Beams and superelements deviate with the coordinates in which they bend, whatever is released.
 
         Parameters
         ----------
         released : mapping of str to (stiffness, damping), or sequence of str, optional
             Drives that may deviate, with what stiffness k [N m/rad, N/m] and damping c [N m s/rad, N s/m] they have
-            about their motion, of a shaft or a controller; default: all, with none.
+            about their motion, of a shaft or a controller; default: all, with none. None at all, ``[]``, where beams
+            bend.
         period : float, optional
-            Period [s], over which the samples are evenly spread; default: one turn of a drive at constant speed.
+            Period [s], over which the samples are evenly spread; default: one turn of a drive at constant speed, or the
+            period in which beams bend.
 
         Returns
         -------
@@ -169,7 +173,7 @@ class Running(Mechanism):
         -------
         Cycle
             ``torque``, ``shaking_force``, ``shaking_moment``, ``reactions``, the motion of all bodies and nodes of
-            beams, ``rms`` and ``peak`` values, and exact ``sensitivities``, those of rigid bodies.
+            beams, ``rms`` and ``peak`` values, exact ``sensitivities``, and ``periodic`` equations.
 
         Raises
         ------

@@ -28,6 +28,7 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from mbsvib.common.arrays import Array
 from mbsvib.cycles.prescribed import RESOLVED, Prescribed, period_of
+from mbsvib.cycles.total_derivatives import Derivatives, total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, SingularPoseError
 from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.evaluation import matrices
@@ -103,14 +104,62 @@ def with_elastic_motion(plant: Machine, period: float | None) -> Machine:
                       f"to harmonics that they do not resolve; take more.", AccuracyWarning, stacklevel=4)  # fmt: skip
     kinematics = plant.statement.motion.motion
     warn_of_bending("cycle", plant.statement.motion.bends, kinematics, motion.q, kinematics.no_turns, 5)
-    return replace(plant, known=replace(motion, coefficients=motion.coefficients[:, :, :m], driven=motion.driven[:m]))
+    known = replace(motion, coefficients=motion.coefficients[:, :, :m], driven=motion.driven[:m])
+    return replace(plant, compiled=plant.statement, known=known, period=spectral.period)
+
+
+def with_elastic_drives(plant: Machine) -> Machine:
+    """Return a machine in the same motion with the independent coordinates of its beams among the drives."""
+    if plant.period is None:
+        return plant
+    free, names = _independent(plant), plant.statement.motion.motion.names
+    e = plant.solved.q[:, [names.index(name) for name in free]]
+    return replace(_driven(plant, free, e, Spectral(plant.period)), period=plant.period)
+
+
+def with_parameters(plant: Machine, names: tuple[str, ...]) -> Machine:
+    """Return a machine in the same motion whose equations have some numbers as symbols.
+
+    Where beams bend in more directions as a number changes, these are among its coordinates.
+    """
+    statement = plant.with_symbols(names)
+    same = statement.motion.motion.names == plant.statement.motion.motion.names
+    result = replace(plant, compiled=statement, known=plant.solved if same else None)
+    return result if same else with_elastic_motion(result, plant.period)
+
+
+def parameter_derivatives(plant: Machine) -> Derivatives:
+    """Return the derivatives to the parameters of the equations, as which beams bend otherwise.
+
+    d y / dp = y_p + y_e d + y_e' d' + y_e'' d'',  M_e d'' + C_e d' + K_e d = -r_p,  d = de/dp
+    """
+    extended, names = with_elastic_drives(plant), plant.statement.names
+    fixed = total_derivatives(extended, "parameters", names)
+    m, k = len(plant.motion.names), len(extended.motion.names) - len(plant.motion.names)
+    if not k or not names:
+        return fixed
+    assert plant.period is not None
+    spectral, elastic = Spectral(plant.period), slice(m, m + k)
+    marked = [f"{name}{mark}" for mark in ("", "'", "''") for name in extended.motion.names]
+    by_drive = total_derivatives(extended, "drives", marked)
+    own = [i * (m + k) + m + j for i in range(3) for j in range(k)]
+    stiffness, damping, mass = np.split(by_drive.results[:, elastic][:, :, own], 3, axis=2)
+    size = np.sqrt(np.abs(np.einsum("nii->ni", stiffness)).mean(axis=0))
+    changes = [_step(plant, -right, (mass, damping, stiffness), spectral, size)
+               for right in fixed.results[:, elastic].transpose(2, 0, 1)]  # fmt: skip
+    change = np.stack(changes, axis=2)
+    change = np.concatenate((change, *spectral.derivatives(change)), axis=1)
+    results, state = (before + slopes[:, :, own] @ change for before, slopes in
+                      ((fixed.results, by_drive.results), (fixed.state, by_drive.state)))  # fmt: skip
+    return Derivatives(np.delete(results, elastic, axis=1), state)
 
 
 def _driven(plant: Machine, free: tuple[str, ...], e: Array, spectral: Spectral) -> Machine:
     """The machine with elastic coordinates (n, k) among its drives."""
     motion = plant.motion
     more = zip((motion.values, motion.rates, motion.accelerations), (e, *spectral.derivatives(e)), strict=True)
-    return replace(plant, motion=Prescribed((*motion.names, *free), *(np.hstack(pair) for pair in more)), known=None)
+    return replace(plant, motion=Prescribed((*motion.names, *free), *(np.hstack(pair) for pair in more)), known=None,
+                   compiled=plant.statement)
 
 
 def _independent(plant: Machine) -> tuple[str, ...]:

@@ -40,7 +40,8 @@ class Machine:
     ``farthest`` [m] is the largest coordinate of any point.
 
     ``compiled`` are its equations, or those of a like machine with other values of its parameters, and ``known`` its
-    motion, if a like machine moves alike; default: none yet.
+    motion, if a like machine moves alike; default: none yet. ``period`` [s]: of machines with beams, that over which
+    the samples are spread.
     """
 
     model: Mechanism
@@ -51,6 +52,7 @@ class Machine:
     farthest: float
     compiled: Statement | None = None
     known: Solved | None = None
+    period: float | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but its equations, which pickle cannot hold, and are made again when they are asked for."""
@@ -82,13 +84,6 @@ class Machine:
     def solved(self) -> Solved:
         """Coordinates, rates and accelerations at every sample."""
         return solved(self, self.statement) if self.known is None else self.known
-
-    def refuse_elastic(self, what: str) -> None:
-        """Refuse what needs a motion in which each sample follows from the drives alone."""
-        for part in self.model.composed.values() if self.statement.elastic else ():
-            raise ModelError(f"cycle: {what} of '{self.model.name}' are for rigid bodies, and {part.family} "
-                             f"'{part.name}' bends over the whole period; take differences of cycles, or make rigid "
-                             f"bodies and springs of it.", element=part.name)  # fmt: skip
 
     def moves_alike(self, other: Machine) -> bool:
         """Whether another machine with the same equations and drives has the same motion, as loops close alike."""

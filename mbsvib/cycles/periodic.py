@@ -12,6 +12,7 @@ period: all deviations decay if they are within the unit circle (G. Floquet, 188
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -21,9 +22,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
-from mbsvib.cycles.inverse_dynamics import inverse_dynamics
-from mbsvib.cycles.prescribed import RESOLVED, period_of
-from mbsvib.cycles.result import CycleData
+from mbsvib.cycles.elastic import with_elastic_drives
+from mbsvib.cycles.prescribed import EVEN, RESOLVED, period_of
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.cycles.machine import Machine
+    from mbsvib.cycles.result import CycleData
 
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11
@@ -146,26 +148,29 @@ def periodic(cycle: CycleData, released: Any = None, period: float | None = None
 
     ``released``: drives that may deviate. ``period``: period [s].
     """
-    cycle.machine.refuse_elastic("periodic equations")
-    impedances = _released(cycle, released)
-    which = [cycle.drives.index(name) for name in impedances]
-    length = period_of(cycle.machine.motion, period)
-    _check_repeats(cycle, which, length)
-    mass, damping, stiffness = _coefficients(cycle, which)
+    plant = with_elastic_drives(cycle.machine)
+    impedances = _released(cycle, released) | dict.fromkeys(plant.motion.names[len(cycle.drives) :], (0.0, 0.0))
+    which = [plant.motion.names.index(name) for name in impedances]
+    length = period_of(plant.motion, period) if plant.period is None else plant.period
+    if period is not None and not math.isclose(period, length, rel_tol=EVEN):
+        raise check.refuse("cycle", "period", period, f"{length:.6g} s, over which its beams bend")
+    _check_repeats(plant, which, length)
+    mass, damping, stiffness = _coefficients(plant, which)
     impedance = np.array([impedances[name] for name in impedances])
     symmetric = 0.5 * (mass + mass.transpose(0, 2, 1))
-    result = Periodic(cycle.machine.model.name, tuple(impedances), length, symmetric,
+    result = Periodic(plant.model.name, tuple(impedances), length, symmetric,
                       damping + np.diag(impedance[:, 1]), stiffness + np.diag(impedance[:, 0]))  # fmt: skip
     for array in (result.M, result.C, result.K):
         array.flags.writeable = False
     return result
 
 
-def _coefficients(cycle: CycleData, which: list[int]) -> tuple[Array, Array, Array]:
+def _coefficients(plant: Machine, which: list[int]) -> tuple[Array, Array, Array]:
     """d tau / d q'', d tau / d q' and d tau / d q (n, m, m) of some drives."""
-    m = len(cycle.drives)
-    names = [f"{name}{mark}" for mark in ("", "'", "''") for name in cycle.drives]
-    slopes = total_derivatives(cycle, cycle.machine.statement, "drives", names)[:, :m]
+    drives = plant.motion.names
+    m = len(drives)
+    names = [f"{name}{mark}" for mark in ("", "'", "''") for name in drives]
+    slopes = total_derivatives(plant, "drives", names).results[:, :m]
     stiffness, damping, mass = (slopes[:, which, k * m : (k + 1) * m][:, :, which] for k in range(3))
     return mass, damping, stiffness
 
@@ -177,17 +182,17 @@ def _in_unit_inertia(mass: Array, damping: Array, stiffness: Array, period: floa
     return np.asarray(np.stack((mass, damping / rate, stiffness / rate**2), axis=1) * scale[:, None] * scale)
 
 
-def _check_repeats(cycle: CycleData, which: list[int], period: float) -> None:
+def _check_repeats(plant: Machine, which: list[int], period: float) -> None:
     """Refuse a period after which drives at constant speed leave the mechanism with other coefficients."""
-    ends = cycle.machine.motion.ends(period)
+    ends = plant.motion.ends(period)
     if ends is None:
         return
-    after = inverse_dynamics(replace(cycle.machine, motion=ends, known=None), CycleData)
+    after = replace(plant, motion=ends, known=None)
     start, end = _in_unit_inertia(*_coefficients(after, which), period)
     if np.abs(end - start).max() > RESOLVED * np.abs(start).max():
-        raise ModelError(f"cycle: the coefficients of '{cycle.machine.model.name}' do not repeat after {period:.6g} s; "
+        raise ModelError(f"cycle: the coefficients of '{plant.model.name}' do not repeat after {period:.6g} s; "
                          f"sample the whole period, over several turns where gears reduce the speed, and give it as "
-                         f"period= [s].", element=cycle.drives[0], field="period")  # fmt: skip
+                         f"period= [s].", element=plant.motion.names[0], field="period")  # fmt: skip
 
 
 def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]:
@@ -196,7 +201,7 @@ def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]
     if isinstance(requested, str) or not hasattr(requested, "__iter__"):
         raise check.refuse(who, "released", released, "{'crank.rz': (stiffness, damping), ...}")
     pairs: Mapping[str, Any] = requested if hasattr(requested, "items") else dict.fromkeys(requested, (0.0, 0.0))
-    if not pairs:
+    if not pairs and cycle.machine.period is None:
         raise check.refuse(who, "released", released, "at least one of the drives")
     result = {}
     for name, pair in pairs.items():

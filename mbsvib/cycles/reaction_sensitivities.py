@@ -1,7 +1,7 @@
 """Exact derivatives of the reactions of a cycle.
 
 With what drives supply, J^T lambda + e tau = M q'' - f along the coordinates, the wrenches w - E lambda of the joints,
-and z the dependent coordinates, their rates and accelerations,
+and z the coordinates, their rates and accelerations,
 
 h = J^T lambda + e tau - (M q'' - f) = 0,
 
@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.cycles.elastic import parameter_derivatives, with_parameters
 from mbsvib.cycles.reactions import reactions, wrench_terms
-from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
 
@@ -34,13 +34,12 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
 
     Returns (parameters, samples, 6): by joint; not a number for directions that redundant constraints leave open.
     """
-    plant, motion = cycle.machine, cycle.machine.solved
-    model, expressions = plant.model, plant.with_symbols(names)
+    plant = with_parameters(cycle.machine, names)
+    motion, model, expressions = plant.solved, plant.model, plant.statement
     required, jacobian, fixed, effects = wrench_terms(model, expressions)
     loads = ca.SX.sym("lambda", jacobian.shape[0])
     residual, wrenches = jacobian.T @ loads - required, fixed - effects @ loads
-    depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
-    state = ca.vertcat(expressions.q[depends, :], expressions.qd[depends, :], expressions.qdd[depends, :])
+    state = ca.vertcat(expressions.q, expressions.qd, expressions.qdd)
     symbols = [expressions.q, expressions.qd, expressions.qdd, expressions.p, expressions.about]
     p = plant.values(expressions)
     at = (motion.q, motion.qd, motion.qdd, p, plant.about)
@@ -59,16 +58,16 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     acting = (inverse @ lacking)[:, :, 0]
     parts = [ca.jacobian(item, to) for item in (residual, wrenches) for to in (state, expressions.p)]
     h_z, h_p, w_z, w_p, w_l = evaluated(*parts, -effects, extra=(loads,), values=(acting,))
-    d_state = dependent_derivatives(cycle, expressions)[:, : state.numel()]
-    d_torque = total_derivatives(cycle, expressions, "parameters", expressions.names)[:, : len(cycle.drives)]
-    supplied = np.zeros((*h_p.shape[:2], d_torque.shape[2]))
-    supplied[:, motion.driven] = d_torque
+    derivatives = parameter_derivatives(plant)
+    d_state = derivatives.state
+    supplied = np.zeros(h_p.shape)
+    supplied[:, motion.driven] = derivatives.results[:, : len(cycle.drives)]
     change = -inverse @ (h_p + h_z @ d_state + supplied)
     total = (w_p + w_z @ d_state + w_l @ change)[:, :, [expressions.names.index(name) for name in names]]
     result, undetermined = {}, reactions(cycle).undetermined
     for k, name in enumerate(model.joints):
-        derivatives = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
-        derivatives[:, :, [DIRECTIONS.index(item) for item in undetermined.get(name, ())]] = np.nan
-        derivatives.flags.writeable = False
-        result[name] = derivatives
+        slopes = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
+        slopes[:, :, [DIRECTIONS.index(item) for item in undetermined.get(name, ())]] = np.nan
+        slopes.flags.writeable = False
+        result[name] = slopes
     return result

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.cycles.total_derivatives import total_derivatives
+from mbsvib.cycles.elastic import parameter_derivatives, with_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -129,10 +129,8 @@ def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivitie
     ``parameters``: names or patterns.
     """
     names = _names(cycle, parameters)
-    cycle.machine.refuse_elastic("derivatives")
-    expressions = cycle.machine.with_symbols(names)
-    slopes = total_derivatives(cycle, expressions, "parameters", expressions.names)
-    slopes = slopes[:, :, [expressions.names.index(name) for name in names]]
+    plant = with_parameters(cycle.machine, names)
+    slopes = parameter_derivatives(plant).results[:, :, [plant.statement.names.index(name) for name in names]]
     drives = len(cycle.drives)
     torque = slopes[:, :drives].transpose(2, 1, 0)
     force, moment = (slopes[:, drives + k : drives + k + 3].transpose(2, 0, 1) for k in (0, 3))

@@ -11,6 +11,7 @@ p are parameters, or the values, rates and accelerations of the drives themselve
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -24,33 +25,29 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
-    from mbsvib.cycles.result import CycleData
+    from mbsvib.cycles.machine import Machine
     from mbsvib.finite_motion.rotations import Expression
 
 # What the derivatives of the loops leave over, as a share of them: rounding, unless a parameter takes the loops apart.
 ASSEMBLED = 1e-8
 
 
-def total_derivatives(cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]) -> Array:
-    """Return the derivatives of torques, shaking force and moment.
+@dataclass(frozen=True)
+class Derivatives:
+    """Derivatives to p: ``results`` (samples, drives + 6, p) of torques, shaking force and moment, ``state`` (samples,
+    3 n, p) of all coordinates, their rates and accelerations.
+    """
+
+    results: Array
+    state: Array
+
+
+def total_derivatives(plant: Machine, to: str, names: Sequence[str]) -> Derivatives:
+    """Return the derivatives at all samples.
 
     ``to``: "parameters" of the equations, or "drives": values, rates and accelerations of the driven coordinates.
-    Returns (samples, drives + 6, p): the derivatives.
     """
-    d_dependent, y_z, y_p = _derivatives(cycle, expressions, to, names)
-    return np.array(y_p + y_z @ d_dependent)
-
-
-def dependent_derivatives(cycle: CycleData, expressions: Statement) -> Array:
-    """Return the derivatives (samples, z, parameters) of dependent coordinates, their rates, accelerations and ways."""
-    return _derivatives(cycle, expressions, "parameters", expressions.names)[0]
-
-
-def _derivatives(
-    cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]
-) -> tuple[Array, Array, Array]:
-    """dz/dp, y_z and y_p at all samples."""
-    plant, motion = cycle.machine, cycle.machine.solved
+    motion, expressions = plant.solved, plant.statement
     driven = tuple(motion.driven.tolist())
     function = _slopes(expressions, driven, to)
     coefficients = motion.coefficients.transpose(0, 2, 1).reshape(len(motion.q), -1)
@@ -61,9 +58,16 @@ def _derivatives(
     row = np.tile(expressions.motion.motion.scales(plant.size)[1], 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
-    d_dependent = -np.linalg.pinv(f_z / scale) @ f_p
-    _check_assembled(f_p * plant.size, (f_p + f_z / scale @ d_dependent) * plant.size, names)
-    return d_dependent / scale.transpose(0, 2, 1), y_z, y_p
+    d_scaled = -np.linalg.pinv(f_z / scale) @ f_p
+    _check_assembled(f_p * plant.size, (f_p + f_z / scale @ d_scaled) * plant.size, names)
+    d_dependent = d_scaled / scale.transpose(0, 2, 1)
+    n = motion.q.shape[1]
+    state = np.zeros((len(motion.q), 3, n, len(names)))
+    depends = np.setdiff1d(np.arange(n), motion.driven)
+    state[:, :, depends] = d_dependent[:, : 3 * len(depends)].reshape(len(state), 3, len(depends), len(names))
+    if to == "drives":
+        state[:, :, motion.driven] = np.eye(3 * len(driven)).reshape(3, len(driven), -1)
+    return Derivatives(y_p + y_z @ d_dependent, state.reshape(len(state), 3 * n, len(names)))
 
 
 def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Function:
@@ -99,5 +103,3 @@ def _check_assembled(before: Array, residuals: Array, names: Sequence[str]) -> N
         if np.abs(residuals[:, :, k]).max(initial=0.0) > ASSEMBLED * np.abs(before[:, :, k]).max(initial=1.0):
             raise ModelError(f"cycle: a change of '{name}' takes the loops apart, as redundant constraints no longer "
                              f"agree; there is no derivative to it.", element=name, field="parameters")  # fmt: skip
-
-

@@ -46,18 +46,19 @@ _VARIES = "the equations would vary with time, which is not supported"
 
 
 def on_hubs(model: Mechanism) -> dict[str, str]:
-    """Return the hub of each body that turns, the hubs themselves included, by name; ``model`` is expanded.
+    """Return the hub of each body that turns, the hubs themselves included, by name.
 
     What joints, elements and shared rows connect turns together; the ground connects nothing.
     """
     neighbours: dict[str, set[str]] = {name: set() for name in model.bodies}
     links = [{part.first, part.second} for group in (model.joints, model.springs) for part in group.values()]
+    links += [{body for body, _ in part.node_bodies} for part in model.composed.values()]
     if model.expansion is not None:
         links += [{name for node in rows.nodes for name in (node.body, node.relative_to)}
                   for rows in (*model.expansion.mass, *model.expansion.elastic)]  # fmt: skip
     for link in links:
         for name in link - {GROUND}:
-            neighbours[name] |= link - {GROUND, name}
+            neighbours.setdefault(name, set()).update(link - {GROUND, name})
     result: dict[str, str] = {}
     for hub in model.hubs:
         front = [hub]
@@ -271,12 +272,17 @@ def _section_torques(beam: Beam, hub: Any, loads: dict[str, Load]) -> list[Bushi
 
 
 def refuse_superelements(model: Mechanism) -> None:
-    """Refuse superelements beside hubs."""
-    for part in model.superelements.values() if model.hubs else ():
-        raise ModelError(f"superelement '{part.name}' beside hub '{next(iter(model.hubs))}': its matrices contain "
-                         f"neither where its mass moves, by which centrifugal forces act, nor the stiffness of the "
-                         f"tension they make; describe it by beams, bodies and bushings.",
-                         element=part.name)  # fmt: skip
+    """Refuse superelements on hubs.
+
+    With displacements sum of phi_i x_i, the Coriolis and centrifugal terms are the integrals of rho phi_i phi_j^T, of
+    which M has the traces only; and K does not contain the stiffness of the tension that the rotation makes.
+    """
+    of = on_hubs(model) if model.superelements else {}
+    for part in model.superelements.values():
+        for hub in {of[body] for body, _ in part.node_bodies if body in of}:
+            raise ModelError(f"superelement '{part.name}' on hub '{hub}': M, C and K determine neither the centrifugal "
+                             f"and Coriolis forces on its mass nor the stiffness of the tension that these make; "
+                             f"describe it by beams, bodies and bushings.", element=part.name)  # fmt: skip
 
 
 def check_steady(model: Mechanism, of: dict[str, str]) -> None:

@@ -62,12 +62,14 @@ def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str
     frames = [ca.jacobian(motion.closures, q).T, *slopes, *powers]
     links = [joint for block in blocks for joint in block.joints if f"{joint}.x" in names]
     number_of = {joint: names.index(f"{joint}.x") for joint in links}
-    function = ca.Function("touch", [q, qd, statement.yields, motion.bases], [ca.horzcat(*map(ca.densify, frames))])
+    function = ca.Function("touch", [q, qd, statement.yields, motion.bases, motion.numbers.symbols],
+                           [ca.horzcat(*map(ca.densify, frames))])  # fmt: skip
     generator = np.random.default_rng(0)
     size = np.zeros(len(names))
     for _ in range(STATES):
         where, rates = (SIZE * generator.standard_normal(len(names)) for _ in range(2))
-        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(statement.yields.shape), motion.no_turns)))
+        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(statement.yields.shape), motion.no_turns,
+                                            _varied(statement, generator))))  # fmt: skip
         values /= np.maximum(values.max(axis=0), 1e-300)
         size = np.maximum(size, values.max(axis=1, initial=0.0))
     return {joint: tuple([d for d in range(6) if size[k + d] > ROUNDING]) for joint, k in number_of.items()}
@@ -99,7 +101,13 @@ def _terms(statement: FiniteMotion) -> ca.Function:
     inputs = ca.sum2(ca.fabs(statement.input_forces)) if statement.inputs else ca.DM.zeros(len(motion.names))
     requested = [statement.mass, ca.jacobian(statement.forces, q), ca.jacobian(statement.forces, qd),
                  statement.jacobian, ca.densify(statement.forces), ca.densify(inputs)]  # fmt: skip
-    return ca.Function("coupling", [q, qd, statement.yields, motion.bases], requested)
+    return ca.Function("coupling", [q, qd, statement.yields, motion.bases, motion.numbers.symbols], requested)
+
+
+def _varied(statement: FiniteMotion, generator: np.random.Generator) -> Array:
+    """Values of the parameters near those of the model: what acts only as one changes counts in derivatives to it."""
+    values = statement.motion.numbers.values
+    return np.asarray(values + SIZE * np.where(values == 0.0, 1.0, values) * generator.standard_normal(len(values)))
 
 
 def _coupling(
@@ -120,8 +128,8 @@ def _coupling(
         # the movable ones at rest, so that only what the others do to them shows
         where, rates = (SIZE * generator.standard_normal(n) * (k > 0) for _ in range(2))
         where[inside] = rates[inside] = 0.0
-        mass, stiffness, damping, jacobian, pulled, driven = (
-            np.abs(np.asarray(array)) for array in function(where, rates, yields, bases))  # fmt: skip
+        values = function(where, rates, yields, bases, _varied(statement, generator))
+        mass, stiffness, damping, jacobian, pulled, driven = (np.abs(np.asarray(array)) for array in values)
         for matrix in (mass, stiffness, damping):
             scale = np.sqrt(np.maximum(matrix.diagonal(), 1e-300))
             links = np.maximum(links, matrix / np.outer(scale, scale))

@@ -61,13 +61,17 @@ class Numbers:
         """Refuse parameters that entered no expression as symbols."""
         for name in self.names:
             if name not in self._used:
-                raise ModelError(
-                    f"parameters: '{name}' cannot be a symbol in finite motion; masses, centres, inertias, positions "
-                    f"of joints, and numbers of springs and loads can.", element=name, field="parameters",
-                )  # fmt: skip
+                raise not_a_symbol(name)
 
     def _number(self, name: str, value: float) -> Any:
         if name in self._symbol:
             self._used.add(name)
             return self._symbol[name]
         return ca.SX(float(value))
+
+
+def not_a_symbol(name: str) -> ModelError:
+    """Return the refusal of a parameter that is not in the expressions, such as one of a beam."""
+    return ModelError(f"parameters: '{name}' cannot be a symbol in finite motion; masses, centres, inertias, "
+                      f"positions of joints, and numbers of springs and loads can.",
+                      element=name, field="parameters")  # fmt: skip

@@ -19,7 +19,7 @@ from mbsvib.finite_motion.hubs import of_frame, spins
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.momentum import of_body, of_rotor
-from mbsvib.finite_motion.numbers import Numbers
+from mbsvib.finite_motion.numbers import Numbers, not_a_symbol
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -154,6 +154,9 @@ def _flexible(
     """The statement of a mechanism with beams and superelements, without what of these stays at rest."""
     blocks = elastic_blocks(model)
     plain = with_interfaces(model, blocks)
+    for name in parameters:
+        if name in model.parameters and name not in plain.parameters:
+            raise not_a_symbol(name)
     statement = _stated(plain, blocks, (), parameters, cut, bases, without, tree=tree)
     directions = touched(statement, blocks)
     if any(len(held) < len(ALL_SIX) for held in directions.values()):

@@ -89,8 +89,11 @@ def test_the_ground_carries_all_inertia_forces():
 
 
 def test_superelements_are_refused_by_name():
+    """Those that a hub carries; others do not turn."""
     model = on_carrier(True)
     stiffness = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(6))
     model.add_superelement("s", np.eye(12), None, stiffness, {"a": (0, 0, 0), "b": (0, 0, 0)}, {"a": "hub"})
-    with pytest.raises(mv.ModelError, match="superelement 's' beside hub 'hub'"):
+    with pytest.raises(mv.ModelError, match="superelement 's' on hub 'hub'"):
         model.simulate(np.linspace(0.0, 1.0, 3))
+    beside = model.replace("s", bodies={"a": "ground"})
+    assert {f"s.b.{d}" for d in ("x", "y", "z", "rx", "ry", "rz")} <= set(beside.linearize().coordinates)
