@@ -59,9 +59,14 @@ def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Arra
 
 
 def independent(system: SparseEquations, massless: Array) -> Array:
-    """Return independent motions (size, r), of unit damping, with the span of massless motions (size, n)."""
+    """Return independent motions (size, r), of unit damping and forces of spins, with the span of massless ones
+    (size, n).
+    """
     damped = np.flatnonzero(system.row_damping)
     rates = np.sqrt(np.abs(system.row_damping[damped]))[:, None] * (system.elastic_rows[damped] @ massless)
+    if system.gyroscopic is not None:
+        spins = np.asarray(abs(system.gyroscopic).sum(axis=1)).ravel()
+        rates = np.concatenate((rates, np.sqrt(spins)[:, None] * massless))
     length = np.linalg.norm(rates, axis=0)
     used = length > NOTHING * length.max(initial=0.0)
     if not used.any():

@@ -132,9 +132,12 @@ class _Parts:
         """Motions that springs and dampers couple, part by part, and uncoupled motions."""
         from scipy.sparse import vstack
 
-        rows = vstack([self.rows, *(matrix for matrix in self.antisymmetric if matrix is not None)]).tocsr()
+        forces = [matrix for matrix in self.antisymmetric if matrix is not None]
+        rows = vstack([self.rows, *forces]).tocsr()
         rows.data = np.ones(len(rows.data))
-        parts = by_label(part_numbers(rows.T @ rows))
+        # and by forces of one motion along another, as those of a spin about two axes
+        along = [abs(self.motions.shapes.T) @ abs(matrix) for matrix in forces]
+        parts = by_label(part_numbers(sum(along, rows.T @ rows)))
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 

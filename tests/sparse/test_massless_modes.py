@@ -147,3 +147,37 @@ def test_massless_links_under_a_load_that_follows_them(links, light):
     omega = np.array([1.0, 7.0, 40.0])
     np.testing.assert_allclose(sparse.reduced(sparse.dof).frequency_response(omega), dense.frequency_response(omega),
                                rtol=1e-9)  # fmt: skip
+
+
+def spinning_flanges(damping):
+    """Massless flanges on bushings alone, one on the ground and one on a body, each with a rotor."""
+    model = mv.Model("flanges")
+    model.add_body("disk", 2.0, (0.03, 0.04, 0.05), (0.01, 0, 0.3))
+    model.add_bushing("mount", "ground", "disk", (0.01, 0, 0.3), (3e4, 4e4, 5e4, 300.0, 400.0, 500.0))
+    for name, on, rotational, c, axis in (
+            ("low", "ground", (30.0, 120.0, 50.0), (0,) * 6, (0, 0, 1)),
+            ("high", "disk", (600.0, 700.0, 800.0), damping, (0.3, -0.2, 1))):  # fmt: skip
+        model.add_body(name, 0.0, (0, 0, 0), (0, 0, 0.4))
+        model.add_bushing(f"{name}.bush", on, name, (0, 0, 0.4), (1e4, 2e4, 3e4, *rotational), c)
+        model.add_rotor(f"{name}.rotor", name, 100.0, axis, inertia=0.02)
+    model.add_input("T", "high", "rx")
+    model.add_output("y", "high", "ry")
+    return model
+
+
+@pytest.mark.parametrize("damping", [
+    (0.0,) * 6, pytest.param((0, 0, 0, 0.5, 0, 0), marks=pytest.mark.slow),
+    pytest.param((1.0, 1.0, 1.0, 0.5, 0.6, 0.7), marks=pytest.mark.slow)])  # fmt: skip
+def test_rotors_on_flanges_that_bushings_alone_hold(damping):
+    """A flange turns about its two axes at sqrt(kx ky) / h; the others are those of dense equations."""
+    model = spinning_flanges(damping)
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    assert (sparse.dof, sparse.massless) == (dense.dof, dense.massless)
+    values = np.asarray(dense.modes().eigenvalues)
+    for system in (values, np.asarray(sparse.modes(2, near=30.0 / (2.0 * np.pi)).eigenvalues)):
+        assert np.abs(system - 1j * np.sqrt(30.0 * 120.0) / 2.0).min() < 1e-11
+    lowest = np.sort(np.abs(sparse.modes(4).eigenvalues))
+    np.testing.assert_allclose(lowest, np.sort(np.abs(values))[: len(lowest)], rtol=1e-11)
+    w = np.array([5.0, 60.0, 200.0])
+    expected = dense.frequency_response(w)
+    np.testing.assert_allclose(sparse.frequency_response(w), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
