@@ -255,3 +255,35 @@ def test_mistakes_are_named():
         library.hoeken().cycle("crank.rz", [0.0], speed=0.0).periodic()
     with pytest.warns(mv.errors.AccuracyWarning, match="12 samples leave"):
         cycle.periodic({"crank.rz": (5.0, 0.0)}).multipliers()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [150.0, 230.0, 300.0])
+def test_an_unsymmetric_shaft_in_unsymmetric_bearings(speed):
+    """A disk on a shaft of two stiffnesses that turn with it, in a bearing of two stiffnesses at rest: the multipliers
+    of its four equations in the world, integrated by themselves; unstable between its critical speeds.
+    """
+    m, mb, c, stiff, bearing = 3.0, 1.0, 20.0, np.diag([2e5, 5e5]), np.diag([3e5, 8e5])
+    model = mv.Model("rotor")
+    for name, mass in (("brg", mb), ("shaft", 0.0), ("disk", m)):
+        model.add_body(name, mass, (1e-3 * mass,) * 3)
+    model.add_joint("b", None, "ground", "brg", (0, 0, 0), free=("x", "y"))
+    model.add_joint("spin", "revolute", "brg", "shaft", (0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("d", None, "shaft", "disk", (0, 0, 0), free=("x", "y"))
+    model.add_bushing("bearing", "ground", "brg", (0, 0, 0), (3e5, 8e5, 0, 0, 0, 0), (c, c, 0, 0, 0, 0))
+    model.add_bushing("bending", "shaft", "disk", (0, 0, 0), (2e5, 5e5, 0, 0, 0, 0))
+    released, period = ("b.x", "b.y", "d.x", "d.y"), TURN / speed
+    motion = {"spin.rz": (TURN * np.arange(16) / 16, speed, 0.0)} | dict.fromkeys(released, (0, 0, 0))
+    cycle = model.cycle(motion=motion)
+
+    def slope(t, x):
+        at, rates = np.split(x.reshape(8, 8), 2)
+        turned = np.array([[np.cos(speed * t), -np.sin(speed * t)], [np.sin(speed * t), np.cos(speed * t)]])
+        force = turned @ stiff @ turned.T @ (at[2:] - at[:2])
+        return np.concatenate((rates, (force - bearing @ at[:2] - c * rates[:2]) / mb, -force / m)).ravel()
+
+    end = solve_ivp(slope, (0.0, period), np.eye(8).ravel(), method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    expected = np.linalg.eigvals(end.reshape(8, 8))
+    found = cycle.periodic(released, period=period)
+    assert_allclose(np.sort_complex(found.multipliers()), np.sort_complex(expected), atol=1e-9)
+    assert found.stable == (speed == 150.0)

@@ -166,6 +166,23 @@ def test_rotor_on_a_turning_body():
     assert rates(model.linearize()) == pytest.approx([np.sqrt(expected / (mass * 0.81 + 0.1))], rel=1e-12)
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize(("speed", "stable"), [(200.0, True), (300.0, False), (500.0, True)])
+def test_an_unsymmetric_shaft_is_unstable_between_its_critical_speeds(speed, stable, method):
+    """(k1 - m W^2 + m s^2) (k2 - m W^2 + m s^2) + 4 m^2 W^2 s^2 = 0, with critical speeds 258 and 408 rad/s."""
+    m, k1, k2 = 3.0, 2e5, 5e5
+    model = mv.Model("shaft")
+    model.add_hub("hub", speed, (0, 0, 1))
+    model.add_body("disk", m, (0.02, 0.02, 0.03))
+    model.add_bushing("shaft", "hub", "disk", (0, 0, 0), (k1, k2, 1e6, 1e5, 2e5, 3e5))
+    a, b = k1 - m * speed**2, k2 - m * speed**2
+    expected = np.roots([m * m, 0.0, m * (a + b) + 4.0 * m * m * speed**2, 0.0, a * b])
+    modes = model.linearize(method=method).modes(*(6,) * (method == "sparse"))
+    found = np.asarray(modes.eigenvalues)
+    assert np.abs(found[:, None] - expected).min(axis=0).max() < 1e-12 * np.abs(expected).max()
+    assert (found.real.max() < 1.0) == stable
+
+
 def test_speed_zero_adds_nothing():
     model = pendulum((0, 1, 0), speed=0.0)
     assert not np.array(model.linearize().K).any()
