@@ -11,13 +11,14 @@ import numpy as np
 
 from mbsvib.api.linear_range import participating
 from mbsvib.certificate.engines import by_exudyn, masses_of_tree
-from mbsvib.certificate.radius import accuracy_radius
+from mbsvib.certificate.radius import accuracy_radius, rolling_slopes
 from mbsvib.certificate.restated import difference, restated
 from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
 from mbsvib.common.expected import a_model
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import EquilibriumError, MbsvibError, NearSingularWarning, SingularPoseError
 from mbsvib.linalg.rank import BALANCE, RANK_FACTOR, RANK_GAP
+from mbsvib.rolling.equations import rolling_equations
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
@@ -44,11 +45,13 @@ def certify(model: Model, align: float | None = None) -> Certificate:
     The checks: the balance of the pose (``equilibrium.residual``, the largest unbalanced share of the forces); the rank
     decisions of loops (``rank.margin``, the smallest pivot kept over the largest dropped, or over rounding); how far
     half a unit in the last printed digit of all numbers at once moves eigenvalues, to first order, by exact
-    derivatives (``accuracy.radius``, relative, a value without a limit: it is a property of the data); the same model
+    derivatives (``accuracy.radius``, relative, a value without a limit: it is a property of the data; digits are the
+    shortest that give a number back, so that 0.01 counts as known to 0.005 even if a file has 0.0100); the same model
     in mm, ms and g (``units.invariance``, relative); the linear range (``linear.range``, the smallest travel of a
     coordinate [rad, mechanism sizes] where the second-order part of an output is a tenth, without a limit); eigenvalues
     of another engine (``engine.difference``, relative; exudyn, where it can), and the mass matrices of MuJoCo and
-    Pinocchio, where installed, of trees of hinges and slides (``mass.difference``, over its largest entry).
+    Pinocchio, where installed, of trees of hinges and slides (``mass.difference``, over its largest entry). Models on
+    rolling wheels have the first four.
 
     Parameters
     ----------
@@ -133,16 +136,25 @@ class _Run:
             self.add("equilibrium.residual", residual, BALANCE, residual <= BALANCE or None, words)
             return system
         if self.model.rolling:
-            self.add("equilibrium.residual", None, BALANCE, True, "in balance with the ground on the wheels")
-            for name in NAMES[2:]:
-                self.skipped[name] = "rolling wheels: it needs equations of second order"
-            self.attempt("units.invariance", self.units, system)
+            self.rolling(system)
             return None
         self.add("equilibrium.residual", None, BALANCE, True, "in balance, checked by the sparse equations")
         self.rank_of(system.constraints.groups)
         for name in NAMES[3:]:
             self.skipped[name] = "sparse equations: more than some hundred coordinates"
         return None
+
+    def rolling(self, system: Any) -> None:
+        """Check the equations of first order of rolling wheels."""
+        found = rolling_equations(self.model)
+        statics = found.equations.provenance.statics
+        residual = 0.0 if statics is None else statics.imbalance
+        self.add("equilibrium.residual", residual, BALANCE, residual <= BALANCE, "with the ground on the wheels")
+        self.rank_of((*found.equations.provenance.reduction.groups, *found.groups))
+        for name in NAMES[3:]:
+            self.skipped[name] = "rolling wheels: no engine here has them, and their finite motion is not stated"
+        self.attempt("accuracy.radius", self.accuracy, system)
+        self.attempt("units.invariance", self.units, system)
 
     def rank(self, system: Equations) -> None:
         """Check the rank decisions of all loops."""
@@ -183,9 +195,12 @@ class _Run:
 
     def accuracy(self, system: System) -> None:
         """How far the last printed digit moves eigenvalues."""
-        radius, rounding, name, mode, exact = accuracy_radius(system)
+        eigenvalues, rolls = np.asarray(system.modes().eigenvalues), bool(self.model.rolling)
+        slopes = rolling_slopes(system, self.model.parameters) if rolls else system.eigenvalue_sensitivities()
+        radius, rounding, name, mode, exact = accuracy_radius(self.model.parameters, eigenvalues, slopes)
         if exact:
-            self.skipped["derivatives"] = (f"taken as exact, as they would lock loops or free what is at rest: "
+            why = "as one alone cannot change" if rolls else "as they would lock loops or free what is at rest"
+            self.skipped["derivatives"] = (f"taken as exact, {why}: "
                                            f"{', '.join(exact[:6])}{', ...' if len(exact) > 6 else ''}")  # fmt: skip
         words = "no eigenvalue but 0" if not name else \
             f"relative change of an eigenvalue if half the last digit of all data is off; most by {name}"

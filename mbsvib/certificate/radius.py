@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.errors import MbsvibError
+
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array
+    from collections.abc import Mapping
+
+    from mbsvib.api.rolling_system import RollingSystem
+    from mbsvib.common.arrays import Array, Complex
 
 # A number with as many significant digits was computed, or printed with all its digits: it is known to its rounding.
 ALL_DIGITS = 15
@@ -29,8 +33,12 @@ def half_last_digit(value: float) -> float:
     return 0.5 * 10.0 ** min(int(exponent), 0)
 
 
-def accuracy_radius(system: System) -> tuple[float, float, str, int, tuple[str, ...]]:
+def accuracy_radius(
+    values: Mapping[str, float], eigenvalues: Complex, slopes: Complex
+) -> tuple[float, float, str, int, tuple[str, ...]]:
     """Return bounds on the relative change of eigenvalues, to first order in all numbers of the model at once.
+
+    ``values`` of the parameters (p) by name, ``slopes`` (p, eigenvalues) of the eigenvalues to them.
 
     |d lambda_k| <= sum over p of |d lambda_k / dp| delta_p,  delta_p half a unit in the last printed digit of p
 
@@ -38,9 +46,8 @@ def accuracy_radius(system: System) -> tuple[float, float, str, int, tuple[str, 
     with the largest part in the first; the number of its eigenvalue; and the parameters without a derivative, such as
     those that tilt one pin of a planar loop, which are taken as exact. Numbers that are 0 are taken as exact.
     """
-    values, eigenvalues = system.parameters, np.asarray(system.modes().eigenvalues)
     names, at = list(values), np.array(list(values.values()))
-    slopes = np.abs(system.eigenvalue_sensitivities())
+    slopes = np.abs(slopes)
     exact = ~np.asarray(np.isfinite(slopes).all(axis=1))
     slopes[exact] = 0.0
     moving = eigenvalues != 0.0
@@ -54,3 +61,17 @@ def accuracy_radius(system: System) -> tuple[float, float, str, int, tuple[str, 
     known = zip(names, exact.tolist(), at.tolist(), strict=True)
     left_out = tuple(name for name, one, value in known if one and value != 0.0)
     return float(total[k]), rounding, names[int(parts[:, k].argmax())], int(np.flatnonzero(moving)[k]), left_out
+
+
+def rolling_slopes(system: RollingSystem, values: Mapping[str, float]) -> Complex:
+    """Return derivatives (p, eigenvalues) of a system on rolling wheels; not a number where a change is refused, as one
+    of a wheel's axle alone, and zero for parameters that are 0.
+    """
+    result = np.zeros((len(values), len(system.states)), dtype=complex)
+    for row, (name, value) in zip(result, values.items(), strict=True):
+        if value != 0.0:
+            try:
+                row[:] = system.eigenvalue_sensitivities(name)[0]
+            except MbsvibError:
+                row[:] = np.nan
+    return result

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import DEPENDENT_ROWS, ZERO_SUM
+from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,8 +18,22 @@ if TYPE_CHECKING:
 INDEPENDENT = 0.1
 
 
-def dependent_columns(rows: Array, groups: Sequence[Sequence[int]]) -> tuple[list[int], int]:
-    """Return columns of ``rows`` (k, m), as many as the rank, that are a basis, and the rank.
+@dataclass(frozen=True, slots=True)
+class RankDecision:
+    """The rank of the conditions of wheels: the smallest pivot ``retained``, the largest ``dropped`` and rounding
+    ``noise``, over the largest column.
+    """
+
+    joints: tuple[str, ...]
+    retained: float
+    dropped: float
+    noise: float
+
+
+def dependent_columns(
+    rows: Array, groups: Sequence[Sequence[int]], wheels: Sequence[str]
+) -> tuple[list[int], RankDecision]:
+    """Return columns of ``rows`` (k, m), as many as the rank, that are a basis, and how the rank was decided.
 
     Columns of the first of the ``groups`` come first, of a group the one with the largest part that is independent of
     those before; what is left is taken at the end, whatever its share.
@@ -26,6 +41,7 @@ def dependent_columns(rows: Array, groups: Sequence[Sequence[int]]) -> tuple[lis
     left, size = rows.copy(), np.linalg.norm(rows, axis=0)
     least = DEPENDENT_ROWS * size.max(initial=0.0)
     taken: list[int] = []
+    pivots: list[float] = []
     for share in (INDEPENDENT, 0.0):
         for group in groups:
             while True:
@@ -38,7 +54,11 @@ def dependent_columns(rows: Array, groups: Sequence[Sequence[int]]) -> tuple[lis
                 way = left[:, column] / part[column]
                 left = left - np.outer(way, way @ left)
                 taken.append(column)
-    return sorted(taken), len(taken)
+                pivots.append(float(part[column]))
+    largest = float(size.max(initial=0.0)) or 1.0
+    dropped = float(np.linalg.norm(left, axis=0).max(initial=0.0))
+    return sorted(taken), RankDecision(tuple(wheels), min(pivots, default=largest) / largest, dropped / largest,
+                                       EPS * len(size))  # fmt: skip
 
 
 def dependence(rows: Array, taken: Sequence[int], others: Array) -> Array:

@@ -30,7 +30,7 @@ from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import DEPENDENT_ROWS, ZERO_SUM
 from mbsvib.linalg.rotations import skew
 from mbsvib.responses.first_order import RATE_UNITS
-from mbsvib.rolling.choice import dependence, dependent_columns
+from mbsvib.rolling.choice import RankDecision, dependence, dependent_columns
 from mbsvib.rolling.contact import contact
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ class RollingEquations:
     """x' = A x + B u, y = C x + D u, and (q, q') = ``transform`` x + ..., with the states' names and units.
 
     ``contact_forces`` (wheels, 3) [N] are those on the wheels in steady motion, world axes; ``spins`` (wheels,)
-    [rad/s]. ``tied`` are the coordinates that the normals tie, ``driven`` those whose speeds follow from others.
+    [rad/s]. ``tied`` are the coordinates that the normals tie, ``driven`` those whose speeds follow from others, and
+    ``groups`` the decisions on the rank of both.
     """
 
     a: Array
@@ -64,6 +65,7 @@ class RollingEquations:
     spins: Array
     tied: tuple[str, ...]
     driven: tuple[str, ...]
+    groups: tuple[RankDecision, ...]
 
 
 def rolling_equations(model: Mechanism, independent: Sequence[str] = ()) -> RollingEquations:
@@ -179,8 +181,8 @@ class _Reduced:
 
     def result(self) -> RollingEquations:
         system, m = self.system, self.system.dof
-        tied, kept, h = self._positions()
-        driven, n, g = self._speeds(kept, h)
+        tied, kept, h, normals = self._positions()
+        driven, n, g, speeds = self._speeds(kept, h)
         inputs = len(self.model.inputs)
         stiffness = self._stiffness()
         # q = h z, q' = e z + p w, with p = h n and e = h g
@@ -205,7 +207,7 @@ class _Reduced:
             (*[units[i] for i in kept], *[RATE_UNITS[units[i]] for i in free]), system,
             np.array([f @ s.directions for f, s in zip(self.forces.reshape(-1, 3), self.contacts, strict=True)]),
             np.array([s.spin for s in self.contacts]), tuple([names[i] for i in tied]),
-            tuple([names[kept[i]] for i in driven]),
+            tuple([names[kept[i]] for i in driven]), (normals, speeds),
         )  # fmt: skip
 
     def _groups(self, kept: Sequence[int]) -> list[list[int]]:
@@ -226,22 +228,24 @@ class _Reduced:
         order = (spins - wanted, shifts - wanted - spins, set(kept) - wanted - spins - shifts, wanted)
         return [[kept.index(i) for i in sorted(group)] for group in order]
 
-    def _positions(self) -> tuple[list[int], list[int], Array]:
-        """Coordinates that the normal rows tie, the others z, and H (m, k) of q = H z."""
+    def _positions(self) -> tuple[list[int], list[int], Array, RankDecision]:
+        """Coordinates that the normal rows tie, the others z, H (m, k) of q = H z, and the decision on the rank."""
         rows, m = self.rows[::3], self.system.dof
         groups = self._groups(range(m))
-        tied, _ = dependent_columns(rows, groups[1:] + groups[:1])
+        tied, decision = dependent_columns(rows, groups[1:] + groups[:1], tuple(self.model.rolling))
         kept = [i for i in range(m) if i not in tied]
         h = np.zeros((m, len(kept)))
         h[kept, np.arange(len(kept))] = 1.0
         h[tied] = dependence(rows, tied, rows[:, kept])
-        return tied, kept, h
+        return tied, kept, h, decision
 
-    def _speeds(self, kept: Sequence[int], h: Array) -> tuple[list[int], Array, Array]:
-        """Coordinates z whose speeds follow from others, and N (k, speeds) and G (k, k) of z' = N w + G z."""
+    def _speeds(self, kept: Sequence[int], h: Array) -> tuple[list[int], Array, Array, RankDecision]:
+        """Coordinates z whose speeds follow from others, N (k, speeds) and G (k, k) of z' = N w + G z, and the decision
+        on the rank.
+        """
         along = np.arange(len(self.rows)) % 3 > 0
         rows, slip = _product(self.rows[along], h), _product(self.slip[along], h)
-        driven, count = dependent_columns(rows, self._groups(kept))
+        driven, decision = dependent_columns(rows, self._groups(kept), tuple(self.model.rolling))
         free = [i for i in range(h.shape[1]) if i not in driven]
         got = [self.system.coordinates[kept[i]] for i in free]
         for name in self.independent:
@@ -256,9 +260,9 @@ class _Reduced:
         if np.abs(left).max(initial=0.0) > DEPENDENT_ROWS * np.abs(slip).max(initial=0.0):
             names = ", ".join(f"'{name}'" for name in self.model.rolling)
             raise SingularPoseError(f"model '{self.model.name}': the wheels {names} roll without slip along the way "
-                                    f"only; any deviation would make one slip ({count} of {len(rows)} conditions are "
-                                    f"independent). Leave one out, or let it steer.")  # fmt: skip
-        return driven, n, g
+                                    f"only; any deviation would make one slip ({len(driven)} of {len(rows)} conditions "
+                                    f"are independent). Leave one out, or let it steer.")  # fmt: skip
+        return driven, n, g, decision
 
     def _stiffness(self) -> Array:
         """K, with the moments of the contact forces about wheels whose contact points move along the edge."""
