@@ -104,7 +104,7 @@ _HOMES = {
     "Records": "mbsvib.measurement.records",
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
-    "System": "mbsvib.api.sparse_system",
+    "System": "mbsvib.api.system",
     "assemble": "mbsvib.api.assembling",
     "certify": "mbsvib.certificate.certifying",
     "compare": "mbsvib.measurement.comparing",

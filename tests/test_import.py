@@ -43,3 +43,10 @@ def test_public_names_resolve():
         assert getattr(mbsvib, name) is not None
     with pytest.raises(AttributeError, match="no_such_name"):
         mbsvib.no_such_name  # noqa: B018
+
+
+def test_a_system_of_sparse_matrices_is_sparse_whatever_was_imported_before():
+    matrices = "scipy.sparse.eye(2), None, scipy.sparse.eye(2)"
+    modules = loaded(f"import scipy.sparse; from mbsvib.api.system import System; assert type(System.from_matrices("
+                     f"{matrices})).__name__ == 'SparseSystem'")  # fmt: skip
+    assert "mbsvib.api.sparse_system" in modules

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
@@ -95,9 +96,11 @@ class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, S
         from mbsvib.equations.from_matrices import from_matrices
 
         matrices, ports, names = (M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates)
-        if cls.large is not None and any(hasattr(matrix, "tocsc") for matrix in matrices):
+        if any(hasattr(matrix, "tocsc") for matrix in matrices):
             from mbsvib.sparse.from_matrices import sparse_from_matrices
 
+            import_module("mbsvib.api.sparse_system")  # it sets ``large``, whatever was imported before
+            assert cls.large is not None
             return sparse_from_matrices(matrices, ports, names, name, cls.large)
         return from_matrices(matrices, ports, names, name, cls)
 

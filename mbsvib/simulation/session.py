@@ -101,9 +101,13 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     step = loops.rates(origin, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
     next_to, opening = loops.projected(step, bases)
     if opening > NEIGHBOUR**2 or loops.rank_at(next_to, bases) != rank:
+        cut = ", ".join(motion.topology.joints[k].name for k in motion.topology.cut)
+        coordinates = [name for name in motion.names if name.rpartition(".")[0] in model.joints]
+        pose = ", ".join(f"'{name}': ..." for name in coordinates[: len(scale) - rank])
         raise SingularPoseError(
-            f"simulate: the loops of model '{model.name}' have another number of degrees of freedom in the pose as "
-            f"described than next to it; start from a pose a little off, model.moved(...).simulate(...)."
+            f"simulate: the loops closed by {cut} have another number of degrees of freedom in the pose as described "
+            f"than next to it, as several motions start here; start a little off, where enough coordinates say which "
+            f"one it is: model.moved({{{pose}}}).simulate(...)."
         )  # fmt: skip
     return rank
 

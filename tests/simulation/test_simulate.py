@@ -295,7 +295,7 @@ def test_models_without_a_statement_are_refused_by_name():
     turning.add_base_motion("rock", "ry")
     with pytest.raises(mv.ModelError, match="base motion 'rock' turns the ground"):
         turning.simulate([0.0, 1.0], {"rock": 1.0})
-    with pytest.raises(mv.SingularPoseError, match="another number of degrees of freedom"):
+    with pytest.raises(mv.SingularPoseError, match=r"another number of degrees of freedom .* model.moved\(\{'"):
         flat_toggle().simulate([0.0, 1.0])
     geared = mv.library.four_bar()
     for name, pair in (("g1", ("A.rz", "B.rz")), ("g2", ("C.rz", "D.rz"))):
