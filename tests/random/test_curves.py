@@ -87,6 +87,8 @@ def test_frequency_weightings(name, factors):
     weighting = isolation.iso_2631(name)
     f = np.array(list(factors))
     np.testing.assert_allclose(1000.0 * np.abs(weighting.response(1j * W * f)), list(factors.values()), rtol=0.004)
+    at_reference = {"Wk": 0.7718, "Wd": 0.1261}[name]  # of ISO 8041, at 100 rad/s
+    np.testing.assert_allclose(np.abs(weighting.response(np.array([100j]))), at_reference, atol=5e-5)
 
 
 def test_weighted_vibration():
