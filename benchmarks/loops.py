@@ -1,6 +1,6 @@
 """Noise, uncertain plants and their bounds against references that share nothing with mbsvib: errors and CPU times.
 
-python benchmarks/loops.py: residues and integrals by scipy, lifted equations written out, determinants on a grid.
+python benchmarks/loops.py: residues and integrals by scipy, lifted equations written out, eigenvalues of small loops.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.integrate import quad
 from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib import isolation
@@ -122,7 +123,9 @@ def near_poles() -> None:
 
 
 def bounds() -> None:
-    """Robust stability and worst gains: lower and upper bounds, and a search on a grid."""
+    """Repetitions; robust stability and worst gains: lower and upper bounds, and a search on a grid."""
+    names = "leg1.k.stiffness", "platform.mass", "leg1.lower.mass"
+    print("repetitions:", mv.library.stewart().linearize().uncertain(dict.fromkeys(names, 0.1)).blocks)
     legs = {f"leg{k}.k.stiffness": 0.4 for k in range(1, 7)}
     active = stage()
     loop = active.system.uncertain(legs).feedback(isolation.force_feedback(active, 120.0, leak=0.6))
@@ -142,8 +145,66 @@ def bounds() -> None:
     print(f"worst rms, damping ratios from 0.18 %: upper/lower {rms.upper['z'] / rms.lower['z']:.4f}, {spent:.1f} s")
 
 
+def masses(stiffness: tuple[float, ...], damping: float) -> mv.System:
+    """Masses of 1 kg, each on a spring and with a force."""
+    model = mv.Model("masses")
+    for k, value in enumerate(stiffness, start=1):
+        model.add_body(f"m{k}", 1.0, (1, 1, 1), position=(k, 0, 0))
+        model.add_joint(f"j{k}", "prismatic", "ground", f"m{k}", position=(k, 0, 0), axis=(0, 0, 1))
+        model.add_spring(f"k{k}", "ground", f"m{k}", (k, 0, -1), (k, 0, 0), stiffness=value, damping=damping)
+        model.add_input(f"F{k}", f"m{k}", "z")
+        model.add_output(f"x{k}", f"m{k}", "z")
+    return model.linearize()
+
+
+def instability() -> None:
+    """Flutter by forces across two masses, and a spring with half of its stiffness taken away: distances from both."""
+    first, second, across, c = 100.0, 140.0, 15.0, 0.2
+
+    def growth(t: float) -> float:
+        k, one = np.array([[first * (1.0 + 0.5 * t), -across], [across, second]]), np.eye(2)
+        return float(np.linalg.eigvals(np.block([[0.0 * one, one], [-k, -c * one]])).real.max())
+
+    plant = masses((first, second), c).uncertain({"k1.stiffness": 0.5})
+    loop = plant.feedback([[0.0, across], [-across, 0.0]], ["x1", "x2"], ["F1", "F2"])
+    exact = float(brentq(growth, 0.0, 0.4, xtol=1e-14))
+    stable, spent = timed(loop.robust_stability)
+    print(f"flutter at {exact:.5f}: {stable.lower / exact:.4f} to {stable.upper / exact:.4f} of it, "
+          f"{stable.omega:.3f} rad/s, {spent:.2f} s")  # fmt: skip
+    loop = masses((100.0,), c).uncertain({"k1.stiffness": 0.99}).feedback([[50.0]], ["x1"], ["F1"])
+    stable, spent = timed(loop.robust_stability)
+    exact = 0.5 / 0.99
+    print(f"static divergence at {exact:.5f}: {stable.lower / exact:.4f} to {stable.upper / exact:.4f} of it, "
+          f"{spent:.2f} s")  # fmt: skip
+
+
+def synthesis() -> None:
+    """The least norms of a hexapod in other units of time and of states; needs ctrlsys (SLICOT)."""
+    from mbsvib.isolation.synthesis import h2_synthesis, hinf_synthesis
+
+    space = mv.library.cubic_hexapod(stiffness=2e5, damping=20.0).linearize().state_space("modal")
+    a, b, c = space.A, space.B[:, [2]] / 1e3, space.C[[2]] * 1e6
+    b, c = np.concatenate((b, np.zeros_like(b), b), axis=1), np.concatenate((c, np.zeros_like(c), c))
+    d = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.0, 0.1, 0.0]])
+    norms: dict[str, list[float]] = {"H-infinity": [], "H2": []}
+    for time_unit, state_unit in product((1e-6, 1.0, 3600.0), (1e-6, 1.0, 1e6)):
+        other = a * time_unit, b * time_unit * state_unit, c / state_unit, d
+        norms["H-infinity"].append(hinf_synthesis(other, 1, 1, "benchmark").norm or np.nan)
+        k = h2_synthesis(other, 1, 1, "benchmark")
+        gain = k.C @ np.linalg.solve(300j * time_unit * np.eye(len(k.A)) - k.A, k.B)
+        norms["H2"].append(float(np.abs(gain[0, 0])))
+    apart = {name: max(values) / min(values) - 1.0 for name, values in norms.items()}
+    print(f"synthesis from 1 us to 1 h and over 12 decades of states: H-infinity norms {apart['H-infinity']:.0e} "
+          f"apart, gains of H2 controllers {apart['H2']:.0e}")  # fmt: skip
+
+
 if __name__ == "__main__":
     noise()
     sampled()
     near_poles()
     bounds()
+    instability()
+    try:
+        synthesis()
+    except mv.ExportError as error:
+        print(error)
