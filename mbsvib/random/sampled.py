@@ -108,7 +108,9 @@ class SampledRandom(Random):
 
     @cached_property
     def _sequences(self) -> list[int]:
-        return [k for k, name in enumerate(self.sources.names) if self._is_sequence(name)]
+        """White noises of sensors; filtered noise, or a table, has its own course between samples."""
+        return [k for k, (name, part) in enumerate(zip(self.sources.names, self.sources.densities, strict=True))
+                if self._is_sequence(name) and part.filter is not None and not len(part.poles)]
 
     def _moments(self, which: list[int]) -> Array:
         loop, intensities = self._by_white_noise(self._among_filters(which)[0], which)
@@ -138,7 +140,7 @@ class SampledRandom(Random):
 
     def _by_white_noise(self, loop: SampledLoop, which: list[int]) -> tuple[SampledLoop, Array]:
         """The loop among filters from white noises of some sources, and the variances of those that are sequences."""
-        plain = np.array([k in self._sequences and not len(self.sources.densities[k].poles) for k in which])
+        plain = np.isin(which, self._sequences)
         driven = loop.with_ports(None, [f"{WHITE}{self.sources.names[k]}" for k in which])
         return driven, np.where(plain, loop.rate, 0.0)
 

@@ -142,12 +142,23 @@ def test_sampled_budgets_tend_to_continuous_ones():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("source", ["F", "x.noise"])
-def test_sampled_densities_add_up_to_the_mean_square(source):
+@pytest.mark.parametrize(("source", "density"), [("F", 1.0), ("x.noise", 1.0), ("x.noise", [(0.1, 1.0), (150.0, 1.0)]),
+                                                 ("x.noise", isolation.shaped([900.0], [1.0, 900.0]))])  # fmt: skip
+def test_sampled_densities_add_up_to_the_mean_square(source, density):
     """Two ways with nothing in common: integrals of what sampling folds, and covariances from sample to sample."""
     loop = controlled().sampled(60.0, 3e-3)
-    whole = loop.rms("x", {source: 1.0})["x"]
-    np.testing.assert_allclose(loop.rms("x", {source: 1.0}, band=(0.0, 900.0))["x"], whole, rtol=2e-8)
+    whole = loop.rms("x", {source: density})["x"]
+    np.testing.assert_allclose(loop.rms("x", {source: density}, band=(0.0, 900.0))["x"], whole, rtol=2e-8)
+
+
+def test_filtered_noise_of_sensors_is_folded():
+    """Sum over k of 1 / (1 + (f + k rate)^2 / corner^2) times the density of white noise, in closed form."""
+    loop, corner, rate, f = controlled().sampled(60.0), 900.0 / W, 60.0, np.array([2.0, 20.0])
+    white, shaped = (loop.psd("x", {"x.noise": density}, f)[0] for density in
+                     (1.0, isolation.shaped([900.0], [1.0, 900.0])))  # fmt: skip
+    wide = W * corner / rate
+    folds = 0.5 * wide * np.sinh(wide) / (np.cosh(wide) - np.cos(W * f / rate))
+    np.testing.assert_allclose(shaped / white, folds, rtol=1e-12)
 
 
 def test_sampled_density_against_a_sum_over_folds():
