@@ -22,34 +22,38 @@ TURN = 4.0  # largest change of phase, or decay, in a panel: 16 nodes leave 1e-1
 BATCH = 128  # frequencies at a time
 
 
-def mean_powers(loop: SampledEquations, w: Array) -> Array:
-    """Return the mean squares |y|^2 (outputs, inputs, n) of a loop's outputs under inputs exp(i omega t), averaged over
-    time, at angular frequencies ``w`` (n,) [rad/s].
+def mean_powers(loop: SampledEquations, w: Array, amplitudes: Complex) -> Array:
+    """Return the mean squares |y|^2 (outputs, k, n) of a loop's outputs under inputs a exp(i omega t), averaged over
+    time, at angular frequencies ``w`` (n,) [rad/s], for k ``amplitudes`` a (n, inputs, k) of all inputs at once.
     """
-    parts = [_powers(loop, w[start : start + BATCH]) for start in range(0, len(w), BATCH)]
+    parts = [_powers(loop, w[start : start + BATCH], amplitudes[start : start + BATCH])
+             for start in range(0, len(w), BATCH)]  # fmt: skip
     return np.concatenate(parts, axis=2)
 
 
-def _powers(loop: SampledEquations, w: Array) -> Array:
+def _powers(loop: SampledEquations, w: Array, amplitudes: Complex) -> Array:
     at = period(loop, *loop.selected_ports)
     x = excited_states(loop, at, w)
     x = np.tensordot(at.sample, x, axes=1) + at.measured[:, :, None]
-    result, turn = np.zeros((len(at.seen), at.driven.shape[1], len(w))), np.ones(len(w), dtype=complex)
+    result, turn = np.zeros((len(at.seen), amplitudes.shape[2], len(w))), np.ones(len(w), dtype=complex)
     stretches = ((at.flow, at.driven, at.seen), at.waiting), (at.after_action(), at.rest)
     for k, ((a, b, c), time) in enumerate(stretches):
         if k:
             x = np.tensordot(at.action, x, axes=1)
-        added, x, turn = _over((a, b, c, at.direct), time, w, x, turn)
+        added, x, turn = _over((a, b, c, at.direct), time, w, x, (turn, amplitudes))
         result += added
     return np.asarray(result / (at.waiting + at.rest))
 
 
 def _over(
-    space: tuple[Array, Array, Array, Array], time: float, w: Array, x: Complex, turn: Complex
+    space: tuple[Array, Array, Array, Array], time: float, w: Array, x: Complex, driven: tuple[Complex, Complex]
 ) -> tuple[Array, Complex, Complex]:
-    """The integral of |y|^2 over a time, and state and phase of the input at its end."""
-    a, b, c, d = space
-    result: Array = np.zeros((len(c), b.shape[1], len(w)))
+    """The integral of |y|^2 over a time, and state and phase of the input at its end.
+
+    ``driven``: phase and amplitudes of the inputs.
+    """
+    (a, b, c, d), (turn, amplitudes) = space, driven
+    result: Array = np.zeros((len(c), amplitudes.shape[2], len(w)))
     if not time:
         return result, x, turn
     fastest = 2.0 * (float(np.linalg.norm(a, 2)) + float(np.abs(w).max(initial=0.0)))
@@ -61,7 +65,7 @@ def _over(
         for stop, share in zip(stops[:-1], 0.5 * step * weights, strict=True):
             there = np.tensordot(stop.base + stop.change, x, axes=1) + turn * stop.driven
             y = np.tensordot(c, there, axes=1) + d[:, :, None] * (turn * stop.turn)
-            result += share * np.abs(y) ** 2
+            result += share * np.abs((y.transpose(2, 0, 1) @ amplitudes).transpose(1, 2, 0)) ** 2
         end = stops[-1]
         x = np.tensordot(end.base + end.change, x, axes=1) + turn * end.driven
         turn = turn * end.turn

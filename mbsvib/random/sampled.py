@@ -7,7 +7,7 @@ other frequencies: the forces that they demand are a sequence, the density of wh
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +25,7 @@ from mbsvib.responses import extrema
 from mbsvib.responses.densities import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -47,22 +47,38 @@ class SampledRandom(Random):
     def mean_squares(self) -> MeanSquares:
         """Return the mean squares over the band, averaged over time."""
         self._check()
+        count, correlated = len(self.sources.names), self.sources.correlation is not None
         if self.band is not None:
-            total = self.rule().integral(self.densities).value[:, :-1]
-            return MeanSquares(np.where(self._infinite(), np.inf, total), np.zeros(len(total)))
-        count = len(self.sources.names)
-        parts = np.zeros((len(self.linear.outputs), count))
+            total = self.rule().integral(self.densities)
+            parts = np.where(self._infinite(), np.inf, total.value[:, :-1])
+            return MeanSquares(parts, np.where(np.isinf(parts).any(axis=1), 0.0, total.value[:, -1]), total.error)
+        parts, extra, error = np.zeros((len(self.linear.outputs), count)), np.zeros(len(self.linear.outputs)), 0.0
         tables = [k for k, part in enumerate(self.sources.densities) if isinstance(part, Table)]
         rational = [k for k in range(count) if k not in tables]
         if rational:
             parts[:, rational] = self._moments(rational)
+            if correlated:
+                with np.errstate(invalid="ignore"):
+                    extra = self._moments(rational, together=True).sum(axis=1) - parts.sum(axis=1)
         if tables:
             loop = self._among_filters([])[0].with_ports(None, [self.sources.names[k] for k in tables])
             chosen = replace(self.sources, names=loop.inputs,
                              densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
-            rule = replace(self, sources=chosen).rule()
-            parts[:, tables] = rule.integral(lambda f: mean_powers(loop, 2.0 * np.pi * f) * chosen.of(f)).value
-        return MeanSquares(parts, np.zeros(len(parts)))
+
+            def powers(f: Array) -> Array:
+                """Mean squares (outputs, tables + 1, n) due to each table and to their correlation."""
+                cases = np.asarray(np.sqrt(chosen.of(f)).T[:, :, None] * np.eye(len(tables)), dtype=complex)
+                if correlated:
+                    values, vectors = np.linalg.eigh(chosen.matrix(f))
+                    cases = np.concatenate((cases, vectors * np.sqrt(np.maximum(values, 0.0))[:, None]), axis=2)
+                result = mean_powers(loop, 2.0 * np.pi * f, cases)
+                alone, both = result[:, : len(tables)], result[:, len(tables) :]
+                added = both.sum(axis=1) - alone.sum(axis=1) if correlated else np.zeros_like(alone[:, 0])
+                return np.concatenate((alone, added[:, None]), axis=1)
+
+            total = replace(self, sources=chosen).rule().integral(powers)
+            parts[:, tables], extra, error = total.value[:, :-1], extra + total.value[:, -1], total.error
+        return MeanSquares(parts, np.where(np.isinf(parts).any(axis=1), 0.0, extra), error)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -90,9 +106,14 @@ class SampledRandom(Random):
     def _check(self) -> None:
         """Refuse what there is no way to for sampled loops."""
         name = self.linear.name
-        if self.sources.correlation is not None:
-            raise ResponseError(f"noise: '{name}' is sampled, and correlated sources of sampled loops are not "
-                                f"available; leave correlation out, or drive one input by all of them.")  # fmt: skip
+        tables = [isinstance(part, Table) for part in self.sources.densities]
+        if self.sources.correlation is not None and self.cross is None and not all(tables):
+            raise ResponseError(f"noise: '{name}' is sampled; expected densities of correlated sources that are all "
+                                f"tables, or white noise behind like filters and a real constant correlation."
+                                )  # fmt: skip
+        if self.cross is not None and np.delete(self.cross[self._sequences], self._sequences, axis=1).any():
+            raise ResponseError(f"noise: '{name}' is sampled; white noise of its sensors is a sequence of numbers, "
+                                f"which cannot be correlated with other noise; give both a filter.")  # fmt: skip
         for part, source in zip(self.sources.densities, self.sources.names, strict=True):
             if part.filter is None and not isinstance(part, Table):
                 raise ResponseError(f"noise: '{name}' is sampled, and needs all that sampling folds; give the density "
@@ -112,8 +133,8 @@ class SampledRandom(Random):
         return [k for k, (name, part) in enumerate(zip(self.sources.names, self.sources.densities, strict=True))
                 if self._is_sequence(name) and part.filter is not None and not len(part.poles)]
 
-    def _moments(self, which: list[int]) -> Array:
-        loop, intensities = self._by_white_noise(self._among_filters(which)[0], which)
+    def _moments(self, which: list[int], together: bool = False) -> Array:
+        loop, intensities = self._by_white_noise(self._among_filters(which)[0], which, together)
         space, (shown, into), (y, _) = loop.plant.space, loop.selected_ports, loop.ports
         at_once = (space.D[np.ix_(y, into)] != 0.0).any(axis=0) & (intensities == 0.0)
         # what is sampled directly has no bound; it is left out of the sums, and told
@@ -133,16 +154,38 @@ class SampledRandom(Random):
                                 f"(white noise) or isolation.shaped(...), and no band. Ask loop.continuous for others."
                                 )  # fmt: skip
         among, filters, ports = self._among_filters(which)
-        driven, intensities = self._by_white_noise(among, which)
-        slopes = square_slopes(driven.with_ports(driven.outputs[row], None), intensities)
+        driven, intensities = self._by_white_noise(among, which, together=self.cross is not None)
+        to_plant, law = square_slopes(driven.with_ports(driven.outputs[row], None), intensities)
+        if self.cross is not None:
+            to_plant[:, -len(which) :] = to_plant[:, -len(which) :] @ self._roots.T
         space = self.linear.plant.space
-        return ports.back(filters.to_plant(slopes.plant), (space.A, space.B, space.C, space.D)), slopes.law
+        return ports.back(filters.to_plant(to_plant), (space.A, space.B, space.C, space.D)), law
 
-    def _by_white_noise(self, loop: SampledLoop, which: list[int]) -> tuple[SampledLoop, Array]:
-        """The loop among filters from white noises of some sources, and the variances of those that are sequences."""
-        plain = np.isin(which, self._sequences)
+    def _by_white_noise(
+        self, loop: SampledLoop, which: list[int], together: bool = False
+    ) -> tuple[SampledLoop, Array]:  # fmt: skip
+        """The loop among filters from white noises of some sources, and the variances of those that are sequences.
+
+        ``together``: from independent noises of which the correlated ones of all sources are sums.
+        """
         driven = loop.with_ports(None, [f"{WHITE}{self.sources.names[k]}" for k in which])
-        return driven, np.where(plain, loop.rate, 0.0)
+        if together:
+            space, into = driven.plant.space, driven.selected_ports[1]
+            b, d = space.B.copy(), space.D.copy()
+            b[:, into], d[:, into] = b[:, into] @ self._roots, d[:, into] @ self._roots
+            driven = replace(driven, plant=LoopPlant(replace(space, B=b, D=d)))
+        return driven, np.where(np.isin(which, self._sequences), loop.rate, 0.0)
+
+    @cached_property
+    def _roots(self) -> Array:
+        """L with R = L L^T (s, s) of correlated white noises, of sequences and of all others."""
+        assert self.cross is not None
+        result = np.zeros_like(self.cross)
+        sequence = np.isin(np.arange(len(result)), self._sequences)
+        for own in (sequence, ~sequence):
+            values, vectors = np.linalg.eigh(np.eye(own.sum()) + self.cross[np.ix_(own, own)])
+            result[np.ix_(own, own)] = vectors * np.sqrt(np.maximum(values, 0.0))
+        return result
 
     def _among_filters(self, which: list[int]) -> tuple[SampledLoop, Filtered, Gathered]:
         """The loop with outputs behind their filters, and white noise before those of some sources as inputs; its
@@ -161,7 +204,7 @@ class SampledRandom(Random):
         return replace(loop, plant=LoopPlant(whole), selection=(names, inputs)), filters, ports
 
     def densities(self, f: Array) -> Array:
-        """Return the densities (outputs, s + 1, n) due to each source; correlation adds nothing."""
+        """Return the densities (outputs, s + 1, n) due to each source and, last, to their correlation."""
         self._check()
         loop, w = self.linear, 2.0 * np.pi * f
         g, out = loop.frequency_response(w), held(loop, w)
@@ -171,31 +214,54 @@ class SampledRandom(Random):
                 g[row], out[row] = g[row] * gain, out[row] * gain
         result = np.zeros((len(g), len(self.sources.names) + 1, len(f)))
         result[:, :-1] = np.abs(g) ** 2 * self.sources.of(f)
+
+        def shown(demand: Complex) -> Array:
+            return np.asarray(np.einsum("oun,nuv,ovn->on", out, demand, out.conj(), optimize=True).real)
+
         for k, part in enumerate(self.sources.densities):
-            if k not in self._sequences:
-                extra = self._folded_table(k, f) if isinstance(part, Table) else self._folded_filter(k, w)
-                result[:, k] += np.einsum("oun,nuv,ovn->on", out, extra, out.conj(), optimize=True).real
+            if isinstance(part, Table):
+                result[:, k] += shown(self._folded_tables([k], f, partial(_column, part)))
+            elif k not in self._sequences:
+                result[:, k] += shown(self._folded([k], w))
+        if self.sources.correlation is not None:
+            across = self._across(f)
+            result[:, -1] = np.einsum("oin,nij,ojn->on", g, across, g.conj(), optimize=True).real
+            everything = [*range(len(self.sources.names))]
+            result[:, -1] += shown(
+                self._folded_tables(everything, f, self._across) if self.cross is None else
+                self._folded(everything, w, together=True) - self._folded(everything, w))  # fmt: skip
         return result
 
-    def _folded_filter(self, k: int, w: Array) -> Complex:
-        """What sampling folds of filtered white noise into the forces demanded, (n, actuators, actuators)."""
-        loop = self._among_filters([k])[0].with_ports(None, f"{WHITE}{self.sources.names[k]}")
-        return 2.0 * folded(loop, w, np.zeros(0, dtype=np.intp))[:, 0]  # unit intensity is a density of 2
+    def _across(self, f: Array) -> Complex:
+        """Cross-densities (n, s, s) of the sources, 0 of each with itself."""
+        return self.sources.matrix(f) * (1.0 - np.eye(len(self.sources.names)))
 
-    def _folded_table(self, k: int, f: Array) -> Complex:
-        """The same of a table, whose frequencies end."""
-        loop, density = self.linear.with_ports(None, self.sources.names[k]), self.sources.densities[k]
-        last = density.span[1]
+    def _folded(self, which: list[int], w: Array, together: bool = False) -> Complex:
+        """What sampling folds of filtered white noises into the forces demanded, (n, actuators, actuators)."""
+        loop, _ = self._by_white_noise(self._among_filters(which)[0], which, together)
+        sequences = np.flatnonzero(np.isin(which, self._sequences))
+        return np.asarray(2.0 * folded(loop, w, sequences).sum(axis=1))  # unit intensity is a density of 2
+
+    def _folded_tables(self, which: list[int], f: Array, density: Callable[[Array], Complex]) -> Complex:
+        """The same of tables, whose frequencies end, with densities (n, s, s) of some sources."""
+        loop = self.linear.with_ports(None, [self.sources.names[k] for k in which])
+        last = max(self.sources.densities[k].span[1] for k in which)
         result = np.zeros((len(f), len(loop.actuators), len(loop.actuators)), dtype=complex)
         for fold in range(-int((last + f.max()) / loop.rate), int((last + f.max()) / loop.rate) + 1):
             there = f - fold * loop.rate
             inside = (np.abs(there) <= last) & (fold != 0)
             if not inside.any():
                 continue
-            size = density.at(np.abs(there[inside]))
-            u = demanded(loop, 2.0 * np.pi * there[inside])[:, 0].T
-            result[inside] += size[:, None, None] * u[:, :, None] * u[:, None, :].conj()
+            size = density(np.abs(there[inside]))
+            u = demanded(loop, 2.0 * np.pi * there[inside]).transpose(2, 0, 1)
+            size = np.where(there[inside, None, None] < 0.0, size.conj(), size)
+            result[inside] += u @ size @ u.conj().swapaxes(1, 2)
         return result
+
+
+def _column(table: Table, f: Array) -> Complex:
+    """The density of a table as matrices (n, 1, 1)."""
+    return np.asarray(table.at(f)[:, None, None], dtype=complex)
 
 
 def _without(d: Array, rows: list[int], columns: list[int], which: Array) -> Array:

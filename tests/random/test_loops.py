@@ -161,28 +161,82 @@ def test_filtered_noise_of_sensors_is_folded():
     np.testing.assert_allclose(shaped / white, folds, rtol=1e-12)
 
 
-def test_sampled_density_against_a_sum_over_folds():
-    """Noise at f + k rate comes out at f by the samples alone; 2000 of these."""
-    rate, f = 60.0, np.array([2.0, 40.0])
-    loop = controlled().sampled(rate)
-    got = loop.psd("x", {"F": 1.0}, f)[0]
+def by_folds(f, rate, density, count):
+    """Density of x at frequencies (n,) [Hz]: noise of a force at f + k rate comes out at f by the samples alone."""
     z = np.exp(1j * W * f / rate)
     a = np.array([[0.0, 1.0], [-K / M, -C / M]])
-    b = np.array([0.0, 1.0 / M])
     e = expm(a / rate)
-    held = np.linalg.solve(a, (e - np.eye(2)) @ b)
-    folds = np.arange(-2000, 2001)
-    for i, (at, zi) in enumerate(zip(f, z, strict=True)):
+    held = np.linalg.solve(a, (e - np.eye(2)) @ np.array([0.0, 1.0 / M]))
+    folds, result = np.arange(-count, count + 1), []
+    for at, zi in zip(f, z, strict=True):
         gain = 1.0 / (1.0 - GAINS[0] @ np.linalg.solve(zi * np.eye(2) - e, held))
         w = W * (at + folds * rate)
         compliance = 1.0 / (K + 1j * w * C - w * w * M)
         demanded = gain * (GAINS[0, 0] + 1j * w * GAINS[0, 1]) * compliance
         wi = W * at
         out = (1.0 - 1.0 / zi) / (1j * wi / rate) / (K + 1j * wi * C - wi * wi * M)
-        zero = folds == 0
-        direct = np.abs(compliance[zero] + out * demanded[zero]) ** 2
-        expected = direct + (np.abs(out * demanded[~zero]) ** 2).sum()
-        np.testing.assert_allclose(got[i], expected[0], rtol=2e-5)
+        shown = np.where(folds == 0, compliance + out * demanded, out * demanded)
+        result.append((np.abs(shown) ** 2 * density(np.abs(w) / W)).sum())
+    return np.array(result)
+
+
+def test_sampled_density_against_a_sum_over_folds():
+    f = np.array([2.0, 40.0])
+    got = controlled().sampled(60.0).psd("x", {"F": 1.0}, f)[0]
+    np.testing.assert_allclose(got, by_folds(f, 60.0, np.ones_like, 2000), rtol=2e-5)
+
+
+LATE = 4e-3  # s
+
+
+def delayed(f):
+    """A source that repeats the other one later."""
+    turn = np.exp(2j * np.pi * np.asarray(f) * LATE)
+    return np.moveaxis(np.array([[np.ones_like(turn), turn], [turn.conj(), np.ones_like(turn)]]), -1, 0)
+
+
+@pytest.mark.slow
+def test_forces_that_repeat_each_other_in_sampled_loops():
+    """Two forces of a table on one mass, the second late: 4 cos^2(pi f late) times the density of one."""
+    f, table = np.array([2.0, 25.0, 70.0]), [(0.1, 1.0), (150.0, 1.0)]
+    loop = controlled().sampled(60.0)
+    got = loop.psd("x", {"F": table, "F2": table}, f, correlation=delayed)[0]
+
+    def density(at):
+        return np.where((at >= 0.1) & (at <= 150.0), 4.0 * np.cos(np.pi * at * LATE) ** 2, 0.0)
+
+    np.testing.assert_allclose(got, by_folds(f, 60.0, density, 10), rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_mean_squares_of_correlated_tables_in_sampled_loops():
+    loop, table = controlled().sampled(60.0, 3e-3), [(0.1, 1.0), (90.0, 1.0)]
+    noise = {"F": table, "F2": table}
+    budget = loop.budget(noise, "x", correlation=delayed)
+    by_band = loop.budget(noise, "x", correlation=delayed, band=(0.0, 250.0))
+    for source, value in by_band.contributions["x"].items():
+        np.testing.assert_allclose(budget.contributions["x"][source], value, rtol=1e-5)
+    total = sum(np.sign(value) * value**2 for value in budget.contributions["x"].values())
+    np.testing.assert_allclose(budget.rms["x"] ** 2, total, rtol=1e-12)
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("r", [1.0, -1.0, 0.3])
+def test_correlated_white_noise_in_sampled_loops(r):
+    """Forces on one mass have the density 2 + 2 r of one of them; sensors that agree are one with the sum of gains."""
+    loop = controlled().sampled(60.0, 3e-3)
+    alone = loop.rms("x", {"F": 1.0})["x"]
+    matrix = [[1.0, r], [r, 1.0]]
+    got = loop.rms("x", {"F": 1.0, "F2": 1.0}, correlation=matrix)["x"]
+    np.testing.assert_allclose(got, alone * np.sqrt(2.0 + 2.0 * r), rtol=1e-10, atol=1e-8 * alone)
+    f = np.array([40.0])
+    by_one, by_both = loop.psd("x", {"F": 1.0}, f), loop.psd("x", {"F": 1.0, "F2": 1.0}, f, correlation=matrix)
+    np.testing.assert_allclose(by_both, (2.0 + 2.0 * r) * by_one, rtol=1e-10, atol=1e-12 * by_one.max())
+    parts = loop.budget({"x.noise": 1.0, "v.noise": 4.0}, "x", correlation=matrix).contributions["x"]
+    one, two = (abs(gain) * np.sqrt(density) * loop.rms("x", {"x.noise": 1.0})["x"] / 300.0
+                for gain, density in zip(GAINS[0], (1.0, 4.0), strict=True))  # fmt: skip
+    np.testing.assert_allclose([parts["x.noise"], parts["v.noise"]], [one, two], rtol=1e-10)
+    np.testing.assert_allclose(parts["correlation"] * abs(parts["correlation"]), 2.0 * r * one * two, rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -213,7 +267,8 @@ def test_what_sampling_meets_directly_is_infinite():
 
 @pytest.mark.parametrize(("noise", "settings", "words"), [
     ({"F": lambda f: 1.0 / (1.0 + f)}, {}, "as a table"),
-    ({"F": 1.0, "F2": 1.0}, {"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "correlated sources"),
+    ({"F": 1.0, "F2": 1.0}, {"correlation": delayed}, "all tables, or white noise behind like filters"),
+    ({"F": 1.0, "x.noise": 1.0}, {"correlation": [[1.0, 0.5], [0.5, 1.0]]}, "its sensors is a sequence"),
     ({"F": 1.0}, {"weighting": isolation.moving_average(0.1)}, "rational weighting"),
 ])  # fmt: skip
 def test_refusals_of_sampled_loops(noise, settings, words):

@@ -53,6 +53,7 @@ def difference(value, at, step):
     (dynamic, {"F1": TABLE, "v2.noise": 1e-3}, {}),
     (sampled, {"F1": SHAPED, "v2.noise": SHAPED}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
     (sampled_late, {"F1": 1.0, "x2.noise": 1e-4, "F1.noise": SHAPED}, {}),
+    (sampled_late, {"F1": SHAPED, "F2": SHAPED}, {"correlation": [[1.0, -0.6], [-0.6, 1.0]]}),
     (dynamic, {"F1": lambda f: 1.0 / (1.0 + f), "F2.noise": 0.1}, {"weighting": lambda f: 1.0 / (1.0 + 0.1j * f)}),
 ])  # fmt: skip
 def test_derivatives_to_parameters(plant, noise, settings):
