@@ -54,11 +54,7 @@ def _over(
     """
     (a, b, c, d), (turn, amplitudes) = space, driven
     result: Array = np.zeros((len(c), amplitudes.shape[2], len(w)))
-    if not time:
-        return result, x, turn
-    fastest = 2.0 * (float(np.linalg.norm(a, 2)) + float(np.abs(w).max(initial=0.0)))
-    count = max(1, int(np.ceil(fastest * time / TURN)))
-    step = time / count
+    count, step = panels(a, time, w)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     stops = [excited_motion(a, b, c, d, s, w) for s in (*(0.5 * step * (nodes + 1.0)).tolist(), step)]
     for _ in range(count):
@@ -70,6 +66,13 @@ def _over(
         x = np.tensordot(end.base + end.change, x, axes=1) + turn * end.driven
         turn = turn * end.turn
     return result, x, turn
+
+
+def panels(a: Array, time: float, w: Array) -> tuple[int, float]:
+    """Return number and length [s] of panels of a time for products of states x' = A x and inputs exp(i omega t)."""
+    fastest = 2.0 * (float(np.linalg.norm(a, 2)) + float(np.abs(w).max(initial=0.0)))
+    count = int(np.ceil(fastest * time / TURN))
+    return count, time / max(1, count)
 
 
 def demanded(loop: SampledEquations, w: Array) -> Complex:

@@ -47,7 +47,7 @@ def square_slopes(loop: SampledEquations, intensities: Array) -> Slopes:
     """
     at = period(loop, *loop.selected_ports)
     none = np.zeros((len(at.action), at.driven.shape[1]))
-    waiting, rest = _doublings(_flow(at), at.waiting), _doublings(at.after_action(), at.rest)
+    waiting, rest = _doublings(flow(at), at.waiting), _doublings(at.after_action(), at.rest)
     parts = [event(at.sample, at.measured, 1, intensities, together=True), waiting[-1],
              event(at.action, none, 1, intensities, together=True), rest[-1]]  # fmt: skip
     before, after = _steady(parts[0].then(parts[1]).then(parts[2]).then(parts[3]))
@@ -58,19 +58,27 @@ def square_slopes(loop: SampledEquations, intensities: Array) -> Slopes:
     for part, q in zip(parts, later, strict=True):
         slopes.append(Stretch(2.0 * q @ part.transition @ before, q, before, np.ones(())))
         before = part.transition @ before @ part.transition.T + part.noise[0]
-    flow, driven, seen = _of_motion(_flow(at), at.waiting, waiting, slopes[1])
-    kept = np.delete(np.arange(len(flow)), np.s_[at.start : at.start + len(at.unit)])
-    a, b, c = _of_motion(at.after_action(), at.rest, rest, slopes[3])
-    flow[np.ix_(kept, kept)] += a
-    driven[kept] += b
-    seen[:, kept] += c
+    motion = with_rest(at, _of_motion(flow(at), at.waiting, waiting, slopes[1]),
+                       _of_motion(at.after_action(), at.rest, rest, slopes[3]))  # fmt: skip
     measured = 2.0 * slopes[0].noise @ at.measured * intensities
-    found = _of_loop(loop, at, (slopes[0].transition, measured), (flow, driven, seen))
+    found = loop_slopes(loop, at, (slopes[0].transition, measured), motion)
     return Slopes(loop.rate * found.plant, loop.rate * found.law)
 
 
-def _flow(at: Period) -> Motion:
+def flow(at: Period) -> Motion:
+    """Return A, B, C between a sample and an action."""
     return at.flow, at.driven, at.seen
+
+
+def with_rest(at: Period, waiting: Motion, rest: Motion) -> Motion:
+    """Return the sum of gradients to A, B, C before an action and after it, which has the states of ``after_action``.
+    """
+    a, b, c = (matrix.copy() for matrix in waiting)
+    kept = np.delete(np.arange(len(a)), np.s_[at.start : at.start + len(at.unit)])
+    a[np.ix_(kept, kept)] += rest[0]
+    b[kept] += rest[1]
+    c[:, kept] += rest[2]
+    return a, b, c
 
 
 def _doublings(motion: Motion, time: float) -> list[Stretch]:
@@ -139,11 +147,16 @@ def _halved(slopes: Stretch, part: Stretch) -> Stretch:
                    2.0 * to_own)  # fmt: skip
 
 
-def _of_loop(loop: SampledEquations, at: Period, sampled: tuple[Array, Array], motion: Motion) -> Slopes:
-    """Gradients to the equations of a loop, of those to its period."""
+def loop_slopes(
+    loop: SampledEquations, at: Period, sampled: tuple[Array, Array], motion: Motion, direct: Array | None = None
+) -> Slopes:
+    """Return the gradients to the equations of a loop, of those to its period.
+
+    ``sampled``: to E and F of a sample; ``motion``: to A, B, C between events; ``direct``: to D, where it counts.
+    """
     space, (y, u), (shown, sources), law = loop.plant.space, loop.ports, loop.selected_ports, loop.law
     _, _, c, _, power = balanced(space.A, space.B, space.C, np.empty((0, len(space.A))))
-    (to_sample, to_measured), (flow, driven, seen) = sampled, motion
+    (to_sample, to_measured), (to_flow, driven, seen) = sampled, motion
     n, m, k, size = at.start, len(u), len(law.A), to_sample.shape[1]
     acting, states = slice(size - k - m, size - k), slice(size - k, size)
     observed = np.zeros((len(y), size))
@@ -152,16 +165,17 @@ def _of_loop(loop: SampledEquations, at: Period, sampled: tuple[Array, Array], m
     unit = np.concatenate((np.ones(k), 1.0 / at.unit))[:, None]
     to_sample, to_measured = unit * to_sample[rows], unit * to_measured[rows]
     into = np.concatenate((loop.discrete[1], loop.discrete[3]))
-    to_observed, direct = into.T @ to_sample, space.D[np.ix_(y, sources)]
-    to_law = np.concatenate((to_sample[:, states], to_sample @ observed.T + to_measured @ direct.T), axis=1)
+    to_observed, through = into.T @ to_sample, space.D[np.ix_(y, sources)]
+    to_law = np.concatenate((to_sample[:, states], to_sample @ observed.T + to_measured @ through.T), axis=1)
     plant = np.zeros((n + len(space.C), n + space.B.shape[1]))
-    plant[:n, :n] = np.ldexp(flow[:n, :n], power[None, :] - power[:, None])
-    for columns, to_b in ((u, flow[:n, at.acting] * at.unit), (sources, driven[:n])):
+    plant[:n, :n] = np.ldexp(to_flow[:n, :n], power[None, :] - power[:, None])
+    for columns, to_b in ((u, to_flow[:n, at.acting] * at.unit), (sources, driven[:n])):
         np.add.at(plant, np.ix_(np.arange(n), n + np.array(columns)), np.ldexp(to_b, -power[:, None]))
     for outputs, to_c, to_d in ((y, to_observed[:, :n], to_observed[:, acting]),
                                 (shown, seen[:, :n], seen[:, at.acting])):  # fmt: skip
         to_outputs = np.ix_(n + np.array(outputs), np.arange(n)), np.ix_(n + np.array(outputs), n + np.array(u))
         np.add.at(plant, to_outputs[0], np.ldexp(to_c, power))
         np.add.at(plant, to_outputs[1], to_d * at.unit)
-    np.add.at(plant, np.ix_(n + np.array(y), n + np.array(sources)), into.T @ to_measured)
+    for outputs, to_d in ((y, into.T @ to_measured), (shown, np.zeros(()) if direct is None else direct)):
+        np.add.at(plant, np.ix_(n + np.array(outputs), n + np.array(sources)), to_d)
     return Slopes(plant, tustin_gradient(law.A, law.B, law.C, to_law, loop.period))

@@ -199,7 +199,7 @@ class Budget(Columnar, Displayed):
         ModelError
             If a parameter is unknown, or there is no mechanism.
         ResponseError
-            If the weighting is an average over a time, or the loop is sampled and noise is given by tables or a band.
+            If the weighting is an average over a time, or the loop is sampled and there is a band.
 
         Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 4.3, for the Gramians.
         """

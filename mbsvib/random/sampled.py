@@ -18,7 +18,8 @@ from mbsvib.feedback.loop import LoopPlant
 from mbsvib.feedback.noise import NOISE
 from mbsvib.feedback.sampled_norm import mean_squares
 from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers
-from mbsvib.feedback.sampled_slopes import square_slopes
+from mbsvib.feedback.sampled_power_slopes import power_slopes
+from mbsvib.feedback.sampled_slopes import Slopes, square_slopes
 from mbsvib.random.mean_squares import MeanSquares, Random
 from mbsvib.random.moments import Equations, filtered
 from mbsvib.responses import extrema
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.sampled import SampledLoop
     from mbsvib.random.moments import Filtered
+    from mbsvib.random.sources import Sources
 
 WHITE = "white."  # inputs of the filters of noise
 
@@ -53,24 +55,20 @@ class SampledRandom(Random):
             parts = np.where(self._infinite(), np.inf, total.value[:, :-1])
             return MeanSquares(parts, np.where(np.isinf(parts).any(axis=1), 0.0, total.value[:, -1]), total.error)
         parts, extra, error = np.zeros((len(self.linear.outputs), count)), np.zeros(len(self.linear.outputs)), 0.0
-        tables = [k for k, part in enumerate(self.sources.densities) if isinstance(part, Table)]
-        rational = [k for k in range(count) if k not in tables]
+        tables, rational = self._kinds
         if rational:
             parts[:, rational] = self._moments(rational)
             if correlated:
                 with np.errstate(invalid="ignore"):
                     extra = self._moments(rational, together=True).sum(axis=1) - parts.sum(axis=1)
         if tables:
-            loop = self._among_filters([])[0].with_ports(None, [self.sources.names[k] for k in tables])
-            chosen = replace(self.sources, names=loop.inputs,
-                             densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
+            loop, chosen = self._under_tables(self._among_filters([])[0], tables)
 
             def powers(f: Array) -> Array:
                 """Mean squares (outputs, tables + 1, n) due to each table and to their correlation."""
                 cases = np.asarray(np.sqrt(chosen.of(f)).T[:, :, None] * np.eye(len(tables)), dtype=complex)
                 if correlated:
-                    values, vectors = np.linalg.eigh(chosen.matrix(f))
-                    cases = np.concatenate((cases, vectors * np.sqrt(np.maximum(values, 0.0))[:, None]), axis=2)
+                    cases = np.concatenate((cases, _roots_of(chosen, f)), axis=2)
                 result = mean_powers(loop, 2.0 * np.pi * f, cases)
                 alone, both = result[:, : len(tables)], result[:, len(tables) :]
                 added = both.sum(axis=1) - alone.sum(axis=1) if correlated else np.zeros_like(alone[:, 0])
@@ -148,18 +146,43 @@ class SampledRandom(Random):
         """Return the gradients of the mean square of one output, which is finite, to [A B; C D] of the plant with its
         noise, and of the controller.
         """
-        which = [*range(len(self.sources.names))]
-        if self.band is not None or any(isinstance(part, Table) for part in self.sources.densities):
-            raise ResponseError(f"sensitivities: '{self.linear.name}' is sampled; expected densities that are numbers "
-                                f"(white noise) or isolation.shaped(...), and no band. Ask loop.continuous for others."
-                                )  # fmt: skip
-        among, filters, ports = self._among_filters(which)
-        driven, intensities = self._by_white_noise(among, which, together=self.cross is not None)
-        to_plant, law = square_slopes(driven.with_ports(driven.outputs[row], None), intensities)
-        if self.cross is not None:
-            to_plant[:, -len(which) :] = to_plant[:, -len(which) :] @ self._roots.T
+        if self.band is not None:
+            raise ResponseError(f"sensitivities: '{self.linear.name}' is sampled, and mean squares over a band have "
+                                f"none; expected no band. Ask loop.continuous for others.")  # fmt: skip
+        (tables, rational), parts = self._kinds, list[Slopes]()
+        if rational:
+            among, filters, ports = self._among_filters(rational)
+            driven, intensities = self._by_white_noise(among, rational, together=self.cross is not None)
+            slopes = square_slopes(driven.with_ports(driven.outputs[row], None), intensities)
+            if self.cross is not None:
+                slopes.plant[:, -len(rational) :] = slopes.plant[:, -len(rational) :] @ self._roots.T
+            parts.append(self._before_filters(slopes, filters, ports))
+        if tables:
+            among, filters, ports = self._among_filters([])
+            loop, chosen = self._under_tables(among, tables)
+            f, weights = replace(self, sources=chosen).rule().nodes()
+            slopes = power_slopes(loop.with_ports(loop.outputs[row], None), 2.0 * np.pi * f, _roots_of(chosen, f),
+                                  weights)  # fmt: skip
+            parts.append(self._before_filters(slopes, filters, ports))
+        return np.sum([part.plant for part in parts], axis=0), np.sum([part.law for part in parts], axis=0)
+
+    def _before_filters(self, slopes: Slopes, filters: Filtered, ports: Gathered) -> Slopes:
+        """Gradients to the plant and the controller, of those to the loop among filters."""
         space = self.linear.plant.space
-        return ports.back(filters.to_plant(to_plant), (space.A, space.B, space.C, space.D)), law
+        plant = ports.back(filters.to_plant(slopes.plant), (space.A, space.B, space.C, space.D))
+        return slopes._replace(plant=plant)
+
+    @property
+    def _kinds(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sources with tables, and of all others."""
+        tables = [k for k, part in enumerate(self.sources.densities) if isinstance(part, Table)]
+        return tables, [k for k in range(len(self.sources.names)) if k not in tables]
+
+    def _under_tables(self, among: SampledLoop, tables: list[int]) -> tuple[SampledLoop, Sources]:
+        """The loop before filters of its outputs from the sources with tables, and these."""
+        loop = among.with_ports(None, [self.sources.names[k] for k in tables])
+        return loop, replace(self.sources, names=loop.inputs,
+                             densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
 
     def _by_white_noise(
         self, loop: SampledLoop, which: list[int], together: bool = False
@@ -257,6 +280,12 @@ class SampledRandom(Random):
             size = np.where(there[inside, None, None] < 0.0, size.conj(), size)
             result[inside] += u @ size @ u.conj().swapaxes(1, 2)
         return result
+
+
+def _roots_of(sources: Sources, f: Array) -> Complex:
+    """Amplitudes (n, s, s) of independent inputs of unit density that add up to the sources."""
+    values, vectors = np.linalg.eigh(sources.matrix(f))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
 
 
 def _column(table: Table, f: Array) -> Complex:

@@ -6,6 +6,8 @@ from scipy.linalg import expm
 
 import mbsvib as mv
 from mbsvib import isolation, library
+from mbsvib.feedback.sampled_power import mean_powers
+from mbsvib.feedback.sampled_power_slopes import power_slopes
 from mbsvib.random import slopes
 from mbsvib.random.budget import random
 from tests.random.scenes import oscillator, two_masses
@@ -54,6 +56,8 @@ def difference(value, at, step):
     (sampled, {"F1": SHAPED, "v2.noise": SHAPED}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
     (sampled_late, {"F1": 1.0, "x2.noise": 1e-4, "F1.noise": SHAPED}, {}),
     (sampled_late, {"F1": SHAPED, "F2": SHAPED}, {"correlation": [[1.0, -0.6], [-0.6, 1.0]]}),
+    (sampled, {"F1": TABLE, "v2.noise": TABLE, "F2": 1.0}, {"weighting": isolation.shaped([1.0, 0.0], [1.0, 9.0])}),
+    (sampled_late, {"F1": TABLE, "F2": TABLE}, {"correlation": [[1.0, 0.3 + 0.4j], [0.3 - 0.4j, 1.0]]}),
     (dynamic, {"F1": lambda f: 1.0 / (1.0 + f), "F2.noise": 0.1}, {"weighting": lambda f: 1.0 / (1.0 + 0.1j * f)}),
 ])  # fmt: skip
 def test_derivatives_to_parameters(plant, noise, settings):
@@ -83,6 +87,7 @@ def test_closed_form():
 @pytest.mark.parametrize(("noise", "closing"), [
     ({"F1": 1.0, "v2.noise": 1e-2}, lambda loop: loop), ({"F1": TABLE, "v2.noise": 1e-2}, lambda loop: loop),
     ({"F1": 1.0, "v2.noise": 1e-2}, lambda loop: loop.sampled(40.0, 5e-3)),
+    ({"F1": TABLE, "v2.noise": TABLE}, lambda loop: loop.sampled(40.0, 5e-3)),
 ])  # fmt: skip
 def test_derivatives_to_the_controller(noise, closing):
     model = two_masses()
@@ -146,6 +151,31 @@ def test_sampled_loops_with_an_integrator_that_is_not_seen():
     assert np.isnan(found["x"]["s.stiffness"])
     slope = difference(lambda k: at(k).rms["v"], 800.0, 1.0)
     np.testing.assert_allclose(found["v"]["s.stiffness"], slope, rtol=1e-8, equal_nan=False)
+
+
+def test_powers_of_single_frequencies():
+    """Along all entries of a plant with feedthrough and of its controller, in a loop that acts late."""
+    rng, w = np.random.default_rng(3), np.array([3.0, 70.0])
+    plant = [rng.normal(size=shape) for shape in ((4, 4), (4, 3), (3, 4), (3, 3))]
+    plant[0] -= 4.0 * np.eye(4)
+    law = [np.diag([-5.0, -30.0]), *[0.7 * rng.normal(size=(2, 2)) for _ in range(3)]]
+    ways = [[rng.normal(size=part.shape) for part in parts] for parts in (plant, law)]
+    amplitudes = rng.normal(size=(2, 2, 3)) + 1j * rng.normal(size=(2, 2, 3))
+
+    def loop(of_plant, of_law):
+        moved = [[part + share * way for part, way in zip(parts, own, strict=True)]
+                 for share, parts, own in zip((of_plant, of_law), (plant, law), ways, strict=True)]  # fmt: skip
+        space = mv.StateSpace.from_arrays(*moved[0], ["d", "a", "b"], ["y", "z", "r"])
+        k = mv.StateSpace.from_arrays(*moved[1], ["z", "r"], ["a", "b"])
+        return space.feedback(k).sampled(30.0, 0.05).with_ports("y", ["d", "a"])
+
+    def power(*shares):
+        return float((mean_powers(loop(*shares), w, amplitudes).sum(axis=(0, 1)) * [1.0, 4.0]).sum())
+
+    found = power_slopes(loop(0.0, 0.0), w, amplitudes, np.array([1.0, 4.0]))
+    for entries, own, at in zip(found, ways, (lambda s: power(s, 0.0), lambda s: power(0.0, s)), strict=True):
+        along = (entries * np.block([[own[0], own[1]], [own[2], own[3]]])).sum()
+        np.testing.assert_allclose(along, difference(at, 0.0, 1e-3), rtol=1e-8)
 
 
 def test_several_sensors_and_actuators():
