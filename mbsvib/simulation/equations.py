@@ -6,6 +6,9 @@ independent coordinates before the dependent ones, P q, and W J q' = 0 of the lo
     W J P^T = (J_i, J_d),  q' = T v,  q'' = T v' + c,  T = P^T (1; -J_d^-1 J_i),  c = P^T (0; -J_d^-1 W J' q')
     T^T M T v' = T^T (f + B u - M c)
 
+Coordinates b without inertia, outside of loops, whose dampers resist, are states of first order: of their rates f_b is
+a linear function, f_b = 0 tells these, and M_bb = 1 with no force keeps v_b, which nothing depends on.
+
 P and W are parameters of the functions, so that one compiled integrator serves all choices.
 
 Where W J as a whole loses rank the loops may go on in several ways. There d/dt ln|det J_d| = tr(J_d^-1 J_d') has a
@@ -18,13 +21,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
 from mbsvib.finite_motion.loops import CLOSED
 from mbsvib.linalg.dead_points import UNKNOWN
+from mbsvib.linalg.rank import MASSLESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
+    from mbsvib.finite_motion.rotations import Expression
 
 # Small dense systems: QR of J_d, and LDL of the mass matrix.
 GENERAL, SYMMETRIC = "qr", "ldl"
@@ -41,7 +47,7 @@ class MotionEquations:
     powers being those that dampers take, that loads and cross-coupling and that inputs give [W], l = ln|det J_d| where
     there are loops; NaN where dependent coordinates go more than ``limit`` times as fast as independent ones, and where
     loops are too far open to tell branches of their motion apart. ``smooth_flow`` is the same with derivatives, for
-    Newton's method. ``unfolded``: the same arguments but the last -> (q', q'').
+    Newton's method. ``unfolded``: the same arguments but the last -> (q', q''). ``first``: coordinates of first order.
     """
 
     n: int
@@ -53,6 +59,7 @@ class MotionEquations:
     smooth_flow: Any
     unfolded: Any
     mass: Any
+    first: tuple[int, ...]
 
     @property
     def dof(self) -> int:
@@ -65,10 +72,37 @@ class MotionEquations:
         return min(self.rank, 1)
 
 
-def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> MotionEquations:
+def first_order(statement: FiniteMotion) -> list[int]:
+    """Return the numbers of coordinates without inertia, outside of loops, whose dampers determine their rates."""
+    motion, mass, jacobian = statement.motion, statement.mass, statement.jacobian
+    found = [k for k in range(motion.q.shape[0]) if mass[k, :].is_zero() and jacobian[:, k].is_zero()]
+    if not found:
+        return []
+    rows = ca.Function("dampers", [motion.q, motion.qd, statement.yields, motion.bases],
+                       [ca.jacobian(statement.forces[found], motion.qd)[:, found]])  # fmt: skip
+    damping = -np.asarray(rows(0.0, 0.0, 0.0, motion.no_turns))
+    size = np.sqrt(np.abs(damping.diagonal()))
+    if not size.all() or np.linalg.svd(damping / size[:, None] / size)[1][-1] <= MASSLESS:
+        return []
+    return found
+
+
+def _with_first_order(statement: FiniteMotion, forces: Expression, first: list[int]) -> tuple[Expression, Expression]:
+    """Mass (n, n) with ones for coordinates of first order, and the rates (n,) of all."""
+    mass, rates, none = (ca.SX(one) for one in (statement.mass, statement.motion.qd, statement.motion.qd))
+    none[first] = 0.0
+    force, slopes = ca.substitute(
+        [forces[first], ca.jacobian(forces[first], statement.motion.qd)[:, first]], [statement.motion.qd], [none])
+    rates[first] = ca.solve(ca.densify(-slopes), ca.densify(force))
+    for k in first:
+        mass[k, k] = 1.0
+    return mass, rates
+
+
+def motion_equations(statement: FiniteMotion, rank: int, scale: Array, first: list[int]) -> MotionEquations:
     """Return the equations of motion of a mechanism whose loops demand ``rank`` independent conditions.
 
-    ``scale`` (n,): units in which all coordinates are of like size.
+    ``scale`` (n,): units in which all coordinates are of like size. ``first``: numbers of those of ``first_order``.
     """
     motion = statement.motion
     q, qd, y, bases = motion.q, motion.qd, statement.yields, motion.bases
@@ -79,10 +113,13 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         2.0 * sum(statement.dissipation.values(), ca.SX(0.0)),
         sum(statement.loads.values(), ca.dot(statement.cross_forces, qd)), ca.dot(driven, qd),
     )  # fmt: skip
+    forces = statement.forces + driven
+    mass, moving = _with_first_order(statement, forces, first) if first else (statement.mass, qd)
+    forces, powers = ca.substitute([forces, powers], [qd], [moving]) if first else (forces, powers)
+    forces[first] = 0.0
+    jacobian_rate = ca.reshape(ca.jtimes(ca.vec(ca.densify(statement.jacobian)), q, qd), *statement.jacobian.shape)
     terms = ca.Function("terms", [q, qd, y, bases, u], [
-        statement.mass, ca.densify(statement.forces + driven), ca.densify(statement.closure_bias),
-        ca.densify(statement.yield_rates), ca.densify(powers),
-        ca.densify(ca.reshape(ca.jtimes(ca.vec(ca.densify(statement.jacobian)), q, qd), *statement.jacobian.shape)),
+        moving, mass, *map(ca.densify, (forces, statement.closure_bias, statement.yield_rates, powers, jacobian_rate))
     ], {"cse": True})  # fmt: skip
     closures = ca.Function("closures", [q, bases], [ca.densify(motion.closures), ca.densify(statement.jacobian)])
     rows = motion.closures.shape[0]
@@ -98,8 +135,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         inverse = ca.solve(jacobian[:, dof:], ca.MX.eye(rank), GENERAL)
         follow = -(inverse @ jacobian[:, :dof])
         T = T + P.T[:, dof:] @ follow
-    rates = T @ x[1]
-    M, f, bias, yd, power, jacobian_rate = terms(x[0], rates, x[2], *prescribed)
+    rates, M, f, bias, yd, power, opening_rate = terms(x[0], T @ x[1], x[2], *prescribed)
     path_acceleration = -(P.T[:, dof:] @ (inverse @ (W @ bias))) if rank else ca.MX.zeros(n)
     inertia = M @ T
     vd = ca.solve(T.T @ inertia, T.T @ f - inertia.T @ path_acceleration, SYMMETRIC)
@@ -110,7 +146,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         opening = ca.fmax(ca.mmax(ca.fabs(W @ openings)), CLOSED)
         known = ca.logic_and(ca.mmax(ca.fabs(scaled)) < limit, farthest**2 * UNKNOWN**2 * opening < 1.0)
         vd_in = vd * ca.if_else(known, 1.0, ca.MX(float("nan")))
-        shrinking = ca.trace(inverse @ (W @ jacobian_rate @ P.T[:, dof:]))
+        shrinking = ca.trace(inverse @ (W @ opening_rate @ P.T[:, dof:]))
     else:
         vd_in, shrinking = vd, ca.MX.zeros(0)
     arguments, results = [*x, P, W, *prescribed], [rates, vd_in, yd, power, shrinking]
@@ -119,5 +155,5 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         ca.Function("flow", [*arguments, limit], results, {"cse": True} | UNDIFFERENTIATED),
         ca.Function("smooth_flow", [*arguments, limit], results, {"cse": True}),
         ca.Function("unfolded", arguments, [rates, T @ vd + path_acceleration], {"cse": True}),
-        ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
+        ca.Function("mass", [q, bases], [ca.densify(mass)]), tuple(first),
     )  # fmt: skip

@@ -50,6 +50,9 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
             following[name] = both
             continue
         k = run.names.index(name)
+        if k in run.equations.first and both[1]:
+            raise ModelError(f"simulate: initial['{name}'] = {value}; expected a displacement alone: without "
+                             f"inertia its rate follows from the forces.", element=name, field="initial")  # fmt: skip
         q[k], qd[k] = both
         fixed.append(k)
     bases = run.statement.motion.no_turns

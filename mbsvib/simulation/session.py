@@ -15,12 +15,14 @@ from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.simulation.charts import Chart, chart_at
-from mbsvib.simulation.equations import MotionEquations, motion_equations
+from mbsvib.simulation.equations import MotionEquations, first_order, motion_equations
 from mbsvib.simulation.integrator import Integrator
 from mbsvib.simulation.magnitudes import coordinate_units, magnitudes
 from mbsvib.simulation.states import FreeRotation, free_rotations
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
@@ -76,10 +78,10 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
     if rank == len(motion.names):
         raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
                          element=model.name)  # fmt: skip
-    equations = motion_equations(statement, rank, scale)
+    equations = motion_equations(statement, rank, scale, first_order(statement))
     loops = Loops(equations.closures, scale, rows, rank)
     start = _checked_mass(equations, loops, motion.names, bases)
-    stiff = _fastest_decay(statement, start[1:], bases) * duration > STIFF
+    stiff = _fastest_decay(statement, equations.first, start[1:], bases) * duration > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
         model, statement, equations, loops, free_rotations(motion),
@@ -112,18 +114,24 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     return rank
 
 
-def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases: Array) -> float:
+def _fastest_decay(
+    statement: FiniteMotion, first: Sequence[int], reduced: tuple[Array, Array], bases: Array
+) -> float:  # fmt: skip
     """The largest rate [1/s] at which dampers alone would bring a motion to rest where a run starts."""
     to_all, mass = reduced
     motion = statement.motion
     dissipation = sum(statement.dissipation.values(), ca.SX(0.0))
     damping = ca.jacobian(ca.gradient(dissipation, motion.qd), motion.qd)
     yielding = ca.jacobian(statement.yield_rates, statement.yields)
-    function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
+    stiffness = -ca.jacobian(statement.forces[list(first)], motion.q)[:, list(first)] if first else ca.SX(0, 0)
+    function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases],
+                           [damping, yielding, stiffness])  # fmt: skip
     origin = np.zeros(len(motion.names))
-    damping_matrix, yields = map(np.asarray, function(origin, origin, np.zeros(statement.yields.shape), bases))
-    rates = [*np.abs(eigh(to_all.T @ damping_matrix @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
-    return float(max(rates, default=0.0))
+    matrix, yields, stiff = map(np.asarray, function(origin, origin, np.zeros(statement.yields.shape), bases))
+    relaxed = np.diag(stiff) / matrix.diagonal()[list(first)]
+    matrix[list(first)] = matrix[:, list(first)] = 0.0
+    rates = np.abs([*eigh(to_all.T @ matrix @ to_all, mass, eigvals_only=True), *np.diag(yields), *relaxed])
+    return float(rates.max(initial=0.0))
 
 
 def _checked_mass(

@@ -127,7 +127,9 @@ class Trace:
         run = self.session
         q, qd, y = (np.array([getattr(state, name) for state in states]).T for name in ("q", "qd", "y"))
         base = np.array(bases).T
-        qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
+        qdd = np.zeros(q.shape)
+        if self.measured.needs_accelerations or run.equations.first:
+            qd, qdd = self._derivatives(samples)
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         time = np.array([state.time for state in states])
         arguments = q, qd, qdd, y, base, run.signals.at(time)
@@ -138,16 +140,17 @@ class Trace:
         work = np.array([state.work for state in states]).T
         return TraceValues(where, rates, outputs, slopes, kinetic, potential, work)
 
-    def _accelerations(self, samples: Sequence[Sample]) -> Array:
-        """Second derivatives (n, samples) of the tree coordinates."""
-        run, columns = self.session, []
+    def _derivatives(self, samples: Sequence[Sample]) -> tuple[Array, Array]:
+        """First and second derivatives (n, samples) of the tree coordinates."""
+        run, result = self.session, []
         signals = run.signals.at(np.array([sample.state.time for sample in samples]))
         for k, sample in enumerate(samples):
             state, chart = sample.state, sample.chart
             v = state.qd[chart.independent]
-            second = run.equations.unfolded(state.q, v, state.y, chart.order, chart.rows, chart.bases, signals[:, k])
-            columns.append(np.asarray(second[1])[:, 0])
-        return np.array(columns).T
+            result.append(run.equations.unfolded(state.q, v, state.y, chart.order, chart.rows, chart.bases,
+                                                 signals[:, k]))  # fmt: skip
+        rates, accelerations = np.moveaxis(np.array([[np.asarray(one)[:, 0] for one in both] for both in result]), 0, 2)
+        return rates, accelerations
 
     def quantity(self, name: str, samples: Sequence[Sample]) -> tuple[Array, Array]:
         """Return values and rates (samples,) of a coordinate or an output."""
@@ -184,7 +187,7 @@ class Trace:
             return False
         (q0, q1), (v0, v1), h = ([sample.state.q for sample in samples], [sample.state.qd for sample in samples],
                                  last.time - first.time)  # fmt: skip
-        a0, a1 = self._accelerations(samples).T
+        a0, a1 = self._derivatives(samples)[1].T
         travel, units = q1 - q0, self.session.loops.coordinate_scale
         left = a0 - (6.0 * travel / h - 4.0 * v0 - 2.0 * v1) / h
         right = a1 - (-6.0 * travel / h + 2.0 * v0 + 4.0 * v1) / h
