@@ -207,6 +207,8 @@ def compare(a: Any, b: Any) -> Comparison:
     frac, ratio, omega, outputs, inputs, responses, refused = _responses(*sides)
     modes = [_modes(side) for side in sides]
     remarks += [text for text in refused if "has no partner" not in text]  # the others are of one side alone
+    bare = dict.fromkeys(name for name, known in zip(names, modes, strict=True) if known is None)
+    remarks += [f"Without shapes of modes of {' and '.join(bare)}, modes were not compared."] if bare else []
     pairs: tuple[Pair, ...] = ()
     table, shared = np.zeros((0, 0)), tuple[str, ...]()
     if modes[0] is not None and modes[1] is not None:

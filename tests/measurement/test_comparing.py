@@ -132,6 +132,7 @@ def test_frac_is_that_of_the_known_lines_and_one_quantity():
     # (1 2 + 2 1)^2 / ((1 + 4) (4 + 1))
     np.testing.assert_allclose(result.frac, 16 / 25, rtol=1e-12)
     np.testing.assert_allclose(result.ratio, 1.0, rtol=1e-12)
+    assert "Without shapes of modes of measurement, modes were not compared." in result.remarks
 
 
 def test_measured_modes_against_measured_modes():
