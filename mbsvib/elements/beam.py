@@ -21,6 +21,7 @@ from mbsvib.elements.part import Composed, Part, derived
 from mbsvib.elements.roles import POINT, ParameterField
 from mbsvib.elements.sections import Circle, Properties, Rectangle, Shape, with_fields
 from mbsvib.errors import ModelError, counted
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
@@ -244,9 +245,9 @@ class Beam(Composed):
 
         Returns
         -------
-        mass : array, shape (nodes,)
+        mass : array, shape (..., nodes)
             Masses [kg].
-        point : array, shape (nodes, 3)
+        point : array, shape (..., nodes, 3)
             Where they are in this pose [m], fixed to the bodies of the nodes.
 
         Source: Cook, Malkus, Plesha, Witt, Concepts and Applications of Finite Element Analysis, 4th ed., 3.11.
@@ -255,12 +256,12 @@ class Beam(Composed):
         points = np.array(rest.points)
         between = np.diff(points, axis=0)
         parts = [(self.element(length), length) for length in rest.lengths()]
-        half, share = np.array([(0.5 * part.mass, part.arm / length) for part, length in parts]).T
-        mass, moment = np.zeros(len(points)), np.zeros((len(points), 3))
-        for side, sign in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
-            mass[side] += half
-            moment[side] += sign * (share * half)[:, None] * between
-        arm = moment / mass[:, None]
+        half = np.stack(np.broadcast_arrays(*[0.5 * part.mass for part, _ in parts]), axis=-1)
+        arms = half * np.stack(np.broadcast_arrays(*[part.arm / length for part, length in parts]), axis=-1)
+        none = np.zeros_like(half[..., :1])
+        mass = concatenated((half, none), -1) + concatenated((none, half), -1)
+        moment, zero = arms[..., None] * between, np.zeros((1, 3))
+        arm = (concatenated((moment, zero), -2) - concatenated((zero, moment), -2)) / mass[..., None]
         if self.displacements is not None:
             arm = np.einsum("nij,nj->ni", exponential(np.array(self.displacements)[:, 3:]), arm)
         return mass, np.array(self.points) + arm

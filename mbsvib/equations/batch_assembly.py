@@ -15,6 +15,7 @@ from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, one_by_one, stacked
+from mbsvib.equations.batch_prestress import prestress
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Bools
+    from mbsvib.common.arrays import Array, Bools, Index
+    from mbsvib.equations.batch_prestress import Prestress
     from mbsvib.equations.geometry_plan import GeometryPlan
     from mbsvib.equations.posed_scene import PosedForces, PosedScene
     from mbsvib.equations.scene import Scene
@@ -75,7 +77,8 @@ class BatchPlan:
     ``scene``; ``cut`` names the joints at which its loops are to be cut, ``slots`` has the places of what varies.
     ``posed`` takes values and returns the variants by their numbers where these are in other poses; ``poses`` takes
     values and the number of the first variant and returns their poses, where nothing else moves; ``relaxed`` is that of
-    ``moved``. ``decided`` lists how many variants got rank decisions of their own, of each call in which some did.
+    ``moved``. ``prestress`` are the loaded beams, None without any that are stated for variants. ``decided`` lists how
+    many variants got rank decisions of their own, of each call in which some did.
     """
 
     user_model: Mechanism
@@ -87,6 +90,7 @@ class BatchPlan:
     posed: Callable[[Values], Callable[[int], Mechanism]] | None = None
     poses: Callable[[Values, int], Pose] | None = None
     relaxed: bool = True
+    prestress: Prestress | None = None
     decided: list[int] = field(default_factory=list, compare=False, repr=False)
 
     @cached_property
@@ -135,6 +139,12 @@ class BatchPlan:
         relative, phi = _displacements(scene)
         return relative, phi, minimal_rows(scene, relative, self.pivots.reduction)
 
+    @cached_property
+    def element_columns(self) -> Index:
+        """The columns of the elements of loaded beams among the rows of connections."""
+        assert self.prestress is not None
+        return self.prestress.columns(self.scene, self.geometry.springs)
+
     @property
     def own_decisions(self) -> bool:
         """Whether forces at the pose and motions without mass of a variant are described when it is asked for."""
@@ -148,7 +158,9 @@ class BatchPlan:
         fixed = any(coupler.curvatures for coupler in scene.couplers) or bool(self.model.derived(driven_coordinates))
         fixed = fixed and (self.posed is not None or not self.geometry.constant)
         # tension of beams follows the loads
-        shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces
+        shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces and (
+            self.prestress is None or self.posed is not None or (
+                "gravity" in self.slots.index and not any(self.model.gravity or ())))  # fmt: skip
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         # strain follows the section of a beam
@@ -163,7 +175,8 @@ class BatchPlan:
         varied = set(self.slots.target.tolist())
         rows = {int(row) for name in names for array in self.slots.index[name].values() for row in array.reshape(-1)}
         absent = not self.slots.nominal[list(rows & varied)].all()
-        return bool(names) and (absent or self.with_forces or self.posed is not None)
+        follows = self.with_forces and self.prestress is None
+        return bool(names) and (absent or follows or self.posed is not None)
 
     def chunk_size(self, count: int) -> int:
         """Return the number of variants to compute at once, of ``count``."""
@@ -255,7 +268,10 @@ def batch_plan(
     cut = with_drives_in_tree(model, cut)
     scene = scene_of(with_nodes, cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots)
+    if (stated := prestress(with_nodes, scene)) is not None:
+        with_nodes, scene = stated[0].model, stated[1]
+    return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots,
+                     prestress=None if stated is None else stated[0])  # fmt: skip
 
 
 def joined(parts: list[Any], key: str, count: int, size: int) -> Any:
@@ -324,8 +340,10 @@ def described_variants(plan: BatchPlan, values: Values) -> tuple[Scene, PosedFor
     forces = None if posed is None else posed.forces
     if not plan.with_forces:
         return scene, forces
-    also = () if forces is None else forces.applied.names
-    applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also)
+    also, made = () if forces is None else forces.applied.names, {}
+    if plan.prestress is not None:
+        also, made = plan.prestress.elements, plan.prestress.weights(values)
+    applied = applied_of_variants(plan.model, values, moved_bodies(scene, values), also, made)
     return replace(scene, loads=(applied, {})), None if forces is None else forces.of_variants(applied, values)
 
 
@@ -363,6 +381,8 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
         reduction, decided = reduce_batch(scene, values, phi, pivots, variants)
     if rows is None:
         rows = minimal_rows(scene, relative, reduction)
+    if plan.prestress is not None:
+        scene = plan.prestress.loaded(scene, relative, rows, plan.element_columns, values)
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     draft = Draft(plan.model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
                   nominal.coordinates, not stepped, pivots.kept, variants=variants)  # fmt: skip

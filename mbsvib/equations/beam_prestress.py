@@ -19,7 +19,6 @@ straight halves, and the last term adds what the bent line does beyond it.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -30,14 +29,15 @@ from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.kinematics.relative_motion import body_motion
-from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
+from mbsvib.linalg.least_norm import least_norm
+from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.rank import EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.beam_element import BentLine
     from mbsvib.elements.elastic_part import ElasticPart
@@ -46,14 +46,18 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
+# Directions of a deflection and, less 3, of a rotation whose product has geometric stiffness.
+MIXED = np.array([(k, j) for k in range(3) for j in range(3) if k != j]).T
+
+
 def element_forces(
     model: Mechanism, beams: Sequence[Beam], reduced: Sequence[ElasticPart] = ()
-) -> tuple[dict[str, Bushing], list[Array]]:
-    """Return the elements of loaded beams with their forces as preloads, and the forces in superelements.
+) -> tuple[Array, list[Array]]:
+    """Return the forces in the elements of loaded beams, in their axes, and those in superelements.
 
     Forces of given displacements are taken first, then forces of least energy are added for equilibrium.
 
-    Returns the elements by name, in the order of the beams; forces in the rows of each superelement.
+    Returns (elements, 6), those of one beam after the other; forces in the rows of each superelement.
     """
     scene = scene_of(with_maxwell_nodes(model))
     names = [name for beam in beams for name in beam.element_names]
@@ -82,12 +86,8 @@ def element_forces(
         forces = forces + least_energy_forces(rows, open_rows, np.sqrt(stiffness), -residual - forces @ rows)
     preload = np.zeros((len(names), 6))
     preload[element, springs.unit.argmax(axis=1)] = forces[: len(element)]
-    result = {}
-    for name, six in zip(names, preload.tolist(), strict=True):
-        spring = model.springs[name]
-        result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
     ends = np.cumsum([len(part) for part, _, _ in parts])
-    return result, [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
+    return preload, [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
 
 
 def _along_coordinates(scene: Scene, reduction: Reduction) -> Array:
@@ -116,74 +116,86 @@ def _deformations(beams: Sequence[Beam]) -> Array:
 def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Array) -> Array:
     """Return forces p of least energy with rows^T p = needed along coordinates that deform elements.
 
-    ``rows`` (n, m): deformations of the elements per coordinate. ``open_rows`` (n, joint coordinates): the same per
-    joint coordinate of the open tree. ``root`` (n,): square roots of their stiffness. ``needed`` (m,): forces along the
-    coordinates. Returns (n,): one force for each row.
+    ``rows`` (..., n, m): deformations of the elements per coordinate. ``open_rows`` (..., n, joint coordinates): the
+    same per joint coordinate of the open tree. ``root`` (..., n): square roots of their stiffness. ``needed`` (..., m):
+    forces along the coordinates. Returns (..., n): one force for each row. Leading axes are those of variants, also of
+    complex steps.
     """
-    energy, largest = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, open_rows))
-    rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), largest.max(initial=0.0)))
-    single = np.count_nonzero(rows, axis=1) == 1
-    row_of = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
-    deformed = np.flatnonzero(rows.any(axis=0))
-    if len(row_of) < len(deformed):
-        scaled = rows[:, deformed] * root[:, None]
-        size = np.sqrt(np.square(scaled).sum(axis=0))
-        forces: Array = root * np.linalg.lstsq((scaled / size).T, needed[deformed] / size, rcond=1e-12)[0]
-        return np.where(np.abs(forces / root) > ZERO_PRESTRESS * np.abs(forces / root).max(initial=0.0), forces, 0.0)
-    # each coordinate is a deformation: forces of the other rows determine those of the tree exactly
-    tree = np.array([row_of[j] for j in deformed.tolist()], dtype=np.intp)
-    others = np.setdiff1d(np.arange(len(rows)), tree)
-    entry = rows[tree, deformed]
-    result = np.zeros(len(rows))
-    result[tree] = needed[deformed] / entry
-    if len(others):
-        ratios = (rows[np.ix_(others, deformed)] / entry).T
-        left = np.concatenate((ratios / root[tree, None], np.diag(1.0 / root[others])))
-        right = np.concatenate((result[tree] / root[tree], np.zeros(len(others))))
-        size = np.sqrt(np.square(left).sum(axis=0))
-        result[others] = np.linalg.lstsq(left / size, right, rcond=None)[0] / size
-        result[tree] -= ratios @ result[others]
+    energy, largest = (np.sqrt(np.square((part * root[..., None]).real).sum(axis=-2)) for part in (rows, open_rows))
+    limit = STRAINED * np.maximum(energy.max(axis=-1, initial=0.0), largest.max(axis=-1, initial=0.0))
+    rows = rows * (energy > limit[..., None])[..., None, :]
+    if rows.ndim == 2 and root.ndim == needed.ndim == 1:
+        return _of_pattern(rows, root, needed, rows != 0.0)
+    lead = np.broadcast_shapes(rows.shape[:-2], root.shape[:-1], needed.shape[:-1])
+    rows, root, needed = (np.broadcast_to(array, (*lead, *array.shape[-k:])) for array, k in (
+        (rows, 2), (root, 1), (needed, 1)))  # fmt: skip
+    acts = rows != 0.0
+    if (acts == acts[:1]).all():
+        return _of_pattern(rows, root, needed, acts[0])
+    result = np.zeros(root.shape, np.result_type(rows, root, needed))
+    for pattern in np.unique(acts, axis=0):
+        own = (acts == pattern).all(axis=(-1, -2))
+        result[own] = _of_pattern(rows[own], root[own], needed[own], pattern)
     return result
 
 
-def bent_lines(beam: Beam, elements: dict[str, Bushing], fall: Array) -> list[SharedRows]:
+def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
+    """Forces (..., n) where rows (..., n, m) have the same nonzero entries ``acts`` (n, m) in all variants."""
+    single = np.count_nonzero(acts, axis=1) == 1
+    row_of = {int(np.flatnonzero(acts[i])[0]): int(i) for i in np.flatnonzero(single)}
+    deformed = np.flatnonzero(acts.any(axis=0))
+    if len(row_of) < len(deformed):
+        scaled = rows[..., deformed] * root[..., None]
+        size = np.sqrt(np.square(scaled).sum(axis=-2))
+        energy = least_norm((scaled / size[..., None, :]).swapaxes(-1, -2), needed[..., deformed] / size, 1e-12)
+        least = ZERO_PRESTRESS * np.abs(energy).max(axis=-1, keepdims=True, initial=0.0)
+        return np.where(np.abs(energy) > least, root * energy, 0.0)
+    # each coordinate is a deformation: forces of the other rows determine those of the tree exactly
+    tree = np.array([row_of[j] for j in deformed.tolist()], dtype=np.intp)
+    others = np.setdiff1d(np.arange(len(acts)), tree)
+    entry, inverse = rows[..., tree, deformed], 1.0 / root
+    of_tree = needed[..., deformed] / entry
+    result = np.zeros((*of_tree.shape[:-1], len(acts)), np.result_type(of_tree, root))
+    if len(others):
+        ratios = (rows[..., others[:, None], deformed] / entry[..., None, :]).swapaxes(-1, -2)
+        left = concatenated((ratios * inverse[..., tree, None], np.eye(len(others)) * inverse[..., None, others]), -2)
+        right = concatenated((of_tree * inverse[..., tree], np.zeros(len(others))), -1)
+        size = np.sqrt(np.square(left).sum(axis=-2))
+        result[..., others] = least_norm(left / size[..., None, :], right, left.shape[-2] * EPS) / size
+        of_tree = of_tree - (ratios @ result[..., others, None])[..., 0]
+    result[..., tree] = of_tree
+    return result
+
+
+def bent_lines(beam: Beam, preload: Array, fall: Array, every: bool = False) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
-    ``elements`` have their forces as preloads; ``fall`` (elements, 3) is the acceleration of gravity and of
-    hubs. The rows have signed stiffness, for each element under a force or weight along its axis.
+    ``preload`` (..., elements, 6) are the forces in the elements, in their axes, ``fall`` (..., elements, 3) is the
+    acceleration of gravity and of hubs. The rows have signed stiffness, those without any only where ``every`` row is
+    asked for.
     """
     result = []
-    masses, forms = element_masses(beam), zip(bent_forms(beam), weight_forms(beam), strict=True)
-    for i, (name, (length, axes), (bent, weighed)) in enumerate(
-        zip(beam.element_names, beam.frames(), forms, strict=True)
-    ):
-        preload = elements[name].preload
-        tension = 0.0 if preload is None else -float(preload[0])
-        weight = float(masses[i] * np.dot(fall[i], np.array(axes)[:, 0]))
-        form = tension * bent + weight * weighed
-        stiffness = beam.element(length).stiffness()
-        beam.check_compression(max(-form[k, k] / stiffness[k] for k in (1, 2)))
-        rows, values = [], []
-        for plane in ((1, 5), (2, 4)) if form.any() else ():
-            # in d / L and r all entries are of the size of L
-            scale = np.array([length, 1.0])
-            sizes, vectors = np.linalg.eigh(scale[:, None] * form[np.ix_(plane, plane)] * scale)
-            for value, vector in zip(sizes, (vectors / scale[:, None]).T, strict=True):
-                row = np.zeros(6)
-                row[list(plane)] = vector
-                rows.append(row)
-                values.append(value)
-        for (k, j), force in np.ndenumerate(np.zeros((3, 3)) if preload is None else 0.5 * skew(np.array(preload[:3]))):
-            # the product of d_k and r_j is a difference of two squares
-            for sign in (1.0, -1.0) if force else ():
-                row = np.zeros(6)
-                row[k], row[3 + j] = 1.0 / length, sign
-                rows.append(row)
-                values.append(0.5 * sign * length * force)
-        if not rows:
-            continue
-        node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
-        result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
+    for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
+        element, wrench = beam.element(length), preload[..., i, :]
+        weight, tension = beam.element(unloaded).mass * (fall[..., i, :] @ np.array(axes)[:, 0]), -wrench[..., 0]
+        lines, stiffness = element.bent_lines(), element.stiffness()
+        squares = [tension * (line.deflected + 1.0 / length) for line in lines]
+        squares += [tension * (line.turned - 0.25 * length) for line in lines[::-1]]
+        beam.check_compression(max(float(np.max(-np.real(square / k)))
+                                   for square, k in zip(squares[:2], stiffness[1:3], strict=True)))  # fmt: skip
+        # the product of d_k and r_j is a difference of two squares
+        products = 0.5 * skew(wrench[..., :3])
+        for k, j, sign, line in ((1, 2, 1.0, lines[0]), (2, 1, -1.0, lines[1])):
+            products[..., k, j] += sign * weight * line.weighed
+        of_products = 0.5 * length * products[..., MIXED[0], MIXED[1]]
+        values = np.concatenate((np.stack(squares, axis=-1), of_products, -of_products), axis=-1)
+        unit = np.eye(6)
+        across, about = unit[MIXED[0]] / length, unit[3 + MIXED[1]]
+        rows = np.concatenate((unit[[1, 2, 4, 5]], across + about, across - about))
+        acts = np.full(len(rows), every) | values.reshape(-1, len(rows)).any(axis=0)
+        if acts.any():
+            node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
+            result.append(SharedRows(beam.name, (node,), rotated(rows[acts], axes), stiffness=values[..., acts]))
     return result
 
 

@@ -86,10 +86,14 @@ def _prestressed(result: M, model: M) -> M:
              for load in group]  # fmt: skip
     result = result.with_parts(loads=dict(result.loads) | {load.name: load for load in loads})
     unloaded = with_elastic_forces(result, reduced, [np.zeros(len(part.values)) for part in reduced])
-    elements, forces = element_forces(unloaded, beams, reduced)
+    preload, forces = element_forces(unloaded, beams, reduced)
     assert result.expansion is not None
-    stiffness = [rows for beam, fall in zip(beams, falls(result, beams), strict=True)
-                 for rows in bent_lines(beam, elements, fall)]  # fmt: skip
+    elements, stiffness = {}, []
+    for beam, fall in zip(beams, falls(result, beams), strict=True):
+        own, preload = np.split(preload, [len(beam.element_names)])
+        stiffness += bent_lines(beam, own, fall)
+        elements |= {name: replace(result.springs[name], preload=tuple(six)) if any(six) else result.springs[name]
+                     for name, six in zip(beam.element_names, own.tolist(), strict=True)}  # fmt: skip
     for part, row_forces in zip(reduced, forces, strict=True):
         stiffness += stiffness_of_forces(part, row_forces)
     expansion = replace(result.expansion, elastic=(*result.expansion.elastic, *stiffness))

@@ -129,7 +129,8 @@ class GeometryPlan:
         made = [VARIED[type(part)](part, values.fields[part.name]) for part in self.elastic]
         of_part = [{part.name: iter(rows[i]) for part, rows in zip(self.elastic, made, strict=True)} for i in (0, 1)]
         assert self.expansion is not None
-        mass, elastic = (tuple([next(varied[rows.owner]) if rows.owner in varied else rows for rows in constant])
+        mass, elastic = (tuple([next(varied[rows.owner]) if rows.owner in varied and rows.stiffness is None else rows
+                                for rows in constant])
                          for constant, varied in zip((self.expansion.mass, self.expansion.elastic), of_part,
                                                         strict=True))  # fmt: skip
         assert self.scene.shared is not None

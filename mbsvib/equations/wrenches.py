@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import prod
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -174,27 +175,28 @@ def preloaded(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> fro
 
 
 def applied_of_variants(
-    model: Mechanism, values: Values, positions: Mapping[int, Array], also: Collection[str] = ()
-) -> AppliedWrenches:
+    model: Mechanism, values: Values, positions: Mapping[int, Array], also: Collection[str] = (),
+    made: Mapping[str, Mapping[str, Array]] = MappingProxyType({}),
+) -> AppliedWrenches:  # fmt: skip
     """Return the applied wrenches of all variants; ``positions`` (3, variants): moved centres of mass by number.
 
-    ``also``: elements that have one, even if it is zero.
+    ``also``: elements that have one, even if it is zero. ``made``: fields of loads within other parts, by name.
     """
     number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
     applied = applied_wrenches(model, number, preloaded(model, values.index).union(also))
     pairs, weight = applied.pairs, applied.weight
     arrays = {key: getattr(pairs, key) for key in ("start", "end", "force", "torque")}
     for k, name in enumerate(applied.names[: applied.loads]):
-        fields, load = values.fields.get(name, {}), model.loads[name]
+        fields, load = values.fields.get(name, made.get(name, {})), model.loads[name]
         if load.position is None and number[load.body] in positions:
             fields = {**fields, "position": positions[number[load.body]]}
         for field, keys in (("force", ("force",)), ("torque", ("torque",)), ("position", ("start", "end"))):
             for key in keys if field in fields else ():
-                arrays[key] = _with_values_at(arrays[key], slice(k, k + 1), fields[field], values.count)
+                arrays[key] = with_values_at(arrays[key], slice(k, k + 1), fields[field], values.count)
     for k, name in enumerate(applied.names[applied.loads :], applied.loads):
         if name in values.fields:
             for key, vectors in _of_element(model.springs[name], values.fields[name], values.count).items():
-                arrays[key] = _with_values_at(arrays[key], slice(k, k + 1), vectors, values.count)
+                arrays[key] = with_values_at(arrays[key], slice(k, k + 1), vectors, values.count)
     masses = {number[name]: fields["mass"] for name, fields in values.fields.items()
               if name in model.bodies and "mass" in fields}  # fmt: skip
     gravity = values.fields.get("gravity", {}).get("")
@@ -234,8 +236,8 @@ def _of_element(part: Any, fields: Mapping[str, Array], count: int) -> dict[str,
     return {"start": point, "end": point, "force": force, "torque": torque}
 
 
-def _with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
-    """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
+def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
+    """Return vectors (3, variants, n) with values (3, variants, ...) in some columns."""
     result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
     result = result.astype(np.result_type(result, value), copy=False)
     result[:, :, at] = value if value.ndim == 3 else value[:, :, None]

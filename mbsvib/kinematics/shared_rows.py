@@ -128,12 +128,17 @@ def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
     return Composite(Rows(first, second, point, force, moment), moves_with_ground, blocks)
 
 
-def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> ElasticRows:
-    """Return composite elastic and damping rows, in the order of ``stack``."""
+def in_order(parts: Sequence[SharedRows]) -> list[SharedRows]:
+    """Return parts in the order of the rows of ``stack``: those whose matrices have equal shape together."""
     shapes: dict[tuple[int, ...], list[SharedRows]] = {}
     for rows in parts:
         shapes.setdefault(rows.matrix.shape[-2:], []).append(rows)
-    ordered = [rows for group in shapes.values() for rows in group]
+    return [rows for group in shapes.values() for rows in group]
+
+
+def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> ElasticRows:
+    """Return composite elastic and damping rows, in the order of ``stack``."""
+    ordered = in_order(parts)
 
     def values(key: str) -> Any:
         return concatenated([np.zeros(rows.matrix.shape[-2]) if getattr(rows, key) is None else getattr(rows, key)

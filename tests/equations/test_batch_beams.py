@@ -26,9 +26,9 @@ ENDS = {"leaf": {"length"}, "notch": {"radius"}, "elliptic": {"length"}, "corner
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 
 
-def beam(kind, material=STEEL, shear=True, **damping):
+def beam(kind, material=STEEL, shear=True, gravity=None, **damping):
     """Two bodies on a bent beam with a free joint between them, so that a loop is closed by it."""
-    model = mv.Model("beam")
+    model = mv.Model("beam", gravity=gravity)
     model.add_body("tip", 3.0, (0.1, 0.2, 0.3), position=(1.0, 0.2, 0.1))
     model.add_beam("bar", "ground", "tip", SECTIONS[kind], material, nodes=[(0, 0, 0), (0.4, 0, 0), (0.8, 0.2, 0.1)],
                    shear=shear, y_axis=(0.1, 1, 0.3), **damping)  # fmt: skip
@@ -36,9 +36,9 @@ def beam(kind, material=STEEL, shear=True, **damping):
     return with_ports(model, "bar.e2")
 
 
-def flexure(kind, material=STEEL, shear=False, **damping):
+def flexure(kind, material=STEEL, shear=False, gravity=None, **damping):
     """A stage on two flexures of different widths, of which the second one closes a loop."""
-    model = mv.Model("flexure")
+    model = mv.Model("flexure", gravity=gravity)
     model.add_body("tip", 3.0, (0.1, 0.2, 0.3), position=(0.02, 0, 0.05))
     model.add_flexure("bar", "ground", "tip", SHAPES[kind], material, (0, 0, 0), ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
                       shear=shear, **damping)  # fmt: skip
@@ -46,11 +46,11 @@ def flexure(kind, material=STEEL, shear=False, **damping):
     return with_ports(model, "bar.e1")
 
 
-def with_ports(model, element):
-    model.add_input("F", "tip", (1, 2, 3, 0.1, 0.2, 0.3))
+def with_ports(model, element, body="tip"):
+    model.add_input("F", body, (1, 2, 3, 0.1, 0.2, 0.3))
     model.add_base_motion("base", (1, 0.3, 0.2))
-    model.add_output("x", "tip", (1, 2, 3))
-    model.add_output("a", "tip", "y", quantity="acceleration")
+    model.add_output("x", body, (1, 2, 3))
+    model.add_output("a", body, "y", quantity="acceleration")
     model.add_force_output("f", element, (1, 2, 3, 0.1, 0.2, 0.3))
     return model
 
@@ -77,6 +77,35 @@ def case(name):
     return model, varied
 
 
+def check_alone(model, values):
+    """Compare a batch, and a plant with one variant after the other, with models by themselves."""
+    batch, plant = model.linearize(values=values), model.compile(list(values))
+    for i in range(len(batch)):
+        chosen = {one: float(array[i]) for one, array in values.items()}
+        alone, single = model.with_values(chosen).linearize(), plant(list(chosen.values()))
+        for key in KEYS:
+            expected = getattr(alone, key)
+            size = np.abs(expected).max(initial=0.0)
+            assert_allclose(getattr(batch[i], key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
+            assert_allclose(getattr(single, key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
+
+
+def check_tangents(model, names):
+    """Compare complex steps with differences of fourth order of models by themselves."""
+    plant, step = model.compile(names), 1e-3
+    rates = plant.nominal * np.random.default_rng(5).uniform(-1.0, 1.0, len(names))
+    tangent = plant.tangent(plant.nominal, rates)
+
+    def at(share):
+        return model.with_values(dict(zip(names, (plant.nominal + share * rates).tolist(), strict=True))).linearize()
+
+    systems = {share: at(share * step) for share in (-2, -1, 1, 2)}
+    for key in KEYS:
+        far, near = (getattr(systems[k], key) - getattr(systems[-k], key) for k in (2, 1))
+        expected = (8.0 * near - far) / (12.0 * step)
+        assert_allclose(getattr(tangent, key), expected, atol=3e-9 * max(np.abs(getattr(at(0.0), key)).max(), 1e-300))
+
+
 @pytest.fixture
 def at_once(monkeypatch):
     def refuse(*_):
@@ -95,35 +124,15 @@ def test_at_once_they_are_as_alone(name):
     values = {one: model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}
     values["tip.mass"] = np.linspace(1.0, 4.0, COUNT)
     values["tip.position.y"] = np.linspace(-0.1, 0.1, COUNT)
-    batch, plant = model.linearize(values=values), model.compile(list(values))
-    for i in range(COUNT):
-        chosen = {one: float(array[i]) for one, array in values.items()}
-        alone, single = model.with_values(chosen).linearize(), plant(list(chosen.values()))
-        for key in KEYS:
-            expected = getattr(alone, key)
-            size = np.abs(expected).max(initial=0.0)
-            assert_allclose(getattr(batch[i], key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
-            assert_allclose(getattr(single, key), expected, rtol=1e-12, atol=1e-13 * size, err_msg=key)
+    check_alone(model, values)
 
 
 @pytest.mark.few(2)
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("name", CASES)
 def test_their_tangents_are_slopes_between_variants(name):
-    """Complex steps through sections and elements, against differences of fourth order of models by themselves."""
     model, names = case(name)
-    plant, step = model.compile(names), 1e-3
-    rates = plant.nominal * np.random.default_rng(5).uniform(-1.0, 1.0, len(names))
-    tangent = plant.tangent(plant.nominal, rates)
-
-    def at(share):
-        return model.with_values(dict(zip(names, (plant.nominal + share * rates).tolist(), strict=True))).linearize()
-
-    systems = {share: at(share * step) for share in (-2, -1, 1, 2)}
-    for key in KEYS:
-        far, near = (getattr(systems[k], key) - getattr(systems[-k], key) for k in (2, 1))
-        expected = (8.0 * near - far) / (12.0 * step)
-        assert_allclose(getattr(tangent, key), expected, atol=3e-9 * max(np.abs(getattr(at(0.0), key)).max(), 1e-300))
+    check_tangents(model, names)
 
 
 def test_what_else_varies_is_computed_alone():
@@ -149,3 +158,73 @@ def test_what_else_varies_is_computed_alone():
 def test_what_one_cannot_have_is_refused_by_its_number(model, name, values, message):
     with pytest.raises(ModelError, match=message):
         model.linearize(values={name: np.array(values)})
+
+
+def loaded_beam(kind="tube", gravity=(1.0, -2.0, -9.0), **damping):
+    """A chain of two beams and a hinge under weights, a load and a preloaded spring."""
+    model = beam(kind, gravity=gravity, **damping)
+    model.add_body("end", 1.0, (0.1, 0.1, 0.1), position=(1.5, 0.4, 0.2))
+    model.add_beam("rod", "tip", "end", SECTIONS["circle"], STEEL, start=(1.0, 0.2, 0.1), end=(1.5, 0.4, 0.2),
+                   elements=3, shear=True)  # fmt: skip
+    model.add_load("push", "end", force=(50.0, 20.0, -30.0), torque=(1.0, 2.0, 3.0))
+    model.add_spring("pull", "ground", "end", (2.0, 0.0, 1.0), (1.5, 0.4, 0.2), 1e4, preload=-40.0)
+    return model
+
+
+def loaded_loop(kind="leaf"):
+    """A stage on two flexures, statically indeterminate under its weight."""
+    model = flexure(kind, gravity=(-9.0, 1.0, -2.0))
+    model.add_load("push", "tip", force=(5.0, -2.0, -3.0))
+    return model
+
+
+def loaded_crank():
+    """A beam in a loop of hinges, whose forces are those of least energy along the coordinate that is left."""
+    model = mv.Model("crank", gravity=(0.0, 0.0, -9.81))
+    for name, at in (("a", (0.0, 0.0, 0.5)), ("b", (1.0, 0.0, 0.5))):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), position=at)
+        model.add_joint(f"{name}.hinge", "revolute", "ground", name, (at[0], 0, 0), axis=(0, 1, 0))
+        model.add_bushing(f"{name}.k", "ground", name, (at[0], 0, 0), (0, 0, 0, 0, 2e3, 0))
+    model.add_beam("bar", "a", "b", SECTIONS["rectangle"], STEEL, start=(0, 0, 1), end=(1, 0, 1), elements=2)
+    return with_ports(model, "bar.e2", "b")
+
+
+LOADED = {
+    "chain": (loaded_beam, ("bar.E", "bar.wall", "bar.rho", "bar.nu", "rod.radius", "rod.rho", "gravity.x", "gravity.z",
+                            "push.force.x", "push.torque.y", "pull.preload", "tip.mass", "tip.position.y",
+                            "line.stiffness")),
+    "leaf": (loaded_loop, ("bar.E", "bar.thickness", "bar.width", "bar.rho", "other.thickness", "gravity.x",
+                           "push.force.z", "tip.mass")),
+    "notch": (lambda: loaded_loop("notch"), ("bar.E", "bar.thickness", "bar.rho", "gravity.x", "tip.position.x")),
+    "crank": (loaded_crank, ("bar.E", "bar.width", "bar.rho", "a.mass", "gravity.z", "a.k.stiffness.ry")),
+}  # fmt: skip
+
+
+@pytest.mark.few(2)
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("name", LOADED)
+def test_loaded_ones_are_as_alone(name):
+    build, names = LOADED[name]
+    model, rng = build(), np.random.default_rng(6)
+    values = {one: model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}
+    check_alone(model, values)
+
+
+@pytest.mark.few(2)
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("name", LOADED)
+def test_tangents_of_loaded_ones_are_slopes_between_variants(name):
+    build, names = LOADED[name]
+    check_tangents(build(), [one for one in names if build().parameters[one]])
+
+
+def test_forces_that_are_not_stated_for_variants_are_computed_alone():
+    """Beams that are bent in the loaded pose, and gravity where the model has none."""
+    model = loaded_beam()
+    assert not model.compile(["bar.E"])._plan.one_by_one
+    bent = model.equilibrium()
+    bent = bent[0] if isinstance(bent, tuple) else bent
+    assert bent.compile(["bar.E"])._plan.one_by_one
+    still = beam("tube", gravity=(0.0, 0.0, 0.0))
+    assert still.compile(["gravity.z"])._plan.one_by_one
+    check_alone(still, {"gravity.z": np.array([-9.0, -1.0])})
