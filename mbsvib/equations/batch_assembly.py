@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
-from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, VARIED
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
@@ -175,7 +175,7 @@ class BatchPlan:
         varied = set(self.slots.target.tolist())
         rows = {int(row) for name in names for array in self.slots.index[name].values() for row in array.reshape(-1)}
         absent = not self.slots.nominal[list(rows & varied)].all()
-        follows = self.with_forces and self.prestress is None
+        follows = self.with_forces and any(type(owner) not in VARIED for owner, _, _ in self.geometry.replacing)
         return bool(names) and (absent or follows or self.posed is not None)
 
     def chunk_size(self, count: int) -> int:

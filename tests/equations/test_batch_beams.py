@@ -228,3 +228,16 @@ def test_forces_that_are_not_stated_for_variants_are_computed_alone():
     still = beam("tube", gravity=(0.0, 0.0, 0.0))
     assert still.compile(["gravity.z"])._plan.one_by_one
     check_alone(still, {"gravity.z": np.array([-9.0, -1.0])})
+
+
+def test_forces_of_other_parts_beside_loaded_beams_are_checked():
+    """The stiffness of a relaxing spring with a free length changes its force: such a variant is out of balance."""
+    model, at = loaded_beam(), (3.5, 0.0, 0.0)
+    factor = mv.Dynamic.of_words({"static": 1.0, "viscous": 0.0, "weights": [0.8], "times": [0.02]})
+    model.add_body("arm", 1.0, (0.1, 0.1, 0.1), position=(3.0, 0.0, 0.0))
+    model.add_joint("pin", "revolute", "ground", "arm", (3.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_spring("rubber", "ground", "arm", (3.5, 0.0, 0.5), at, 1e4, free_length=0.4, dynamic=factor)
+    model.add_spring("hold", "ground", "arm", (3.5, 0.0, -0.5), at, 1e4, preload=1e4 * 0.1)
+    check_alone(model, {"rubber.stiffness": np.array([1e4, 1e4]), "bar.E": np.array([2e11, 1e11])})
+    with pytest.raises(mv.EquilibriumError, match=r"variant 1: .*arm"):
+        model.linearize(values={"rubber.stiffness": np.array([1e4, 1.1e4])})
