@@ -196,12 +196,14 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
 
 
 def fixed_points(topology: Topology, values: Values, pose: Pose | None) -> dict[int, Array]:
-    """Return the points (variants, 3) [m] of joints without coordinates, by number, where variants differ in them."""
+    """Return the points (variants, 3) [m] of joints without coordinates or without locked rows, by number, where variants
+    differ in them.
+    """
     result: dict[int, Array] = {}
     if pose is None and not any("position" in fields for fields in values.index.values()):
         return result
     for k, joint in enumerate(topology.joints):
-        if joint.point is None or joint.freedom:
+        if joint.point is None or (joint.freedom and joint.locked):
             continue
         if pose is not None:
             second = np.array([topology.body_numbers[joint.second]])

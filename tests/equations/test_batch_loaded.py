@@ -5,6 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.library import four_bar, hinged_rod, pendulum_chain
+from tests.hunt.generate import example
 
 
 def test_gravity_varies():
@@ -88,3 +89,13 @@ def test_values_that_an_element_refuses_are_named_by_variant():
     model.add_inerter("flywheel", "ground", "rod", (0, 0, 3), (0, 0, 1.5), 2.0)
     with pytest.raises(mv.ModelError, match=r"variant 1: values\['flywheel.inertance'\]\[1\] = -1"):
         model.linearize(values={"flywheel.inertance": [1.0, -1.0]})
+
+
+@pytest.mark.slow
+def test_the_point_of_a_cut_joint_without_locked_rows_weighs_forces_of_least_norm():
+    """Moments in the redundant loop are weighed by the points of all of its joints, that of a free joint included."""
+    model = example(40168).scene.model()
+    value = model.parameters["j1.position.x"]
+    batch = model.linearize(values={"j1.position.x": [value, value + 1e-3]})
+    alone = model.with_values({"j1.position.x": value + 1e-3}).linearize(method="dense")
+    np.testing.assert_allclose(batch[1].Cq, alone.Cq, rtol=1e-11, atol=1e-11 * np.abs(alone.Cq).max())
