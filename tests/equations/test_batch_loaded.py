@@ -92,6 +92,7 @@ def test_values_that_an_element_refuses_are_named_by_variant():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 def test_the_point_of_a_cut_joint_without_locked_rows_weighs_forces_of_least_norm():
     """Moments in the redundant loop are weighed by the points of all of its joints, that of a free joint included."""
     model = example(40168).scene.model()
