@@ -78,7 +78,7 @@ class Prestress:
         assert scene.shared.elastic is not None
         applied, elastic, count, names = scene.loads[0], scene.shared.elastic, values.count, self.elements
         at = np.array([applied.names.index(name) for name in names])
-        axes = np.array([self.model.springs[name].orientation for name in names])  # type: ignore[attr-defined]
+        axes = np.array([self.model.springs[name].orientation for name in names])
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
         turned = np.concatenate([(axes @ half[..., None])[..., 0] for half in (preload[..., :3], preload[..., 3:])], -1)

@@ -88,7 +88,8 @@ def _prestressed(result: M, model: M) -> M:
     unloaded = with_elastic_forces(result, reduced, [np.zeros(len(part.values)) for part in reduced])
     preload, forces = element_forces(unloaded, beams, reduced)
     assert result.expansion is not None
-    elements, stiffness = {}, []
+    elements: dict[str, Any] = {}
+    stiffness: list[SharedRows] = []
     for beam, fall in zip(beams, falls(result, beams), strict=True):
         own, preload = np.split(preload, [len(beam.element_names)])
         stiffness += bent_lines(beam, own, fall)

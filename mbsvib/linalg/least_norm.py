@@ -38,7 +38,8 @@ def least_norm(a: Array, b: Array, least: float) -> Array:
     change, open_by = a.imag, b.real - _times(a.real, x)
     rest = _times(change.swapaxes(-1, -2), back(x))
     rest = rest - _times(right.swapaxes(-1, -2), kept * _times(right, rest))
-    return x + 1j * (solved(b.imag - _times(change, x) + back(_times(change.swapaxes(-1, -2), open_by))) + rest)
+    dx: Array = solved(b.imag - _times(change, x) + back(_times(change.swapaxes(-1, -2), open_by))) + rest
+    return np.asarray(x + 1j * dx)
 
 
 def _times(matrix: Array, vector: Array) -> Array:
