@@ -196,8 +196,9 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
 
 
 def fixed_points(topology: Topology, values: Values, pose: Pose | None) -> dict[int, Array]:
-    """Return the points (variants, 3) [m] of joints without coordinates or without locked rows, by number, where variants
-    differ in them.
+    """Return the points (variants, 3) [m] of joints without coordinates or locked rows, where variants differ in them.
+
+    They are by the numbers of the joints.
     """
     result: dict[int, Array] = {}
     if pose is None and not any("position" in fields for fields in values.index.values()):
