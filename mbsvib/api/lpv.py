@@ -294,8 +294,9 @@ def interpolated(family: Batch, plant: Plant, error: float) -> LPVSystem:
     polynomial, found = SparseInterpolant.none(len(names), sum(getattr(nominal, key).size for key in MATRICES)), np.inf
     followed, new, round_number = FOLLOWED * limit, np.zeros((1, len(names)), dtype=np.intp), 0
     while SAFETY * found + ROUNDING > limit:
-        while len(new):
-            if len(polynomial.indices) + len(new) > MOST:
+        while True:
+            # no new ones are left where all have the highest degree, as near a singular pose
+            if not len(new) or len(polynomial.indices) + len(new) > MOST:
                 reached = f"; the last check found a bound of {SAFETY * found:.1e}" if np.isfinite(found) else ""
                 raise ModelError(
                     f"interpolated: {len(polynomial.indices)} poses do not reach error = {limit:g} in the box of "
@@ -303,6 +304,8 @@ def interpolated(family: Batch, plant: Plant, error: float) -> LPVSystem:
                     f"coordinates.", field="error")  # fmt: skip
             polynomial = polynomial.with_values(new, exact(points_of(new)))
             new = polynomial.following(measure.of_surpluses(polynomial.surpluses) > followed)
+            if not len(new):
+                break
         checks = _checks(len(names), round_number)
         found = float(measure.of_errors(polynomial(checks), exact(checks)).max())
         round_number, followed = round_number + 1, 0.25 * followed

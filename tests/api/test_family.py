@@ -10,6 +10,7 @@ import mbsvib as mv
 from mbsvib import studies
 from mbsvib.api import lpv as lpv_module
 from mbsvib.equations.matrices import MATRICES
+from mbsvib.linalg import sparse_interpolation
 from tests.api.test_plant_poses import gantry, hanging_crank, loaded_arm, swinging
 from tests.kinematics.test_dead_centre import STRETCHED, rocker
 
@@ -229,6 +230,14 @@ def test_the_number_of_poses_is_limited(monkeypatch):
     monkeypatch.setattr(lpv_module, "MOST", 20)
     with pytest.raises(mv.ModelError, match=r"\d+ poses do not reach error = 1e-06 in the box of leg1\.slide\.z"):
         family.interpolated()
+
+
+def test_the_degree_of_polynomials_is_limited(monkeypatch):
+    """As near a dead centre, where no degree is enough; it went on for ever."""
+    family = hanging_crank().family({"A.rz": [-0.2, 0.2]})
+    monkeypatch.setattr(sparse_interpolation, "HIGHEST", 3)
+    with pytest.raises(mv.ModelError, match=r"4 poses do not reach error = 1e-10 .* found a bound of \d.* smaller range"):
+        family.interpolated(1e-10)
 
 
 def test_poses_are_added_where_no_change_is_followed(monkeypatch):
