@@ -62,7 +62,7 @@ class Assembly:
         result = np.eye(len(self.scale))
         for name, joint in self.robot.joints.items():
             factor, leader = 1.0, name
-            while leader not in self.held and (mimic := self.robot.joints[leader].mimic) is not None:
+            while (mimic := self.robot.joints[leader].mimic) is not None:
                 factor, leader = factor * mimic.factor, mimic.joint
             if leader != name and FREEDOMS[joint.kind]:
                 result[self.column[name]] = 0.0

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
     Numbers = Callable[[Element | None, str, str | None, int, str, str], Array]
 
-RATIO, GEAR, ROTOR = "mechanicalreduction", "gear_ratio", "rotor_inertia"
+RATIO, ROTOR = "mechanicalreduction", "rotor_inertia"
+# Names of elements for these, in small letters.
+WORDS = {RATIO: RATIO, "gear_ratio": RATIO} | dict.fromkeys(
+    (ROTOR, "rotorinertia", "motor_inertia", "motorinertia"), ROTOR)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +47,8 @@ def motors_of(top: Element, path: str | PathLike[str], numbers: Numbers) -> tupl
         who, values = f"{path}: transmission of '{name}'", {RATIO: 1.0, ROTOR: 0.0}
         for part in (*joints[0], *actuators[0], *element):
             tag = part.tag.rpartition(":")[2].lower()
-            if tag in (RATIO, GEAR, ROTOR):
-                key = RATIO if tag == GEAR else tag
+            if tag in WORDS:
+                key = WORDS[tag]
                 if part.get("value") is not None:
                     values[key] = float(numbers(part, "value", None, 1, who, name)[0])
                 else:

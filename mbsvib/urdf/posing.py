@@ -31,6 +31,7 @@ ROUNDED = 1e-11
 
 def frames_in_pose(robot: Robot, pose: Mapping[str, float], path: str | PathLike[str]) -> Frames:
     """Return the frames of all links in the pose, with closed loops; named joints beyond their limits are refused."""
+    pose = _of_leaders(robot, pose, path)
     positions = _positions(robot, pose)
     for name, words in _beyond(robot, positions).items():
         if name in pose:
@@ -47,14 +48,35 @@ def frames_in_pose(robot: Robot, pose: Mapping[str, float], path: str | PathLike
     return link_frames(robot, positions)
 
 
+def _of_leaders(robot: Robot, pose: Mapping[str, float], path: str | PathLike[str]) -> dict[str, float]:
+    """Return a pose in which the joints that are mimicked stand for those that mimic them; refuse contradictions."""
+    values = {name: check.number(value, f"joint '{name}'", "pose") for name, value in pose.items()}
+    result = {name: value for name, value in values.items() if robot.joints[name].mimic is None}
+    for name, value in values.items():
+        factor, offset, leader = _followed(robot, name)
+        if leader != name:
+            expected = offset + factor * result.setdefault(leader, (value - offset) / factor)
+            if abs(value - expected) > LIMIT_DIGITS * max(1.0, abs(value)):
+                raise ModelError(f"{path}: pose: '{name}' at {value:.6g}, but it mimics '{leader}', which is at "
+                                 f"{result[leader]:.6g}, and so is at {expected:.6g}. Name one of the two only.",
+                                 element=name, field="pose")  # fmt: skip
+    return result
+
+
+def _followed(robot: Robot, name: str) -> tuple[float, float, str]:
+    """Return factor, offset and name of the joint that a joint mimics in the end, itself if none."""
+    factor, offset = 1.0, 0.0
+    while (mimic := robot.joints[name].mimic) is not None:
+        factor, offset, name = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
+    return factor, offset, name
+
+
 def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, Array]:
     """Positions (freedoms,) of all joints; a joint that mimics another one follows it."""
     result: dict[str, Array] = {}
     for name, joint in robot.joints.items():
-        factor, offset, leader = 1.0, 0.0, name
-        while leader not in pose and (mimic := robot.joints[leader].mimic) is not None:
-            factor, offset, leader = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
-        q = offset + factor * check.number(pose.get(leader, 0.0), f"joint '{leader}'", "pose")
+        factor, offset, leader = _followed(robot, name)
+        q = offset + factor * pose.get(leader, 0.0)
         if q and joint.kind not in KINDS:
             raise ModelError(f"joint '{name}': pose = {q:g}, but a {joint.kind} joint has no position of its own.",
                              element=name, field="pose")  # fmt: skip

@@ -68,8 +68,8 @@ def load_urdf(
     path : str or path-like
         The file; xacro has to be expanded.
     pose : mapping of str to float, optional
-        Positions of joints [rad, m]; default: 0, or that of a mimic, or what closes the loops. Positions beyond the
-        limits of the file are refused.
+        Positions of joints [rad, m]; default: 0, or that of a mimic, or what closes the loops. A joint that mimics
+        another one places that one. Positions beyond the limits of the file, or against its mimics, are refused.
     stiffness : float, array-like of shape (6,), or mapping of str to these
         Of all joints, or by joint, "*" being all others: one number about or along the axis [N m/rad, N/m]; six values
         x y z rx ry rz, z along the axis, where bearings give way too: the joint is then free in all directions, held by

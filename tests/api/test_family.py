@@ -236,7 +236,7 @@ def test_the_degree_of_polynomials_is_limited(monkeypatch):
     """As near a dead centre, where no degree is enough; it went on for ever."""
     family = hanging_crank().family({"A.rz": [-0.2, 0.2]})
     monkeypatch.setattr(sparse_interpolation, "HIGHEST", 3)
-    with pytest.raises(mv.ModelError, match=r"4 poses do not reach error = 1e-10 .* found a bound of \d.* smaller range"):
+    with pytest.raises(mv.ModelError, match=r"4 poses do not reach error = 1e-10 .* a bound of \d.* smaller range"):
         family.interpolated(1e-10)
 
 

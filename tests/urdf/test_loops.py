@@ -219,15 +219,15 @@ def test_couplings_tie_joints_by_their_ratio(tmp_path):
     np.testing.assert_allclose(turned[0], (np.cos(2.0), 0, np.sin(2.0)), atol=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "effort", "motion", "more", "inertia"), [
-    ("revolute", "torque", "angle", '<dynamics armature="0.5"/>', 1.0 + 0.5),
-    ("prismatic", "force", "travel", '<dynamics armature="0.5"/>', 2.0 + 0.5),
+@pytest.mark.parametrize(("kind", "effort", "motion", "more", "inertia", "rotor"), [
+    ("revolute", "torque", "angle", '<dynamics armature="0.5"/>', 1.0 + 0.5, '<drake:rotor_inertia value="0.01"/>'),
+    ("prismatic", "force", "travel", '<dynamics armature="0.5"/>', 2.0 + 0.5, "<rotorInertia>0.01</rotorInertia>"),
 ])  # fmt: skip
-def test_rotors_and_motors(tmp_path, kind, effort, motion, more, inertia):
+def test_rotors_and_motors(tmp_path, kind, effort, motion, more, inertia, rotor):
     """m + armature + N^2 J; the motor's torque acts N times."""
     body = link("b", 2.0, inertia=(1.0, 1.0, 1.0))
     drive = ('<transmission name="t"><joint name="j"/><actuator name="m"><mechanicalReduction>20</mechanicalReduction>'
-             '<drake:rotor_inertia value="0.01"/></actuator></transmission>')  # fmt: skip
+             f"{rotor}</actuator></transmission>")  # fmt: skip
     path = write(tmp_path, link("a") + body + joint("j", kind, "a", "b", more=more) + drive)
     model = mv.load_urdf(path, pose={"j": 0.3}, stiffness=5.0)
     system = model.linearize(independent=[f"j.{'rz' if kind == 'revolute' else 'z'}"])

@@ -126,19 +126,19 @@ def test_joints_that_mimic_what_is_constant_are_held(robot):
         mv.load_urdf(path)
 
 
-@pytest.mark.parametrize("given", ["a", "b"])
-def test_chains_of_mimics_add_up_their_offsets(robot, given):
+@pytest.mark.parametrize("pose", [{"a": 0.2}, {"b": 0.5}, {"a": 0.2, "c": -1.9}])
+def test_chains_of_mimics_add_up_their_offsets(robot, pose):
     """c = -3 b - 0.4, b = 2 a + 0.1: positions in the pose, and rates as the pose moves."""
     slide = {"axis": "0 0 1", "kind": "prismatic", "parent": "base"}
     follows = ['<mimic joint="b" multiplier="-3" offset="-0.4"/>', '<mimic joint="a" multiplier="2" offset="0.1"/>']
     path = robot(link("base") + link("c", 3.0) + link("b", 2.0) + link("a", 1.0)
                  + joint("c", child="c", more=follows[0], **slide) + joint("b", child="b", more=follows[1], **slide)
                  + joint("a", child="a", **slide))  # fmt: skip
-    pose = {"a": 0.2} if given == "a" else {"a": 0.2, "b": 0.7}
     model = mv.load_urdf(path, pose=pose, stiffness={"c": 7.0})
-    b = 0.5 if given == "a" else 0.7
     heights = [model.bodies[name].position[2] for name in "abc"]
-    np.testing.assert_allclose(heights, (0.2, b, -3 * b - 0.4), atol=1e-15)
+    np.testing.assert_allclose(heights, (0.2, 0.5, -1.9), atol=1e-15)
+    with pytest.raises(mv.ModelError, match=r"'b' at 0\.7, but it mimics 'a', which is at 0\.2, and so is at 0\.5"):
+        mv.load_urdf(path, pose={"b": 0.7, "a": 0.2})
     system = model.linearize(independent=["a.joint.z"])
     moved = system.displacements([1.0])
     np.testing.assert_allclose([moved[name][2] for name in "abc"], (1.0, 2.0, -6.0), rtol=1e-14)
