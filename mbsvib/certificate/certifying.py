@@ -193,7 +193,7 @@ class _Run:
         except MbsvibError as error:
             self.skipped[name] = str(error)
 
-    def accuracy(self, system: System) -> None:
+    def accuracy(self, system: Any) -> None:
         """How far the last printed digit moves eigenvalues."""
         eigenvalues, rolls = np.asarray(system.modes().eigenvalues), bool(self.model.rolling)
         slopes = rolling_slopes(system, self.model.parameters) if rolls else system.eigenvalue_sensitivities()
