@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.beam_prestress import bent_lines, least_energy_forces
+from mbsvib.equations.beam_prestress import bent_lines, check_compression, least_energy_forces
 from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
@@ -107,7 +107,9 @@ class Prestress:
         for beam in self.beams:
             own = preload[:, start : start + len(beam.element_names)]
             falls = np.broadcast_to(fall, (*own.shape[:-1], 3))
-            result += bent_lines(self._in_variants(beam, values), own, falls, every=True)
+            varied = self._in_variants(beam, values)
+            check_compression(varied, own)
+            result += bent_lines(varied, own, falls, every=True)
             start += own.shape[1]
         return result
 

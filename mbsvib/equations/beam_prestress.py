@@ -35,11 +35,10 @@ from mbsvib.linalg.rank import EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam import Beam
-    from mbsvib.elements.beam_element import BentLine
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
@@ -48,6 +47,8 @@ if TYPE_CHECKING:
 
 # Directions of a deflection and, less 3, of a rotation whose product has geometric stiffness.
 MIXED = np.array([(k, j) for k in range(3) for j in range(3) if k != j]).T
+# Deflections and rotations of bending among the six deformations of an element.
+BENDING = [1, 2, 4, 5]
 
 
 def element_forces(
@@ -167,6 +168,28 @@ def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
     return result
 
 
+def per_tension(beam: Beam) -> Array:
+    """Return the geometric stiffness of bent lines per unit tension [N/m, N m per N], beyond that of rigid halves.
+
+    Returns (..., elements, 6): the squares of the six deformations of each element, in its axes.
+    """
+    parts = []
+    for length, _ in beam.frames():
+        one, other = beam.element(length).bent_lines()
+        across = (one.deflected + 1.0 / length, other.deflected + 1.0 / length)
+        about = (other.turned - 0.25 * length, one.turned - 0.25 * length)
+        parts.append(np.stack(np.broadcast_arrays(0.0, *across, 0.0, *about), axis=-1))
+    return np.stack(np.broadcast_arrays(*parts), axis=-2)
+
+
+def check_compression(beam: Beam, preload: Array) -> None:
+    """Warn of elements that nearly buckle under forces (..., elements, 6)."""
+    stiffness = [np.stack(np.broadcast_arrays(*beam.element(length).stiffness()[1:3]), axis=-1)
+                 for length, _ in beam.frames()]  # fmt: skip
+    shares = preload[..., :1] * per_tension(beam)[..., 1:3] / np.stack(np.broadcast_arrays(*stiffness), axis=-2)
+    beam.check_compression(float(shares.real.max()))
+
+
 def bent_lines(beam: Beam, preload: Array, fall: Array, every: bool = False) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
@@ -174,63 +197,21 @@ def bent_lines(beam: Beam, preload: Array, fall: Array, every: bool = False) -> 
     acceleration of gravity and of hubs. The rows have signed stiffness, those without any only where ``every`` row is
     asked for.
     """
-    result = []
+    result, unit = [], np.eye(6)
+    squares = -preload[..., :1] * per_tension(beam)
     for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
-        element, wrench = beam.element(length), preload[..., i, :]
-        weight, tension = beam.element(unloaded).mass * (fall[..., i, :] @ np.array(axes)[:, 0]), -wrench[..., 0]
-        lines, stiffness = element.bent_lines(), element.stiffness()
-        squares = [tension * (line.deflected + 1.0 / length) for line in lines]
-        squares += [tension * (line.turned - 0.25 * length) for line in lines[::-1]]
-        beam.check_compression(max(float(np.max(-np.real(square / k)))
-                                   for square, k in zip(squares[:2], stiffness[1:3], strict=True)))  # fmt: skip
+        lines, weight = beam.element(length).bent_lines(), beam.element(unloaded).mass * (
+            fall[..., i, :] @ np.array(axes)[:, 0])  # fmt: skip
         # the product of d_k and r_j is a difference of two squares
-        products = 0.5 * skew(wrench[..., :3])
+        products = 0.5 * skew(preload[..., i, :3])
         for k, j, sign, line in ((1, 2, 1.0, lines[0]), (2, 1, -1.0, lines[1])):
             products[..., k, j] += sign * weight * line.weighed
         of_products = 0.5 * length * products[..., MIXED[0], MIXED[1]]
-        values = np.concatenate((np.stack(squares, axis=-1), of_products, -of_products), axis=-1)
-        unit = np.eye(6)
+        values = np.concatenate((squares[..., i, BENDING], of_products, -of_products), axis=-1)
         across, about = unit[MIXED[0]] / length, unit[3 + MIXED[1]]
-        rows = np.concatenate((unit[[1, 2, 4, 5]], across + about, across - about))
+        rows = np.concatenate((unit[BENDING], across + about, across - about))
         acts = np.full(len(rows), every) | values.reshape(-1, len(rows)).any(axis=0)
         if acts.any():
             node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
             result.append(SharedRows(beam.name, (node,), rotated(rows[acts], axes), stiffness=values[..., acts]))
     return result
-
-
-def element_masses(beam: Beam) -> Array:
-    """Return the masses of a beam's elements (elements,) [kg]."""
-    return np.array([beam.element(length).mass for length in beam.lengths()])
-
-
-def bent_forms(beam: Beam) -> Array:
-    """Return the geometric stiffness of bent lines per unit tension, for each element in its axes.
-
-    Returns (elements, 6, 6): on the displacement of an element's end against its start, at the midpoint [N/m, N, N m
-    per N].
-    """
-    return _forms(beam, lambda line, length: (line.deflected + 1.0 / length, 0.0, line.turned - 0.25 * length))
-
-
-def weight_forms(beam: Beam) -> Array:
-    """Return what the fall of tension along bent lines adds to their geometric stiffness, per unit weight along them.
-
-    Returns (elements, 6, 6): as of ``bent_forms`` [1/m, 1, m per N].
-    """
-    return _forms(beam, lambda line, _: (0.0, line.weighed, 0.0))
-
-
-def _forms(beam: Beam, entries: Callable[[BentLine, float], tuple[float, float, float]]) -> Array:
-    """Forms with these entries of d d, d r and r r in both planes of each element; ``entries``: of its bent line and
-    its length.
-    """
-    result = []
-    for length, _ in beam.frames():
-        form, element = np.zeros((6, 6)), beam.element(length)
-        for (across, about, sign), line in zip(((1, 5, 1.0), (2, 4, -1.0)), element.bent_lines(), strict=True):
-            own, mixed, turned = entries(line, length)
-            form[across, across], form[about, about] = own, turned
-            form[across, about] = form[about, across] = sign * mixed
-        result.append(form)
-    return np.array(result)

@@ -20,7 +20,7 @@ import numpy as np
 from mbsvib.elements import beam_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC, EXPANSIONS
-from mbsvib.equations.beam_prestress import bent_forms, element_masses, weight_forms
+from mbsvib.equations.beam_prestress import bent_lines, per_tension
 from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import moved, transformed
 from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, factors, form_terms, part_slopes
@@ -133,22 +133,13 @@ def _elements(part: Any) -> dict[str, Any]:
 
 def _loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, Array, Array]]:
     """Forms of the stiffness under forces in elements (e, 3) and gravity, linear in both."""
-    if not isinstance(part, Beam):
+    if isinstance(part, Beam):
+        axes = np.array([axes for _, axes in part.frames()])
+        local = np.concatenate((np.einsum("eji,ej->ei", axes, force), np.zeros_like(force)), axis=1)
+        rows: Sequence[SharedRows] = bent_lines(part, local, np.broadcast_to(gravity, force.shape))
+    else:
         rows = ELASTIC[type(part)](part, tuple(gravity.tolist())).weight_stiffness if gravity.any() else ()
-        return [(key, *values) for key, values in _forms(rows).items()]
-    if not (force.any() or gravity.any()):
-        return []
-    axes = np.array([axes for _, axes in part.frames()])
-    tension, weight = -(force * axes[:, :, 0]).sum(axis=1), element_masses(part) * (axes[:, :, 0] @ gravity)
-    local = np.zeros((len(axes), 6, 6))
-    local[:, :3, :3] = local[:, 3:, 3:] = axes
-    forms = local @ (tension[:, None, None] * bent_forms(part) + weight[:, None, None] * weight_forms(part)
-                     ) @ local.swapaxes(1, 2)  # fmt: skip
-    half = 0.5 * skew(force)
-    forms[:, :3, 3:] += half
-    forms[:, 3:, :3] -= half
-    return [(("stiff", ((part.body_of(i + 1), part.body_of(i), True),)), form,
-             np.array([beam_expansion.middle(part, i)])) for i, form in enumerate(forms)]  # fmt: skip
+    return [(key, *values) for key, values in _forms(rows).items()]
 
 
 def _at_rest(network: Network, part: Any) -> tuple[tuple[tuple[float, ...], ...], tuple[float, ...]]:
@@ -351,7 +342,8 @@ BEAM = PartRules(
     "composed", single=_single, has_rule=_has_rule,
     loaded=LoadRules(
         lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
-        bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]), bent_forms(beam)),
+        bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]),
+                                 per_tension(beam)[..., None] * np.eye(6)),
         reactions=lambda beam: (beam.element_names, (), 0), **_COMMON),
 )  # fmt: skip
 SUPERELEMENT = PartRules("composed", loaded=LoadRules(
