@@ -222,7 +222,8 @@ def compare(a: Any, b: Any) -> Comparison:
                            for name, side in zip(names, sides, strict=True))  # fmt: skip
         what = "lines" if NO_LINES in refused else "output"
         raise ResponseError(f"compare: no common {what} ({listed}); expected the same names, or measured points at "
-                            f"outputs of the model, and of measurements the same frequencies.")  # fmt: skip
+                            f"outputs of the model, and of measurements the same frequencies."
+                            f"{''.join(f' {text[:1].upper()}{text[1:]}' for text in remarks[:2])}")  # fmt: skip
     return Comparison((names[0], names[1]), table, pairs, shared, outputs, inputs, frac, ratio, omega,
                       differences(a, b), responses, tuple(remarks))  # fmt: skip
 

@@ -175,6 +175,9 @@ def test_responses_that_are_zero_by_symmetry():
 def test_what_cannot_be_compared():
     with pytest.raises(mv.ResponseError, match=r"no common output \(mass: x, y, z; chain: z0, z1, z2\)"):
         mv.compare(point_mass(1.0, 2.0, 3.0), chain())
+    data = mv.Measurement([1.0, 2.0], [[[1.0, 2.0]]], ["z0"], ["F"], output_units=["mm"])
+    with pytest.raises(mv.ResponseError, match=r"no common output.*The measured output 'z0' has the unit mm"):
+        mv.compare(chain(), data)
     with pytest.raises(mv.ResponseError, match="b is an int; expected a Model"):
         mv.compare(chain(), 3)
 
