@@ -131,15 +131,14 @@ class Prismatic:
     def mass_points(self) -> MassPoints:
         """Return its mass at four Gauss points."""
         ratios = shear_ratios(self.length, self.section, self.material, self.shear)
-        x, shares = gauss(4)
-        moves, turns = np.zeros((2, len(x), 3, 12))
-        for column, part in ((0, 1.0 - x), (6, x)):
-            moves[:, 0, column] = turns[:, 0, column + 3] = part
+        at, shares = gauss(4), gauss(4).weight
+        moves, turns = np.zeros((2, len(shares), 3, 12))
+        moves[:, 0, [0, 6]] = turns[:, 0, [3, 9]] = at.linear
         for (indices, sign), phi, across, about in zip(PLANES, ratios, (1, 2), (2, 1), strict=True):
             slopes = np.array([1.0, sign, 1.0, sign])
-            moves[:, across, indices] = slopes * deflection(x, self.length, phi)
+            moves[:, across, indices] = slopes * deflection(at.deflection, self.length, phi)
             if self.shear:
-                turns[:, about, indices] = sign * slopes * rotation(x, self.length, phi)
+                turns[:, about, indices] = sign * slopes * rotation(at.rotation, self.length, phi)
         iy, iz = self.section.Iy, self.section.Iz
         sections = self.length * self.material.rho * np.array([iy + iz, iy, iz])
         return MassPoints(self.mass * shares, shares[:, None] * sections, moves, turns)
@@ -180,17 +179,16 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
     theta2) in the element's axes; numbers of the section and the material may have leading axes.
     """
     mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
-    (x, weight), parts = gauss(2), []
+    two, three, four, parts = gauss(2), gauss(3), gauss(4), []
     for inertia, ends in ((mass, [0, 6]), (polar_inertia, [3, 9])):
-        parts.append((inertia, weight, ends, np.stack((1.0 - x, x), axis=-1)))
+        parts.append((inertia, two.weight, ends, two.linear))
     for (indices, sign), phi, moment in zip(PLANES, shear_ratios(length, section, material, shear),
                                             (section.Iz, section.Iy), strict=True):  # fmt: skip
         slopes = np.array([1.0, sign, 1.0, sign])
-        x, weight = gauss(4)
-        parts.append((mass, weight, indices, slopes * deflection(x, length, phi)))
+        parts.append((mass, four.weight, indices, slopes * deflection(four.deflection, length, phi)))
         if shear:
-            x, weight = gauss(3)
-            parts.append((material.rho * moment * length, weight, indices, slopes * rotation(x, length, phi)))
+            turns = slopes * rotation(three.rotation, length, phi)
+            parts.append((material.rho * moment * length, three.weight, indices, turns))
     return in_columns([(indices, np.sqrt(np.asarray(inertia)[..., None] * weight)[..., None] * values)
                        for inertia, weight, indices, values in parts])  # fmt: skip
 
@@ -207,27 +205,50 @@ def in_columns(parts: Sequence[tuple[list[int], Array]]) -> Array:
     return result
 
 
-def deflection(x: Array, length: float, phi: Any) -> Array:
-    """Return the deflection (..., n, 4) at x (n,), 0..1, per deflection and rotation of either end."""
-    y, phi = 1.0 - x, np.asarray(phi)[..., None, None]
-    fixed = np.stack((y * y * (1.0 + 2.0 * x), length * x * y * y, x * x * (1.0 + 2.0 * y), -length * x * x * y), -1)
-    sheared = np.stack((y, 0.5 * length * x * y, x, -0.5 * length * x * y), axis=-1)
-    return np.asarray((fixed + phi * sheared) / (1.0 + phi))
+class Shapes(NamedTuple):
+    """Shapes of an element of unit length at points x (n,), 0..1, with integration weights.
+
+    ``linear`` (n, 2): linear shapes. ``deflection`` and ``rotation`` (2, n, 4): per deflection and rotation of either
+    end, without shear and what is added per ratio of bending to shear stiffness.
+    """
+
+    x: Array
+    weight: Array
+    linear: Array
+    deflection: Array
+    rotation: Array
 
 
-def rotation(x: Array, length: float, phi: Any) -> Array:
-    """Return the rotation (..., n, 4) of the sections at x (n,), 0..1, per deflection and rotation of either end."""
-    y, phi = 1.0 - x, np.asarray(phi)[..., None, None]
-    slope, none = 6.0 * x * y / length, np.zeros_like(x)
-    fixed = np.stack((-slope, y * (1.0 - 3.0 * x), slope, x * (1.0 - 3.0 * y)), axis=-1)
-    return np.asarray((fixed + phi * np.stack((none, y, none, x), axis=-1)) / (1.0 + phi))
+def shapes_at(x: Array, weight: Array) -> Shapes:
+    """Return the shapes at points x (n,) with weights (n,)."""
+    y = 1.0 - x
+    both, none = x * y, np.zeros_like(x)
+    deflection = np.array([(y * y * (1.0 + 2.0 * x), both * y, x * x * (1.0 + 2.0 * y), -both * x),
+                           (y, 0.5 * both, x, -0.5 * both)])  # fmt: skip
+    rotation = np.array([(-6.0 * both, y * (1.0 - 3.0 * x), 6.0 * both, x * (1.0 - 3.0 * y)), (none, y, none, x)])
+    return Shapes(x, weight, np.stack((y, x), axis=-1), deflection.swapaxes(1, 2), rotation.swapaxes(1, 2))
 
 
 @cache
-def gauss(points: int) -> tuple[Array, Array]:
-    """Return Gauss points and weights (n,) on 0..1."""
+def gauss(points: int) -> Shapes:
+    """Return the shapes at Gauss points."""
     x, weight = np.polynomial.legendre.leggauss(points)
-    return 0.5 * (1.0 + x), 0.5 * weight
+    return shapes_at(0.5 * (1.0 + x), 0.5 * weight)
+
+
+def deflection(shapes: Array, length: float, phi: Any) -> Array:
+    """Return the deflection (..., n, 4) of an element of a length [m], for ratios phi (...), from (2, n, 4)."""
+    return _with_shear(shapes * np.array((1.0, length, 1.0, length)), phi)
+
+
+def rotation(shapes: Array, length: float, phi: Any) -> Array:
+    """Return the rotation (..., n, 4) of the sections of an element of a length [m], for ratios phi (...)."""
+    return _with_shear(shapes / np.array((length, 1.0, length, 1.0)), phi)
+
+
+def _with_shear(shapes: Array, phi: Any) -> Array:
+    phi = np.asarray(phi)[..., None, None]
+    return np.asarray((shapes[0] + phi * shapes[1]) / (1.0 + phi))
 
 
 def check_flags(who: str, shear: Any, second_order: Any) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.beam_prestress import bent_lines, check_compression, least_energy_forces
+from mbsvib.equations.beam_prestress import bent_lines, check_compression, elements_of, least_energy_forces
 from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
@@ -108,8 +108,9 @@ class Prestress:
             own = preload[:, start : start + len(beam.element_names)]
             falls = np.broadcast_to(fall, (*own.shape[:-1], 3))
             varied = self._in_variants(beam, values)
-            check_compression(varied, own)
-            result += bent_lines(varied, own, falls, every=True)
+            elements = elements_of(varied)
+            check_compression(varied, elements, own)
+            result += bent_lines(varied, elements, own, falls, every=True)
             start += own.shape[1]
         return result
 
@@ -143,8 +144,10 @@ def prestress(model: Mechanism, scene: Scene) -> tuple[Prestress, Scene] | None:
             beam.displacements is not None for beam in beams):  # fmt: skip
         return None
     beams.sort(key=lambda beam: names[beam.name])
-    lines = [rows for beam in beams for rows in bent_lines(beam, np.zeros((len(beam.element_names), 6)),
-                                                           np.zeros((len(beam.element_names), 3)), True)]  # fmt: skip
+    lines: list[SharedRows] = []
+    for beam in beams:
+        elements = elements_of(beam)
+        lines += bent_lines(beam, elements, *(np.zeros((len(elements), k)) for k in (6, 3)), every=True)
     ordered = in_order((*constant, *lines))
     first = np.cumsum([0, *[rows.matrix.shape[-2] for rows in ordered]])
     starts = {id(rows): start for rows, start in zip(ordered, first.tolist(), strict=False)}

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam import Beam
+    from mbsvib.elements.beam_element import Element
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
@@ -168,43 +169,54 @@ def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
     return result
 
 
-def per_tension(beam: Beam) -> Array:
+def elements_of(beam: Beam) -> list[Element]:
+    """Return what the elements of a beam are made of; those of one length are the same."""
+    lengths = [length for length, _ in beam.frames()]
+    made = {length: beam.element(length) for length in set(lengths)}
+    return [made[length] for length in lengths]
+
+
+def per_tension(beam: Beam, elements: Sequence[Element]) -> Array:
     """Return the geometric stiffness of bent lines per unit tension [N/m, N m per N], beyond that of rigid halves.
 
     Returns (..., elements, 6): the squares of the six deformations of each element, in its axes.
     """
-    parts = []
-    for length, _ in beam.frames():
-        one, other = beam.element(length).bent_lines()
-        across = (one.deflected + 1.0 / length, other.deflected + 1.0 / length)
-        about = (other.turned - 0.25 * length, one.turned - 0.25 * length)
-        parts.append(np.stack(np.broadcast_arrays(0.0, *across, 0.0, *about), axis=-1))
-    return np.stack(np.broadcast_arrays(*parts), axis=-2)
+    made: dict[int, Array] = {}
+    for element, (length, _) in zip(elements, beam.frames(), strict=True):
+        if id(element) not in made:
+            one, other = element.bent_lines()
+            across = (one.deflected + 1.0 / length, other.deflected + 1.0 / length)
+            about = (other.turned - 0.25 * length, one.turned - 0.25 * length)
+            made[id(element)] = np.stack(np.broadcast_arrays(0.0, *across, 0.0, *about), axis=-1)
+    return np.stack(np.broadcast_arrays(*[made[id(element)] for element in elements]), axis=-2)
 
 
-def check_compression(beam: Beam, preload: Array) -> None:
+def check_compression(beam: Beam, elements: Sequence[Element], preload: Array) -> None:
     """Warn of elements that nearly buckle under forces (..., elements, 6)."""
-    stiffness = [np.stack(np.broadcast_arrays(*beam.element(length).stiffness()[1:3]), axis=-1)
-                 for length, _ in beam.frames()]  # fmt: skip
-    shares = preload[..., :1] * per_tension(beam)[..., 1:3] / np.stack(np.broadcast_arrays(*stiffness), axis=-2)
+    stiffness = {id(element): np.stack(np.broadcast_arrays(*element.stiffness()[1:3]), axis=-1)
+                 for element in {id(element): element for element in elements}.values()}  # fmt: skip
+    per_length = np.stack(np.broadcast_arrays(*[stiffness[id(element)] for element in elements]), axis=-2)
+    shares = preload[..., :1] * per_tension(beam, elements)[..., 1:3] / per_length
     beam.check_compression(float(shares.real.max()))
 
 
-def bent_lines(beam: Beam, preload: Array, fall: Array, every: bool = False) -> list[SharedRows]:
+def bent_lines(
+    beam: Beam, elements: Sequence[Element], preload: Array, fall: Array, every: bool = False
+) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
-    ``preload`` (..., elements, 6) are the forces in the elements, in their axes, ``fall`` (..., elements, 3) is the
-    acceleration of gravity and of hubs. The rows have signed stiffness, those without any only where ``every`` row is
-    asked for.
+    ``elements`` are those of ``elements_of``, ``preload`` (..., elements, 6) the forces in them, in their axes, and
+    ``fall`` (..., elements, 3) is the acceleration of gravity and of hubs. The rows have signed stiffness, those
+    without any only where ``every`` row is asked for.
     """
     result, unit = [], np.eye(6)
-    squares = -preload[..., :1] * per_tension(beam)
-    for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
-        lines, weight = beam.element(length).bent_lines(), beam.element(unloaded).mass * (
-            fall[..., i, :] @ np.array(axes)[:, 0])  # fmt: skip
+    squares = -preload[..., :1] * per_tension(beam, elements)
+    unloaded = elements if beam.displacements is None else elements_of(beam.without_forces())
+    for i, ((length, axes), element, rest) in enumerate(zip(beam.frames(), elements, unloaded, strict=True)):
+        weight = rest.mass * (fall[..., i, :] @ np.array(axes)[:, 0])
         # the product of d_k and r_j is a difference of two squares
         products = 0.5 * skew(preload[..., i, :3])
-        for k, j, sign, line in ((1, 2, 1.0, lines[0]), (2, 1, -1.0, lines[1])):
+        for k, j, sign, line in zip((1, 2), (2, 1), (1.0, -1.0), element.bent_lines(), strict=True):
             products[..., k, j] += sign * weight * line.weighed
         of_products = 0.5 * length * products[..., MIXED[0], MIXED[1]]
         values = np.concatenate((squares[..., i, BENDING], of_products, -of_products), axis=-1)

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle, Section
-from mbsvib.elements.beam_element import deflection, mass_rows, rotation, shear_ratios, stiffness
+from mbsvib.elements.beam_element import deflection, mass_rows, rotation, shapes_at, shear_ratios, stiffness
 from tests.beams.reference import assembled, cantilever_plane, eigenvalue_near, matrices
 
 MATERIAL = Material(E=7e10, nu=0.33, rho=2700.0)
@@ -41,7 +41,8 @@ def test_element_matrices_are_those_of_the_book(length, shear):
 
 def test_shape_functions_at_the_ends_and_under_rigid_motion():
     x, phi = np.array([0.0, 1.0, 0.3]), np.array([0.0, 0.7])
-    deflections, rotations = deflection(x, 2.0, phi), rotation(x, 2.0, phi)
+    shapes = shapes_at(x, np.ones(3))
+    deflections, rotations = deflection(shapes.deflection, 2.0, phi), rotation(shapes.rotation, 2.0, phi)
     turned = np.array([-0.6, 1.0, 1.4, 1.0])  # about x = 0.3 of the length 2
     for i in range(2):
         assert deflections[i, 0] == pytest.approx([1, 0, 0, 0], abs=1e-15)
@@ -49,7 +50,7 @@ def test_shape_functions_at_the_ends_and_under_rigid_motion():
         assert rotations[i, 0] == pytest.approx([0, 1, 0, 0], abs=1e-15)
         assert deflections[i, 2] @ turned == pytest.approx(0.0, abs=1e-15)
         assert rotations[i, 2] @ turned == pytest.approx(1.0, rel=1e-15)
-        np.testing.assert_array_equal(deflections[i], deflection(x, 2.0, phi[i]))
+        np.testing.assert_array_equal(deflections[i], deflection(shapes.deflection, 2.0, phi[i]))
 
 
 @pytest.mark.parametrize("shear", [False, True])

@@ -20,7 +20,7 @@ import numpy as np
 from mbsvib.elements import beam_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC, EXPANSIONS
-from mbsvib.equations.beam_prestress import bent_lines, per_tension
+from mbsvib.equations.beam_prestress import bent_lines, elements_of, per_tension
 from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import moved, transformed
 from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, factors, form_terms, part_slopes
@@ -136,7 +136,8 @@ def _loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, 
     if isinstance(part, Beam):
         axes = np.array([axes for _, axes in part.frames()])
         local = np.concatenate((np.einsum("eji,ej->ei", axes, force), np.zeros_like(force)), axis=1)
-        rows: Sequence[SharedRows] = bent_lines(part, local, np.broadcast_to(gravity, force.shape))
+        rows: Sequence[SharedRows] = bent_lines(part, elements_of(part), local,
+                                                np.broadcast_to(gravity, force.shape))  # fmt: skip
     else:
         rows = ELASTIC[type(part)](part, tuple(gravity.tolist())).weight_stiffness if gravity.any() else ()
     return [(key, *values) for key, values in _forms(rows).items()]
@@ -343,7 +344,7 @@ BEAM = PartRules(
     loaded=LoadRules(
         lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
         bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]),
-                                 per_tension(beam)[..., None] * np.eye(6)),
+                                 per_tension(beam, elements_of(beam))[..., None] * np.eye(6)),
         reactions=lambda beam: (beam.element_names, (), 0), **_COMMON),
 )  # fmt: skip
 SUPERELEMENT = PartRules("composed", loaded=LoadRules(
