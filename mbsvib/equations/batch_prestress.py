@@ -147,7 +147,7 @@ def prestress(model: Mechanism, scene: Scene) -> tuple[Prestress, Scene] | None:
     lines: list[SharedRows] = []
     for beam in beams:
         elements = elements_of(beam)
-        lines += bent_lines(beam, elements, *(np.zeros((len(elements), k)) for k in (6, 3)), every=True)
+        lines += bent_lines(beam, elements, np.zeros((len(elements), 6)), np.zeros((len(elements), 3)), every=True)
     ordered = in_order((*constant, *lines))
     first = np.cumsum([0, *[rows.matrix.shape[-2] for rows in ordered]])
     starts = {id(rows): start for rows, start in zip(ordered, first.tolist(), strict=False)}
