@@ -24,6 +24,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+import mbsvib as mv
 from mbsvib import library
 from mbsvib.modes import modes
 from mbsvib.modes.batch import batch_modes
@@ -50,6 +51,19 @@ def shifted(model, names, rng, count, *, step=1e-3):
     return {name: model.parameters[name] + step * rng.normal(size=count) for name in names}
 
 
+def guide():
+    """A parallel guide of two leaf springs under gravity."""
+    model = mv.Model("guide", gravity=(0.0, 0.0, -9.81))
+    model.add_model("guide", library.parallel_guide())
+    return model
+
+
+def of_flexures(model, rng, count):
+    """Moduli and thicknesses of all flexures, 1 % around theirs."""
+    names = [name for name in model.parameters if name.endswith((".E", ".thickness"))]
+    return {name: model.parameters[name] * rng.uniform(0.99, 1.01, size=count) for name in names}
+
+
 SWEEPS = {
     "Stewart, 6 stiffnesses": (
         library.stewart, lambda m, *a: scaled(m, parts_of(m, "springs", "stiffness"), *a), "30",
@@ -73,6 +87,8 @@ SWEEPS = {
         lambda: library.chain(50, line=(0, 1, 0)),
         lambda m, *a: scaled(m, [n for n in parts_of(m, "springs", "stiffness") if m.parameters[n]][:10], *a), "",
     ),
+    "parallel guide, 2 leaf springs": (library.parallel_guide, of_flexures, "60"),
+    "parallel guide under gravity": (guide, of_flexures, "60"),
 }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from mbsvib.linalg.rotations import exponential
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements.bushing import Six
     from mbsvib.elements.placement import Placement, Pose
 
@@ -117,6 +117,15 @@ class Beam(Composed):
     @property
     def signed_fields(self) -> frozenset[str]:
         return SIGNED | ({"width", "height", "radius"} if isinstance(self.section, Circle | Rectangle) else set())
+
+    def suspects(self, values: Mapping[str, Array]) -> Bools | bool:
+        if not values.keys() <= self.batched_fields:
+            return True
+        nu = values.get("nu", np.zeros(1))
+        result: Bools = ~((nu > -1.0) & (nu <= 0.5)) | self.of_variants(values).section.doubtful
+        for name, value in values.items():
+            result = result | (value < 0.0 if name in DAMPING else value <= 0.0 if name != "nu" else False)
+        return result
 
     def of_variants(self, values: Mapping[str, Array]) -> Beam:
         """Return the beam with the numbers of many variants, unchecked, for its elements alone.

@@ -49,9 +49,14 @@ class Leaf(Checked):
     width: float
     thickness: float
 
+    @property
+    def doubtful(self) -> Any:
+        """Whether it is thicker than wide."""
+        return self.thickness > self.width
+
     def __post_init__(self) -> None:
         super(Leaf, self).__post_init__()
-        if self.thickness > self.width:
+        if self.doubtful:
             raise check.refuse("leaf", "thickness", self.thickness, f"at most the width, {self.width:g} m")
 
     def properties(self, nu: float) -> Properties:
@@ -106,10 +111,19 @@ class _Cut(Checked):
         flat, along, _ = self.profile()
         return 2.0 * (flat + along)
 
+    @property
+    def _too_thin(self) -> Any:
+        return self.thickness < THINNEST * self.profile()[2]
+
+    @property
+    def doubtful(self) -> Any:
+        """Whether its neck is too thin for the points along it."""
+        return self._too_thin
+
     def element(self, length: float, material: Material, shear: bool) -> Element:
         """Return the element of this shape stretched to a length [m]; it always has shear deformation."""
         (flat, along, deep), stretch = self.profile(), length / self.extent
-        if np.any(self.thickness < THINNEST * deep):
+        if np.any(self._too_thin):
             expected = f"at least {THINNEST:g} of the depth of the cuts, {deep:g} m"
             raise check.refuse(type(self).__name__.lower(), "thickness", self.thickness, expected)
         return NotchElement(flat * stretch, along * stretch, deep, self.thickness, self.width, material)
@@ -153,9 +167,18 @@ class CornerFilleted(_Cut):
     length: float
     radius: float
 
+    @property
+    def doubtful(self) -> Any:
+        """Whether its corners are longer than it, or its neck is too thin."""
+        return self._too_wide | self._too_thin
+
+    @property
+    def _too_wide(self) -> Any:
+        return self.radius > 0.5 * self.length
+
     def __post_init__(self) -> None:
         super(CornerFilleted, self).__post_init__()
-        if self.radius > 0.5 * self.length:
+        if self._too_wide:
             raise check.refuse("corner-filleted hinge", "radius", self.radius, f"at most half the length, "
                                f"{0.5 * self.length:g} m")  # fmt: skip
 

@@ -43,6 +43,11 @@ class Checked:
 
     __slots__ = ()
 
+    @property
+    def doubtful(self) -> Any:
+        """Whether positive numbers, also arrays of them, do not fit together."""
+        return False
+
     def __post_init__(self) -> None:
         family: Any = type(self)
         for item in fields(family):
@@ -116,9 +121,14 @@ class Tube(Checked):
     ky: float | None = None
     kz: float | None = None
 
+    @property
+    def doubtful(self) -> Any:
+        """Whether it has no place for its wall."""
+        return self.wall > self.radius
+
     def __post_init__(self) -> None:
         super(Tube, self).__post_init__()
-        if self.wall > self.radius:
+        if self.doubtful:
             raise check.refuse("tube", "wall", self.wall, f"at most the outer radius {self.radius:g} m")
 
     def properties(self, nu: float) -> Properties:

@@ -184,7 +184,7 @@ def _behind(variant: Callable[[int], Mechanism], start: int, i: int) -> Mechanis
     return variant(start + i)
 
 
-def of_variant(batch: BatchEquations, k: int) -> Equations:
+def of_variant(batch: BatchEquations, k: int, parts: bool = True) -> Equations:
     """Return the equations of a variant for all that depends on matrices alone, as modes and responses do.
 
     Parameters
@@ -193,6 +193,8 @@ def of_variant(batch: BatchEquations, k: int) -> Equations:
         The batch.
     k : int
         The variant.
+    parts : bool
+        Whether the parts of the mechanism, which matrices do not tell, are those of the variant.
 
     Returns
     -------
@@ -205,21 +207,23 @@ def of_variant(batch: BatchEquations, k: int) -> Equations:
     arrays |= {name: getattr(batch, name)[k][used] for name in ("elastic_rows", "row_stiffness", "row_damping")}
     optional = {name: getattr(batch, name) for name in OPTIONAL}
     arrays |= {name: part[k] if part is not None and part[k].any() else None for name, part in optional.items()}
-    return replace(batch.nominal, row_owner=batch.row_owner[used], provenance=_provenance(batch, k), **arrays)
+    return replace(batch.nominal, row_owner=batch.row_owner[used], provenance=_provenance(batch, k, parts), **arrays)
 
 
-def _provenance(batch: BatchEquations, k: int) -> Provenance:
-    """Provenance of a variant: that of the nominal pose with the variant's parts and loops."""
+def _provenance(batch: BatchEquations, k: int, parts: bool) -> Provenance:
+    """Provenance of a variant: that of the nominal pose with the variant's loops and, where asked for, its parts."""
     if batch.provenances is not None:
         return batch.provenances[k]
     nominal, values = batch.nominal.provenance, batch.values
     topology, reduction, origin = nominal.topology, nominal.reduction, nominal.origin
+    if batch.closure is not None:
+        reduction = replace(reduction, matrix=batch.closure[k])
+    if not parts:
+        return replace(nominal, reduction=reduction)
     changed: dict[str, Any] = {name: values.of_variant(values.parameters.parts[name], k) for name in values.index}
 
     def at(parts: Iterable[Any]) -> tuple[Any, ...]:  # the node of a connection has joints of its name
         return tuple([new if type(new := changed.get(part.name, part)) is type(part) else part for part in parts])
 
-    if batch.closure is not None:
-        reduction = replace(reduction, matrix=batch.closure[k])
     return replace(nominal, topology=replace(topology, joints=at(topology.joints)), parts=at(nominal.parts),
                    reduction=reduction, origin=None if origin is None else origin.with_changed(changed))  # fmt: skip

@@ -147,7 +147,7 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
     reasons, rigid = list(result.classical), np.zeros(len(batch), dtype=np.intp)
     separate_modes: dict[int, Modes] = {}
     for i in np.flatnonzero(~result.accurate).tolist():
-        variant = modes(of_variant(batch, i), rtol, True, form)
+        variant = modes(of_variant(batch, i, parts=False), rtol, True, form)
         separate_modes[i] = variant
         result.pairs[i], result.errors[i] = variant.pairs, variant.pair_errors
         reasons[i], rigid[i] = variant.classical, variant.rigid
@@ -163,7 +163,7 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
 
 def _solved_separately(batch: BatchEquations, rtol: float, form: type[Modes]) -> BatchModes:
     """Modes of variants with unsymmetric matrices or massless motions, each variant solved separately."""
-    separate_modes = [modes(of_variant(batch, i), rtol, True, form) for i in range(len(batch))]
+    separate_modes = [modes(of_variant(batch, i, parts=False), rtol, True, form) for i in range(len(batch))]
     first_order = np.array([np.zeros(len(variant), dtype=bool) if variant.first_order is None else variant.first_order
                             for variant in separate_modes])  # fmt: skip
     return BatchModes(
