@@ -1,8 +1,8 @@
 """Undamped modes of all variants at once: the first solver of ``mbsvib.modes.undamped``, refined on the factors.
 
 The formulas are those of single systems, over arrays with an axis of variants, for the common case: no rigid-body
-mode, no negative stiffness, shapes that one rotation orthonormalizes. Variants that are not solved to the required
-accuracy are marked, and the caller solves them separately.
+mode, no mode of negative stiffness, shapes that one rotation orthonormalizes. Variants that are not solved to the
+required accuracy are marked, and the caller solves them separately.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.linalg.products import drift
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.undamped import SEPARATE, SMALL_ANGLE, SUSPECT, shift_by_coupling
+from mbsvib.modes.undamped import FORCES, SEPARATE, SMALL_ANGLE, SUSPECT, shift_by_coupling
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,14 +51,15 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     """
     square, shapes, accurate = _by_products(batch)
     largest = np.abs(square).max(axis=1, initial=0.0)
-    # variants with rigid-body modes or negative stiffness are solved separately
-    accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.row_stiffness >= 0.0).all(axis=1)
+    # variants with rigid-body modes or modes of negative stiffness are solved separately
+    accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1)
     square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
     rounding = drift(batch.elastic_rows[0], batch.inertia_factor[0])
     errors += rounding
-    inaccurate = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
+    cancels = (batch.row_stiffness < 0.0).any(axis=1)  # by stiffness of loads, so that K has larger terms
+    inaccurate = np.flatnonzero(accurate & (cancels | (errors.max(axis=1, initial=0.0) > SHARE * rtol)))
     if len(inaccurate):
         refined = _refined(batch, inaccurate, shapes[inaccurate], rounding)
         square[inaccurate], shapes[inaccurate], errors[inaccurate], unresolved = refined
@@ -88,12 +89,13 @@ def _refined(
 
     ``rounding``: that of sums over many rows, see ``drift``.
     """
-    rows = batch.elastic_rows[which] * np.sqrt(batch.row_stiffness[which])[:, :, None]
+    stiffness = batch.row_stiffness[which]
+    rows = batch.elastic_rows[which] * np.sqrt(np.abs(stiffness))[:, :, None]
     h = batch.inertia_factor[which] @ shapes
     length = np.sqrt(np.einsum("vij,vij->vj", h, h))[:, None]
     h, phi = h / length, shapes / length
     e = rows @ phi
-    inertia, elastic = h.swapaxes(1, 2) @ h, e.swapaxes(1, 2) @ e
+    inertia, elastic = h.swapaxes(1, 2) @ h, e.swapaxes(1, 2) @ (np.sign(stiffness)[:, :, None] * e)
     square = np.einsum("vii->vi", elastic).copy()
     at = np.arange(square.shape[1])
     residual = elastic - inertia * square[:, None]
@@ -106,6 +108,7 @@ def _refined(
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
     uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved + noise
+    uncertainty += FORCES * EPS * np.where((stiffness < 0.0).any(axis=1)[:, None], np.einsum("vij,vij->vj", e, e), 0.0)
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]

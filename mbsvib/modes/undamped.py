@@ -55,6 +55,8 @@ MIXED = 1e-10
 CLOSER = 1e-14
 # Loops whose smallest pivot p is above this lose no accuracy; others lose eps / p of every frequency at most.
 WELL_CLOSED = 0.1
+# Units of the last digit by which the stiffness of loads is rounded, as sums of products of forces and arms are.
+FORCES = 4.0
 
 
 @fast_init
@@ -207,8 +209,12 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     size = np.abs(value)
     power = phi * phi
     uncertainty = np.abs(corrections, out=corrections).sum(axis=0) + unresolved
-    least = EPS * np.sqrt(np.abs(square) * (scene.stiffness_diagonal @ power))
+    # stiffness of both signs cancels: terms are larger than their sum, and those of loads are rounded by themselves
+    energy = np.abs(square) if scene.sign is None else np.einsum("ij,ij->j", e, e)
+    least = EPS * np.sqrt(energy * (scene.stiffness_diagonal @ power))
     uncertainty += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
+    if scene.sign is not None:
+        uncertainty += FORCES * EPS * energy
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * uncertainty, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     largest_error = float(errors.max(initial=0.0))
