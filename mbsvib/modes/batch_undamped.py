@@ -108,7 +108,8 @@ def _refined(
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
     uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved + noise
-    uncertainty += FORCES * EPS * np.where((stiffness < 0.0).any(axis=1)[:, None], np.einsum("vij,vij->vj", e, e), 0.0)
+    cancels = np.asarray((stiffness < 0.0).any(axis=1))[:, None]
+    uncertainty += FORCES * EPS * np.where(cancels, np.einsum("vij,vij->vj", e, e), 0.0)
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
