@@ -61,6 +61,10 @@ class Element(Protocol):
     """What a beam is made of between two nodes, in the axes of the element (x along it)."""
 
     @property
+    def length(self) -> Any:
+        """Its length [m]."""
+
+    @property
     def mass(self) -> float:
         """Its mass [kg]."""
 

@@ -20,7 +20,7 @@ straight halves, and the last term adds what the bent line does beyond it.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from mbsvib.linalg.rank import EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam import Beam
@@ -176,28 +176,30 @@ def elements_of(beam: Beam) -> list[Element]:
     return [made[length] for length in lengths]
 
 
-def per_tension(beam: Beam, elements: Sequence[Element]) -> Array:
+def _rows(elements: Sequence[Element], of: Callable[[Element], Sequence[Any]]) -> Array:
+    """Numbers (..., elements, k) of all elements, those of one element computed once."""
+    made = {key: np.stack(np.broadcast_arrays(*of(element)), axis=-1)
+            for key, element in {id(element): element for element in elements}.items()}  # fmt: skip
+    return np.stack(np.broadcast_arrays(*[made[id(element)] for element in elements]), axis=-2)
+
+
+def per_tension(elements: Sequence[Element]) -> Array:
     """Return the geometric stiffness of bent lines per unit tension [N/m, N m per N], beyond that of rigid halves.
 
     Returns (..., elements, 6): the squares of the six deformations of each element, in its axes.
     """
-    made: dict[int, Array] = {}
-    for element, (length, _) in zip(elements, beam.frames(), strict=True):
-        if id(element) not in made:
-            one, other = element.bent_lines()
-            across = (one.deflected + 1.0 / length, other.deflected + 1.0 / length)
-            about = (other.turned - 0.25 * length, one.turned - 0.25 * length)
-            made[id(element)] = np.stack(np.broadcast_arrays(0.0, *across, 0.0, *about), axis=-1)
-    return np.stack(np.broadcast_arrays(*[made[id(element)] for element in elements]), axis=-2)
+    def of(element: Element) -> Sequence[Any]:
+        (one, other), length = element.bent_lines(), element.length
+        return (0.0, one.deflected + 1.0 / length, other.deflected + 1.0 / length,
+                0.0, other.turned - 0.25 * length, one.turned - 0.25 * length)  # fmt: skip
+
+    return _rows(elements, of)
 
 
 def check_compression(beam: Beam, elements: Sequence[Element], preload: Array) -> None:
     """Warn of elements that nearly buckle under forces (..., elements, 6)."""
-    stiffness = {id(element): np.stack(np.broadcast_arrays(*element.stiffness()[1:3]), axis=-1)
-                 for element in {id(element): element for element in elements}.values()}  # fmt: skip
-    per_length = np.stack(np.broadcast_arrays(*[stiffness[id(element)] for element in elements]), axis=-2)
-    shares = preload[..., :1] * per_tension(beam, elements)[..., 1:3] / per_length
-    beam.check_compression(float(shares.real.max()))
+    stiffness = _rows(elements, lambda element: element.stiffness()[1:3])
+    beam.check_compression(float((preload[..., :1] * per_tension(elements)[..., 1:3] / stiffness).real.max()))
 
 
 def bent_lines(
@@ -210,7 +212,7 @@ def bent_lines(
     without any only where ``every`` row is asked for.
     """
     result, unit = [], np.eye(6)
-    squares = -preload[..., :1] * per_tension(beam, elements)
+    squares = -preload[..., :1] * per_tension(elements)
     unloaded = elements if beam.displacements is None else elements_of(beam.without_forces())
     for i, ((length, axes), element, rest) in enumerate(zip(beam.frames(), elements, unloaded, strict=True)):
         weight = rest.mass * (fall[..., i, :] @ np.array(axes)[:, 0])

@@ -28,7 +28,7 @@ def states(matrix, start, constant):
 
 
 def test_the_current_of_a_coil_and_the_energy_it_takes():
-    """m x'' + c x' + k x = T i, L i' + R i = u - T x', from a step of the voltage, and a free coil that is let go."""
+    """m x'' + c x' + k x = T i, L i' + R i = u - T x', from a step of the voltage, and a free coil that is released."""
     model = on_a_rail()
     model.add_voice_coil("a", "ground", "b", (0, 0, -0.5), (0, 0, 0), T, R, L)
     model.add_output("x", "b", "z")

@@ -344,7 +344,7 @@ BEAM = PartRules(
     loaded=LoadRules(
         lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
         bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]),
-                                 per_tension(beam, elements_of(beam))[..., None] * np.eye(6)),
+                                 per_tension(elements_of(beam))[..., None] * np.eye(6)),
         reactions=lambda beam: (beam.element_names, (), 0), **_COMMON),
 )  # fmt: skip
 SUPERELEMENT = PartRules("composed", loaded=LoadRules(
