@@ -108,6 +108,8 @@ class Variants:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             plan = batch_plan(model, values.slots, system.coordinates, self._cut)
+            if along and plan.prestress is not None:  # the pose moves as if beams were rigid, forces do not
+                return
             if not plan.at_once(values) or plan.nominal.coordinates != system.coordinates or not {*along} <= {
                     *plan.names}:  # fmt: skip
                 return
