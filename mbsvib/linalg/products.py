@@ -53,10 +53,10 @@ def weighted_gram(rows: Array, value: Array) -> Array:
             if column is not None:
                 # bincount of an empty array returns integers
                 weights = value * rows[np.arange(len(rows)), column] ** 2
-                total = np.bincount(column, weights.real, rows.shape[1]).astype(weights.dtype)
+                total: Any = np.bincount(column, weights.real, rows.shape[1]).astype(float)
                 if np.iscomplexobj(weights):
-                    total += 1j * np.bincount(column, weights.imag, rows.shape[1])
-                return np.diag(total)
+                    total = total + 1j * np.bincount(column, weights.imag, rows.shape[1])
+                return np.asarray(np.diag(total))
     elif rows.ndim == 2:
         return _combined(rows, value)
     if np.iscomplexobj(rows) or np.iscomplexobj(value):
