@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.core.geometric_stiffness import cross
 from mbsvib.elements.rows import columns
-from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.products import concatenated, sums_by_number
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
@@ -151,9 +151,7 @@ def _by_body(vectors: Array, body: Index, count: int) -> Array:
     """Sums (..., count) of entries (..., n) by the numbers of their bodies."""
     rows = prod(vectors.shape[:-1])
     at = (count * np.arange(rows)[:, None] + body).reshape(-1)
-    sums: Array = np.bincount(at, vectors.real.reshape(-1), count * rows).astype(float)
-    if np.iscomplexobj(vectors):
-        sums = sums + 1j * np.bincount(at, vectors.imag.reshape(-1), count * rows)
+    sums = sums_by_number(at, vectors.reshape(-1), count * rows)
     return sums.reshape(*vectors.shape[:-1], count)
 
 

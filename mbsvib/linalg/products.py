@@ -51,12 +51,8 @@ def weighted_gram(rows: Array, value: Array) -> Array:
         if rows.shape[1] >= MANY:
             column = single_entries(rows)
             if column is not None:
-                # bincount of an empty array returns integers
                 weights = value * rows[np.arange(len(rows)), column] ** 2
-                total: Any = np.bincount(column, weights.real, rows.shape[1]).astype(float)
-                if np.iscomplexobj(weights):
-                    total = total + 1j * np.bincount(column, weights.imag, rows.shape[1])
-                return np.asarray(np.diag(total))
+                return np.asarray(np.diag(sums_by_number(column, weights, rows.shape[1])))
     elif rows.ndim == 2:
         return _combined(rows, value)
     if np.iscomplexobj(rows) or np.iscomplexobj(value):
@@ -113,6 +109,15 @@ def square_difference(square: Array, w: Array) -> Array:
     """Return omega^2 - w^2 of squares omega^2, which may be negative; as a product where digits would cancel."""
     root = np.sqrt(np.abs(square))
     return np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
+
+
+def sums_by_number(number: Index, values: Array, count: int) -> Array:
+    """Return the sums (count,) of values (n,), also of complex steps, by their numbers (n,)."""
+    # bincount of an empty array returns integers
+    result: Array = np.bincount(number, values.real, count).astype(float)
+    if np.iscomplexobj(values):
+        result = result + 1j * np.bincount(number, values.imag, count)
+    return result
 
 
 def single_entries(rows: Array) -> Index | None:

@@ -34,6 +34,14 @@ IN_LINE = 1e-14
 ACTS = 1e-6
 
 
+def followed(robot: Robot, name: str) -> tuple[float, float, str]:
+    """Return factor, offset and name of the joint that a joint mimics in the end, itself if none."""
+    factor, offset = 1.0, 0.0
+    while (mimic := robot.joints[name].mimic) is not None:
+        factor, offset, name = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
+    return factor, offset, name
+
+
 class Assembly:
     """A robot whose loops are to be closed; ``held`` are joints whose positions are given."""
 
@@ -61,9 +69,7 @@ class Assembly:
         """dq / dx (n, n): joints that mimic others have columns of zeros, and rows of those that they follow."""
         result = np.eye(len(self.scale))
         for name, joint in self.robot.joints.items():
-            factor, leader = 1.0, name
-            while (mimic := self.robot.joints[leader].mimic) is not None:
-                factor, leader = factor * mimic.factor, mimic.joint
+            factor, _, leader = followed(self.robot, name)
             if leader != name and FREEDOMS[joint.kind]:
                 result[self.column[name]] = 0.0
                 result[self.column[name], self.column[leader]] = factor

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError
-from mbsvib.urdf.closing import Assembly, link_frames
+from mbsvib.urdf.closing import Assembly, followed, link_frames
 from mbsvib.urdf.motion import FREEDOMS
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def _of_leaders(robot: Robot, pose: Mapping[str, float], path: str | PathLike[st
     values = {name: check.number(value, f"joint '{name}'", "pose") for name, value in pose.items()}
     result = {name: value for name, value in values.items() if robot.joints[name].mimic is None}
     for name, value in values.items():
-        factor, offset, leader = _followed(robot, name)
+        factor, offset, leader = followed(robot, name)
         if leader != name:
             expected = offset + factor * result.setdefault(leader, (value - offset) / factor)
             if abs(value - expected) > LIMIT_DIGITS * max(1.0, abs(value)):
@@ -63,19 +63,11 @@ def _of_leaders(robot: Robot, pose: Mapping[str, float], path: str | PathLike[st
     return result
 
 
-def _followed(robot: Robot, name: str) -> tuple[float, float, str]:
-    """Return factor, offset and name of the joint that a joint mimics in the end, itself if none."""
-    factor, offset = 1.0, 0.0
-    while (mimic := robot.joints[name].mimic) is not None:
-        factor, offset, name = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
-    return factor, offset, name
-
-
 def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, Array]:
     """Positions (freedoms,) of all joints; a joint that mimics another one follows it."""
     result: dict[str, Array] = {}
     for name, joint in robot.joints.items():
-        factor, offset, leader = _followed(robot, name)
+        factor, offset, leader = followed(robot, name)
         q = offset + factor * pose.get(leader, 0.0)
         if q and joint.kind not in KINDS:
             raise ModelError(f"joint '{name}': pose = {q:g}, but a {joint.kind} joint has no position of its own.",

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.equations.batch_assembly import BatchPlan
 from mbsvib.errors import ModelError
 
 STEEL, COUNT = {"E": 2e11, "rho": 7800.0, "nu": 0.3}, 4
@@ -104,14 +103,6 @@ def check_tangents(model, names):
         far, near = (getattr(systems[k], key) - getattr(systems[-k], key) for k in (2, 1))
         expected = (8.0 * near - far) / (12.0 * step)
         assert_allclose(getattr(tangent, key), expected, atol=3e-9 * max(np.abs(getattr(at(0.0), key)).max(), 1e-300))
-
-
-@pytest.fixture
-def at_once(monkeypatch):
-    def refuse(*_):
-        raise AssertionError("one after the other")
-
-    monkeypatch.setattr(BatchPlan, "_one_by_one", refuse)
 
 
 @pytest.mark.few(2)

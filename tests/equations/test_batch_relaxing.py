@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equations.batch_assembly import BatchPlan
 from mbsvib.equations.batch_one_by_one import Separating
 from mbsvib.errors import ModelError
 
@@ -48,14 +47,6 @@ def same(batch, model, values):
             expected = getattr(one, key)
             size = np.abs(expected).max(initial=0.0)
             np.testing.assert_allclose(getattr(batch[i], key), expected, rtol=1e-12, atol=1e-12 * size)
-
-
-@pytest.fixture
-def at_once(monkeypatch):
-    def refuse(*_):
-        raise AssertionError("one after the other")
-
-    monkeypatch.setattr(BatchPlan, "_one_by_one", refuse)
 
 
 @pytest.mark.few(1)
