@@ -46,7 +46,8 @@ def drawn():
     return model
 
 
-record = np.load(Path(__file__).parent / "data" / "fsm_excerpt.npz")
+with np.load(Path(__file__).parent / "data" / "fsm_excerpt.npz") as file:
+    record = dict(file)
 omega = 2 * np.pi * record["frequencies"]
 data = mv.Measurement(omega, record["responses_100"] * np.exp(1j * omega * DELAY) / FORCE, ("s1", "s2", "s3"),
                       ("V1", "V2", "V3"), variance=record["variance_100"] / FORCE**2)  # fmt: skip

@@ -95,6 +95,8 @@ def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[s
         array = np.asarray(value)
         if array.dtype.kind == "c":
             raise TypeError("complex")
+        if array.dtype.kind in "mM":
+            raise TypeError("dates, of which numpy makes counts of nanoseconds")
         if array.dtype.kind in "SU" or (array.dtype == object and any(isinstance(x, (str, bytes)) for x in array.flat)):
             raise TypeError("text, of which numpy reads '1_0' as 10")
         return np.asarray(array, dtype=float)

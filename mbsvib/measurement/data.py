@@ -17,7 +17,7 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted, nearest
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
-from mbsvib.measurement.matching import ORDERS, Matched
+from mbsvib.measurement.matching import ORDERS, Matched, unit_of
 from mbsvib.measurement.points import nodes_of, points_of
 
 if TYPE_CHECKING:
@@ -136,9 +136,14 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         if omega.ndim != 1 or not np.isfinite(omega).all() or (omega < 0.0).any() or (np.diff(omega) <= 0.0).any():
             raise ResponseError(f"{WHO}: omega {_not_ascending(omega)}; expected a vector of ascending angular "
                                 f"frequencies [rad/s], from 0 on, each once.")  # fmt: skip
+        try:
+            known = np.shape(self.responses)
+        except ValueError as error:
+            raise ResponseError(f"{WHO}: responses have rows of different lengths; expected numbers of outputs, inputs "
+                                f"and lines, NaN where nothing was measured.") from error  # fmt: skip
         for kind, count in (("outputs", -3), ("inputs", -2)):
             names = getattr(self, kind)
-            size = np.shape(self.responses)[count] if np.ndim(self.responses) == 3 else len(names)
+            size = known[count] if len(known) == 3 else len(names)
             set_(kind, signal_names(names, size, kind, WHO))
         shape = (len(self.outputs), len(self.inputs), len(omega))
         responses = _array(self.responses, shape, "responses", complex)
@@ -198,7 +203,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                 raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
                                     f"one of each.")  # fmt: skip
             points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
-            set_(f"{kind}_units", tuple(unit.replace("²", "^2").replace("/s2", "/s^2") for unit in units))
+            set_(f"{kind}_units", tuple(map(unit_of, units)))
             set_(f"{kind}_points", tuple(points))
         for name in ("modes", "lines", "left_out", "notes"):
             set_(name, tuple(getattr(self, name)))

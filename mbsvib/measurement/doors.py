@@ -13,6 +13,7 @@ from mbsvib.common.labelled import Labelled, of_responses
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.measurement.array_files import ArrayFiles
+from mbsvib.measurement.points import point_of
 from mbsvib.measurement.time_records import check_length, estimate, samples_of, si, stacked, step_of
 
 if TYPE_CHECKING:
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
 
 METHODS = ("H1", "H2", "Hv", "local", "periodic")
 HERTZ, ENDS = "frequency [Hz]", ["output", "input"]  # names of rows and columns in tables of pandas
+
+
+def _dotted(labels: Sequence[str]) -> tuple[str, ...]:
+    """Names of signals of python-control as they are here."""
+    return tuple([label if point_of(label) else label.replace(":", ".") for label in labels])
 
 
 class Doors(ArrayFiles):
@@ -94,9 +100,10 @@ class Doors(ArrayFiles):
         if noise_ratio is not None and (method != "Hv" or not noise_ratio > 0.0):
             raise ResponseError(f"from_records: noise_ratio = {shown(noise_ratio)} with method={method!r}; expected a "
                                 f"positive number with 'Hv', else none.")  # fmt: skip
-        if reference and method not in ("H1", "local"):
+        if reference is not None and method not in ("H1", "local"):
             raise ResponseError(f"from_records: reference with method={method!r}; expected 'H1' or 'local'.")
-        records, sizes = stacked({"output": outputs, "input": inputs, "reference": reference or {}})
+        loop = {} if reference is None else reference
+        records, sizes = stacked({"output": outputs, "input": inputs, "reference": loop})
         step = step_of(t, records.shape[-1])
         samples = samples_of(records.shape[-1], step, segments, period)
         check_length(samples * step, band, lowest, method)
@@ -186,6 +193,8 @@ class Doors(ArrayFiles):
     def from_frd(cls, frd: Any, **channels: Any) -> Self:
         """Return the responses of a frequency response data object of python-control, with its names.
 
+        A colon is a dot here, as python-control allows none, but in labels such as ``"B:101X+"``.
+
         Parameters
         ----------
         frd : control.FRD
@@ -208,10 +217,10 @@ class Doors(ArrayFiles):
             raise ResponseError(f"from_frd: {type(frd).__name__} has no frequency responses; expected a control.FRD.")
         order = np.argsort(frd.omega)
         return cls(omega=np.asarray(frd.omega)[order], responses=np.asarray(values)[..., order],
-                   outputs=tuple(frd.output_labels), inputs=tuple(frd.input_labels), **channels)  # type: ignore[call-arg]  # fmt: skip
+                   outputs=_dotted(frd.output_labels), inputs=_dotted(frd.input_labels), **channels)  # type: ignore[call-arg]  # fmt: skip
 
     def to_frd(self) -> Any:
-        """Return the responses as frequency response data of python-control, with all names.
+        """Return the responses as frequency response data of python-control, with all names; a dot is a colon there.
 
         Returns
         -------
@@ -221,8 +230,8 @@ class Doors(ArrayFiles):
         import control
 
         data: Any = self
-        return control.frd(data.responses.copy(), data.omega.copy(), inputs=list(data.inputs),
-                           outputs=list(data.outputs))  # fmt: skip
+        inputs, outputs = ([name.replace(".", ":") for name in names] for names in (data.inputs, data.outputs))
+        return control.frd(data.responses.copy(), data.omega.copy(), inputs=inputs, outputs=outputs)
 
     def to_pandas(self) -> Any:
         """Return the responses as a table of pandas.

@@ -19,12 +19,18 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.measurement.points import Place
 
+    Candidate = tuple[str, str, Place | None]  # unit, quantity and place
+
 # What a unit measures, and the number of its time derivatives.
 ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad": ("angle", 0),
           "rad/s": ("angle", 1), "rad/s^2": ("angle", 2)}  # fmt: skip
 _QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
-# Units of lengths, angles and forces that are not those of the model, such as mm, g and kN.
-_NOT_SI = re.compile(r"[num\u00b5ckM]?(m|N|rad|N ?m)(/s(\^2)?)?|g|deg(/s(\^2)?)?|in|ft|lbf?")
+# Units of motions and forces that are not those of the model, such as mm, g, in/s and kgf.
+_NOT_SI = re.compile(r"[pnu\u00b5mckMG]?(m|rad|N([ -]?[mc]?m)?|g|g_?n|g0|G|gf|in|inch|mil|ft|lbf?|deg|\u00b0)"
+                     r"(/s(\^2)?)?|rpm")  # fmt: skip
+# Other spellings of units.
+_SPELLED = (("\u00b2", "^2"), ("**", "^"), ("*", " "), ("\u00b7", " "), ("\u03bc", "\u00b5"), ("/s/s", "/s^2"),
+            ("/s2", "/s^2"), (" s^-2", "/s^2"), (" s^-1", "/s"), ("Nm", "N m"))  # fmt: skip
 _KINDS = {**{unit: kind for unit, (kind, _) in ORDERS.items()}, "N": "force", "N m": "moment"}
 # Another channel must be farther by this share of the limits than the nearest, or it may be meant as well.
 CLEAR = 0.25
@@ -32,6 +38,14 @@ CLEAR = 0.25
 SAME_POINT = 1e-9
 # Candidates that a refusal lists.
 _NEAREST = 3
+
+
+def unit_of(given: str) -> str:
+    """Return a unit as ``ORDERS`` spells it: m/s\u00b2, m/s2 and m/s/s are m/s^2."""
+    unit = given.strip()
+    for spelled, usual in _SPELLED:
+        unit = unit.replace(spelled, usual)
+    return unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,17 +222,19 @@ def _channels(side: Any, kind: str) -> Iterator[tuple[str, str, str, Point]]:
     return zip(names, units, quantities, points, strict=True)
 
 
-def _candidates(linear: Any, kind: str, places: Mapping[tuple[str, str], Place]) -> dict[str, tuple[str, Place | None]]:
-    """Unit and place of each channel of the model by its name."""
+def _candidates(linear: Any, kind: str, places: Mapping[tuple[str, str], Place]) -> dict[str, Candidate]:
+    """Unit, quantity and place of each channel of the model by its name."""
     listed = getattr(linear, kind)
     units = ([port.unit for port in listed.values()] if hasattr(listed, "values")
              else getattr(linear, f"{kind[:-1]}_units", ("",) * len(listed)))  # fmt: skip
-    return {name: (unit, places.get((kind[:-1], name))) for name, unit in zip(listed, units, strict=True)}
+    quantities = linear.quantity if kind == "outputs" and hasattr(linear, "quantity") else ("",) * len(units)
+    return {name: (unit, quantity, places.get((kind[:-1], name)))
+            for name, unit, quantity in zip(listed, units, quantities, strict=True)}  # fmt: skip
 
 
 def _partner(
     measured: tuple[str, str, str, Place | None], renamed: str | None,
-    candidates: Mapping[str, tuple[str, Place | None]], limits: tuple[float, float], kind: str,
+    candidates: Mapping[str, Candidate], limits: tuple[float, float], kind: str,
 ) -> Partner | str:  # fmt: skip
     """Return the partner of a channel, or why it has none.
 
@@ -230,7 +246,7 @@ def _partner(
         found, how = wanted, "name"
     else:
         near = {} if place is None or renamed is not None else {
-            other: there for other, (_, there) in candidates.items() if there is not None}  # fmt: skip
+            other: there for other, (_, _, there) in candidates.items() if there is not None}  # fmt: skip
         fits = [other for other, there in near.items() if _fits(place, there, limits)]
         fits = [other for other in fits if place and near[other].body == place.body] or fits
         if not fits:
@@ -240,7 +256,7 @@ def _partner(
         if rivals:
             return (f"the measured {kind} '{wanted}' may be each of several."
                     f"{_nearest(wanted, place, rivals, candidates)} Give a smaller distance=.")  # fmt: skip
-    other_unit, there = candidates[found]
+    other_unit, other_quantity, there = candidates[found]
     distance = angle = None
     sign = 1
     if place is not None and there is not None:
@@ -250,7 +266,7 @@ def _partner(
             return (f"the measured {kind} '{name}' and '{found}' of the model have one name, but are "
                     f"{1e3 * distance:.3g} mm and {np.degrees(angle):.3g} deg apart (limits {1e3 * limits[0]:g} mm, "
                     f"{np.degrees(limits[1]):.3g} deg).")  # fmt: skip
-    order = _derivatives(unit, quantity, other_unit)
+    order = _derivatives(unit, quantity, other_unit, other_quantity)
     if order is None:
         return (f"the measured {kind} '{name}' has the unit {unit or 'of ' + an(quantity)}, and '{found}' of the model "
                 f"{other_unit}.{'' if unit in _KINDS or not unit else ' Convert the data to SI units.'}")  # fmt: skip
@@ -259,7 +275,7 @@ def _partner(
 
 def _clearest(
     measured: tuple[str, str, str, Place | None], fits: dict[str, Place],
-    candidates: Mapping[str, tuple[str, Place | None]], limits: tuple[float, float],
+    candidates: Mapping[str, Candidate], limits: tuple[float, float],
 ) -> tuple[str, dict[str, Place]]:  # fmt: skip
     """Return the nearest of the channels that fit, and all if others elsewhere are almost as near."""
     _, unit, quantity, place = measured
@@ -270,7 +286,7 @@ def _clearest(
              and there.distance(fits[best]) <= SAME_POINT and _angle(there, fits[best]) <= SAME_POINT]  # fmt: skip
     if any(off[other] < off[best] + CLEAR for other in off if other not in twins):
         return best, fits
-    same = [other for other in twins if _derivatives(unit, quantity, candidates[other][0]) == 0]
+    same = [other for other in twins if _derivatives(unit, quantity, *candidates[other][:2]) == 0]
     return (same or twins)[0], {}
 
 
@@ -284,14 +300,14 @@ def _fits(a: Place | None, b: Place, limits: tuple[float, float]) -> bool:
     return a is not None and a.distance(b) <= limits[0] and _angle(a, b) <= limits[1]
 
 
-def _derivatives(unit: str, quantity: str, other: str) -> int | None:
+def _derivatives(unit: str, quantity: str, other: str, other_quantity: str = "") -> int | None:
     """Time derivatives from the model's unit to what was measured; None where the two measure different things."""
     if other in _KINDS and (_KINDS[unit] != _KINDS[other] if unit in _KINDS else _NOT_SI.fullmatch(unit)):
         return None
-    if other not in ORDERS:
+    known = ORDERS[other][1] if other in ORDERS else _QUANTITIES.get(other_quantity)
+    if known is None:
         return None if quantity and other in _KINDS else 0
-    order = _QUANTITIES[quantity] if quantity else ORDERS[unit][1] if unit in ORDERS else ORDERS[other][1]
-    return order - ORDERS[other][1]
+    return (_QUANTITIES[quantity] if quantity else ORDERS[unit][1] if unit in ORDERS else known) - known
 
 
 def _nearest(

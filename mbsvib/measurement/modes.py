@@ -64,7 +64,11 @@ class MeasuredModes(Matched, Columnar, Displayed):
         for field, expected in (("damping_ratios", "ratios of 0 or more"), ("sd", "positive numbers [Hz]")):
             given = getattr(self, field)
             values[field] = None if given is None else _numbers(given, count, field, expected)
-        shapes = None if self.shapes is None else np.array(self.shapes)
+        try:
+            shapes = None if self.shapes is None else np.array(self.shapes)
+        except ValueError as error:
+            raise ResponseError(f"{WHO}: shapes has rows of different lengths; expected a row of all modes for each "
+                                f"output, NaN where not measured.") from error  # fmt: skip
         if (shapes is None) != (not self.outputs):
             raise ResponseError(f"{WHO}: shapes and outputs are given together, or neither.")
         if shapes is not None and (shapes.shape != (len(self.outputs), count) or shapes.dtype.kind not in "iufc"

@@ -14,7 +14,7 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.measurement.data import quantities_of
-from mbsvib.measurement.matching import Matched
+from mbsvib.measurement.matching import Matched, unit_of
 from mbsvib.measurement.points import nodes_of, points_of
 from mbsvib.measurement.time_records import check_length, stacked, step_of
 from mbsvib.responses.densities import density
@@ -53,7 +53,8 @@ class Records(Matched, Columnar, Displayed):
         converter; "band-limited": measured, as the outputs are, behind filters against aliasing.
     band : (float, float), optional
         First and last frequency [Hz] of the lines that count; default: all from 1 / (length of the record) to half the
-        sampling rate, to 0.4 of it where signals are band-limited. Means and drifts are below the first.
+        sampling rate, to 0.4 of it where signals are band-limited. Means, and drifts that are
+        linear in time, do not count.
     quantity, output_units, input_units, output_points, input_points, nodes : optional
         Of the channels, as of a ``Measurement``.
 
@@ -91,7 +92,7 @@ class Records(Matched, Columnar, Displayed):
         nodes = nodes_of(self.nodes)
         for kind, part in zip(("output", "input"), split, strict=True):
             names = signal_names(tuple(getattr(self, f"{kind}s")), part.shape[1], f"{kind}s", WHO)
-            units = tuple(getattr(self, f"{kind}_units")) or ("",) * len(names)
+            units = tuple(map(unit_of, getattr(self, f"{kind}_units"))) or ("",) * len(names)
             if len(units) != len(names):
                 raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
                                     f"one of each.")  # fmt: skip

@@ -10,6 +10,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.measurement import estimation
+from mbsvib.measurement.matching import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ EVEN = 1e-2
 RESOLVED = {"local": 4}
 # Units of test laboratories in SI units.
 SI = {"g": (9.80665, "m/s^2"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "kN": (1e3, "N"),
-      "mm/s": (1e-3, "m/s"), "Nm": (1.0, "N m")}  # fmt: skip
+      "mm/s": (1e-3, "m/s"), "mm/s^2": (1e-3, "m/s^2")}  # fmt: skip
 
 
 def stacked(
@@ -34,12 +35,15 @@ def stacked(
 ) -> tuple[Array, tuple[int, int, int]]:  # fmt: skip
     """Return records (experiments, channels, N) and the number of channels of each group; ``needed`` are not empty."""
     stacked: list[Array] = []
+    counts: list[int] = []
     for kind, group in groups.items():
-        if not hasattr(group, "items") or (not group and kind in needed):
+        records = dict(group.items()) if hasattr(group, "items") else {}
+        counts.append(len(records))
+        if not hasattr(group, "items") or (not records and kind in needed):
             raise ResponseError(f"{who}: {kind}s = {shown(group)}; expected records by name, {{'F': array}}.")
-        for name, values in group.items():
+        for name, values in records.items():
             record = np.atleast_2d(reals(values, who, f"'{name}'", "a record of numbers"))
-            if record.ndim != 2 or (stacked and record.shape != stacked[0].shape):
+            if record.ndim != 2 or record.shape[1] < 2 or (stacked and record.shape != stacked[0].shape):
                 raise ResponseError(f"{who}: '{name}' has shape {record.shape}; expected experiments and "
                                     f"samples{f', {stacked[0].shape} as the others' if stacked else ''}.")  # fmt: skip
             if not np.isfinite(record).all():
@@ -48,7 +52,7 @@ def stacked(
             if (np.ptp(record) if len(record) else 0.0) == 0.0:
                 raise ResponseError(f"{who}: '{name}' is constant; leave this {kind} out.")
             stacked.append(record - record.mean(axis=1, keepdims=True))
-    outputs, inputs, references = (len(groups[kind]) for kind in ("output", "input", "reference"))
+    outputs, inputs, references = counts
     if references and references < inputs:
         raise ResponseError(f"{who}: {references} references for {inputs} inputs; expected as many or more.")
     return np.stack(stacked, axis=1), (outputs, inputs, references)
@@ -94,11 +98,14 @@ def check_length(
     windowed = method in ("H1", "H2", "Hv")
     what = f"segments of {seconds:.4g} s" if windowed else f"{seconds:.4g} s"
     hint = "Record longer" + (", take fewer segments, or method='local'." if windowed else ".")
-    if band is not None and not (0.0 < band[0] < band[1] and band[0] * seconds >= 1.0):
-        raise ResponseError(f"{who}: band = {shown(band)} Hz with {what}, whose lowest line is "
-                            f"{1 / seconds:.4g} Hz; expected a band above it. {hint}")  # fmt: skip
+    if band is not None:
+        ends = reals(band, who, "band", "the first and the last frequency [Hz]")
+        if ends.shape != (2,) or not (0.0 < ends[0] < ends[1] and ends[0] * seconds >= 1.0):
+            raise ResponseError(f"{who}: band = {shown(band)} Hz with {what}, whose lowest line is {1 / seconds:.4g} "
+                                f"Hz; expected a band above it, (first, last). {hint}")
     if lowest is not None:
-        frequency, ratio = lowest
+        mode = reals(lowest, who, "lowest", "a frequency [Hz] and a damping ratio")
+        frequency, ratio = mode if mode.shape == (2,) else (0.0, 0.0)
         if not (frequency > 0.0 and ratio > 0.0):
             raise ResponseError(f"{who}: lowest = {shown(lowest)}; expected a frequency [Hz] and a damping "
                                 f"ratio.")  # fmt: skip
@@ -143,6 +150,6 @@ def estimate(
 
 def si(channel: Mapping[str, Any]) -> tuple[Array, str]:
     """Return values in SI units and their unit; units that are not known stay."""
-    unit = str(channel.get("unit_str", ""))
+    unit = unit_of(str(channel.get("unit_str", "")))
     factor, known = SI.get(unit, (1.0, unit))
     return factor * np.asarray(channel["data"], dtype=float), known

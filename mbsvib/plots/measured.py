@@ -51,6 +51,8 @@ def measured(
     columns = min(len(drawn), 3)
     f = data.frequencies
     shown = f > 0.0
+    if not shown.any():
+        raise ResponseError("plot: no line above 0 Hz; expected one at least, for an axis of frequencies.")
     with pairs("plot", ax, len(drawn), columns) as (paper, panels):
         for (i, j), (top, below) in zip(drawn, panels, strict=True):
             curves = [("measured", data.responses[i, j])] + ([] if model is None else [(label, model[i, j])])

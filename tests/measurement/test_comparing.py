@@ -213,3 +213,15 @@ def test_modes_that_no_output_shows_have_no_partner():
     result = mv.compare(system, system)
     assert [(pair.a, pair.b) for pair in result.pairs] == [(k, k) for k in (1, 2, 3, 4, 5, 6, 10, 11, 12)]
     assert "3 modes of the first without partner: 7, 8, 9." in str(result)
+
+
+@pytest.mark.parametrize("words", [{"quantity": "displacement"}, {"output_units": ["m"]}])
+@pytest.mark.parametrize("others", [{"quantity": "acceleration"}, {"output_units": ["m/s²"]}])
+def test_measurements_of_different_quantities_are_compared_as_the_first(words, others):
+    omega = np.array([1.0, 3.0, 7.0])
+    g = np.array([[[1.0, 2.0j, -0.5]]])
+    one, other = (mv.Measurement(omega, values, ["z"], ["F"], **named)
+                  for values, named in ((g, words), (-2.0 * omega**2 * g, others)))  # fmt: skip
+    for a, b, ratio in ((one, other, 2.0), (other, one, 0.5)):
+        result = mv.compare(a, b)
+        np.testing.assert_allclose([result.frac[0, 0], result.ratio[0, 0]], [1.0, ratio], rtol=1e-14)

@@ -209,3 +209,12 @@ def test_measured_modes():
     ):
         with pytest.raises(mv.ResponseError, match=message):
             replace(modes, **given)
+
+
+def test_ragged_rows_and_a_line_at_0_hz_alone_are_refused():
+    with pytest.raises(mv.ResponseError, match="responses have rows of different lengths"):
+        mv.Measurement([1.0, 2.0], [[[1.0, 2.0], [1.0]]], ["z"], ["F", "G"])
+    with pytest.raises(mv.ResponseError, match="shapes has rows of different lengths"):
+        mv.MeasuredModes([1.0, 2.0], None, [[1.0, 2.0], [1.0]], ["z", "x"])
+    with pytest.raises(mv.ResponseError, match="no line above 0 Hz"):
+        mv.Measurement([0.0], [[[1.0]]], ["z"], ["F"]).plot()

@@ -195,3 +195,25 @@ def test_channels_of_sep005_come_in_si_units():
             mv.Measurement.from_sep005(sep005(**change), inputs="force", segments=16)
     with pytest.raises(mv.ResponseError, match="'name' is missing"):
         mv.Measurement.from_sep005([{"data": [1.0]}], inputs="force")
+
+
+def test_names_with_dots_pass_python_control():
+    """python-control has no dots in names: ports and joined parts have a colon there, and a dot here."""
+    data = mv.Measurement([1.0, 2.0], np.ones((2, 1, 2)), ["a.tip.x", "B:101X+"], ["a.tip.z"])
+    frd = data.to_frd()
+    assert (frd.output_labels, frd.input_labels) == (["a:tip:x", "B:101X+"], ["a:tip:z"])
+    back = mv.Measurement.from_frd(frd)
+    assert (back.outputs, back.inputs) == (data.outputs, data.inputs)
+
+
+def test_records_in_tables_of_pandas():
+    pandas = pytest.importorskip("pandas")
+    t, (u, y) = 0.01 * np.arange(400), np.random.default_rng(0).standard_normal((2, 400))
+    table, result = pandas.DataFrame({"F": u, "y": y}), {}
+    for kind, inputs, outputs in (("table", table[["F"]], table[["y"]]), ("dict", {"F": u}, {"y": y})):
+        result[kind] = mv.Measurement.from_records(pandas.Series(t), inputs, outputs, segments=8).responses
+        assert mv.Records(t, inputs, outputs).samples == 400
+    np.testing.assert_array_equal(result["table"], result["dict"])
+    for dates in (pandas.to_datetime(t, unit="s"), pandas.to_timedelta(t, unit="s")):
+        with pytest.raises(mv.ResponseError, match="expected even times"):
+            mv.Measurement.from_records(dates, {"F": u}, {"y": y}, segments=8)

@@ -130,3 +130,19 @@ def test_axes_of_a_node_turn_its_directions():
 def test_shapes_are_matched_as_displacements():
     modes = mv.MeasuredModes([3.0], shapes=[[1.0], [2.0]], outputs=["z.a", "turn"])
     assert [p.derivatives for p in modes.matched(rig()).outputs] == [-2, 0]
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "m/s2", "m/s/s", "m/s**2", "m s^-2", "m·s^-2", " m/s^2"])
+def test_units_are_read_in_all_spellings(unit):
+    """Of responses and of records: an acceleration that is taken for a displacement gives wrong values in silence."""
+    data = measured(["z"], output_units=[unit])
+    records = mv.Records(0.1, {"F": np.arange(9.0) ** 2}, {"z": np.arange(9.0) ** 3}, output_units=[unit])
+    for one in (data, records):
+        assert (one.quantity, one.output_units) == (("acceleration",), ("m/s^2",))
+        assert one.matched(rig()).outputs[0].derivatives == 2
+
+
+@pytest.mark.parametrize("unit", ["\u03bcm", "\u00b5m", "mm/s²", "in/s", "ft/s^2", "G", "gn", "kgf", "N·mm", "rpm"])
+def test_units_that_need_a_factor_are_refused(unit):
+    with pytest.raises(mv.ResponseError, match="Convert the data to SI units"):
+        measured(["z"], output_units=[unit]).matched(rig())
