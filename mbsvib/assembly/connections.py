@@ -145,14 +145,17 @@ def _by_position(
             raise ModelError(f"{WHO}: {shown(given[0])} and {shown(given[1])} are matched by position, but that of "
                              f"'{part.name}.{port}' is not known; name the ports one by one.",
                              element=f"{part.name}.{port}")  # fmt: skip
-    nearest_ones = KDTree(np.array(places[1])).query(np.array(places[0]))[1].tolist()
-    taken: set[int] = set()
-    for chosen in nearest_ones:
+    gaps, nearest_ones = (found.tolist() for found in KDTree(np.array(places[1])).query(np.array(places[0])))
+    taken: dict[int, int] = {}
+    for k, chosen in enumerate(nearest_ones):
         if chosen in taken:
             part, port = many[chosen]
-            raise ModelError(f"{WHO}: '{part.name}.{port}' is the nearest of two ports of {shown(given[0])} and "
-                             f"{shown(given[1])}; name the ports one by one.", element=f"{part.name}.{port}")
-        taken.add(chosen)
+            rivals = [f"'{few[i][0].name}.{few[i][1]}' ({1e3 * gaps[i]:.3g} mm)" for i in (taken[chosen], k)]
+            raise ModelError(f"{WHO}: '{part.name}.{port}' is the nearest of two ports, {rivals[0]} and {rivals[1]}; "
+                             f"expected one for each port of the fewer of {shown(given[0])} and {shown(given[1])}. "
+                             f"Give patterns of those that are joined, or name them one by one.",
+                             element=f"{part.name}.{port}")  # fmt: skip
+        taken[chosen] = k
     pairs = [(few[k], many[chosen]) for k, chosen in enumerate(nearest_ones)]
     return [(b, a) for a, b in pairs] if swap else pairs
 

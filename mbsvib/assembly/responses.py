@@ -230,7 +230,7 @@ def _compliance(ends: Sequence[Ends], omega: Array) -> tuple[Complex, Bools]:
 def _inverse(dynamic: Complex, ends: Ends) -> Complex:
     size = np.sqrt(np.abs(np.einsum("nii->ni", dynamic)).max(axis=0, initial=0.0))
     scaled = dynamic / size[:, None] / size
-    if len(scaled) and (np.linalg.cond(scaled) * EPS * len(size) > 1.0).any():
+    if scaled.size and (np.linalg.cond(scaled) * EPS * len(size) > 1.0).any():
         raise ModelError(f"{WHO}: the stiffness from {ends.name} is singular and not diagonal, or dampers act at 0 Hz "
                          f"alone; expected one that resists every combination of its directions. Name the directions "
                          f"that it acts along.", element=ends.connection.first)  # fmt: skip
@@ -298,7 +298,7 @@ def _pseudo_inverse(
     stands_out = values > np.maximum(STANDS_OUT * deviation, rounding[:, None])
     with np.errstate(divide="ignore"):
         inverse = 1.0 / np.maximum(values, np.where(stands_out, 0.0, deviation))
-        condition = values[:, 0] / values[:, -1]
+        condition = values[:, 0] / values[:, -1] if values.size else np.ones(len(values))
     left, right = vh.conj().swapaxes(1, 2), u.conj().swapaxes(1, 2)
     kept, dropped = ((left * np.where(which, inverse, 0.0)[:, None]) @ right / unit
                      for which in (stands_out, ~stands_out))  # fmt: skip

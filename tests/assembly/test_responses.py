@@ -332,3 +332,10 @@ def test_lines_quantities_and_pairs_must_be_known():
     with pytest.raises(ModelError, match="singular and not diagonal"):
         mv.assemble({"base": measured(base), "payload": payload},
                     [(*RIGID[0][:2], [[1e3, -1e3], [-1e3, 1e3]], ("x", "y"))])  # fmt: skip
+
+
+def test_a_connection_without_stiffness_joins_nothing():
+    base, payload = (measured(model.linearize()) for model in apart())
+    result = mv.assemble({"base": base, "payload": payload}, [(*RIGID[0][:2], [0.0] * 6)])
+    names = [[f"base.{name}" for name in names] for names in (base.outputs, base.inputs)]
+    np.testing.assert_array_equal(result[names[0], names[1]].responses, base.responses)
