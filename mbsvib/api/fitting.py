@@ -213,7 +213,8 @@ def _intervals(chosen: Variables, known: Knowledge, x: Array) -> dict[str, tuple
     for name, at, half, size, positive in zip(chosen.names, x, deviation, chosen.size, chosen.positive, strict=True):
         ends = (0.0, np.inf) if np.isinf(half) and positive else (at - half, at + half)
         if np.isfinite(half):
-            ends = tuple(np.exp(ends)) if positive else tuple(size * np.array(ends))
+            with np.errstate(over="ignore"):
+                ends = tuple(np.exp(ends)) if positive else tuple(size * np.array(ends))
         result[name] = float(ends[0]), float(ends[1])
     return result
 

@@ -44,8 +44,8 @@ BLOCKS = 3
 @dataclass(frozen=True, slots=True, repr=False)
 class ResidualTest(Displayed):
     """Whether the residuals are noise: ``passed``; ``ratio``: chi^2 over its degrees of freedom, not a number without
-    known noise; ``correlation`` of residuals with those of the next line, 0 for noise; ``bands`` [Hz] that the
-    structure does not reach.
+    known noise; ``correlation`` of residuals with those of the next line, 0 for noise, or that of their phases where
+    the noise is not known, if that is larger; ``bands`` [Hz] that the structure does not reach.
     """
 
     passed: bool
@@ -125,17 +125,23 @@ def _test(problem: Problem, residuals: Sequence[Complex], freedom: int, told: in
         ratio = total / freedom
         passed = bool(gammaincc(0.5 * freedom, 0.5 * total) >= REFUSED)
     left = CONVERGED if problem.known else 0.0  # of residuals without noise, by a search that ended
-    along, power, count, bands = 0.0, 0.0, 0, []
+    along, power, spread, count, bands = np.zeros(2), np.zeros(2), np.zeros(2), 0, []  # of residuals and of phases
     for data, r in zip(problem.data, residuals, strict=True):
         if not isinstance(data, ModeData) and len(r) > 2 and np.linalg.norm(r) > max(data.rounding, left):
-            along += float((r[1:] * r[:-1].conj()).real.sum())
-            power += float((np.abs(r) ** 2).sum())
+            size = np.abs(r)
+            phases = r / np.where(size > 0.0, size, 1.0)  # lines with much noise or a misfit do not outweigh others
+            for k, values in enumerate((r,) if data.known else (r, phases)):
+                square = np.abs(values) ** 2
+                along[k] += (values[1:] * values[:-1].conj()).real.sum()
+                power[k] += square.sum()
+                spread[k] += 0.5 * (square[1:] * square[:-1]).sum()
             count += 2 * int((data.weight[1:] > 0.0).sum())
-            bands += _bands(data.omega / (2.0 * np.pi), (np.abs(r) ** 2).mean(axis=(1, 2)))
-    correlation = along / power if power else 0.0
+            bands += _bands(data.omega / (2.0 * np.pi), (size**2).mean(axis=(1, 2)))
+    correlation = along / np.where(power > 0.0, power, 1.0)
     if count > told:
-        passed &= bool(ndtr(-correlation * np.sqrt(count)) >= REFUSED)
-    return ResidualTest(passed, ratio, correlation, () if passed else tuple(bands))
+        passed &= bool((ndtr(-along / np.sqrt(np.where(spread > 0.0, spread, 1.0))) >= REFUSED).all())
+    kinds = 2 if power[1] > 0.0 else 1
+    return ResidualTest(passed, ratio, float(correlation[:kinds].max()), () if passed else tuple(bands))
 
 
 def _bands(frequencies: Array, power: Array) -> list[tuple[float, float]]:

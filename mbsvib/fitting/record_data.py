@@ -111,7 +111,8 @@ class RecordData:
             u, back = _range(_real(self._whitened(free, e)))
             inside = u.T @ _real(self._whitened(off[:, :, e, None], e))[:, 0]
             eta = back @ inside
-            total[:, :, e] += free @ eta
+            passing = len(eta) - len(self.rows)  # drifts pass no channel
+            total[:, :, e] += free[:, :, :passing] @ eta[:passing]
             state[:, :, e] += spectra.free @ eta[: len(matrices.F)]
             residual[:, :, e] = _complex(u @ inside, model) - self._whitened(off[:, :, e, None], e)[..., 0]
             ranges.append(u)
@@ -192,7 +193,10 @@ class RecordData:
         return Spectra(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _free(self, matrices: Recursion, spectra: Spectra, rows: Complex, values: Array) -> Complex:
-        """Outputs (k, outputs, columns) of free states: of the plant, of channels, and what is folded back."""
+        """Outputs (k, outputs, columns) of free states: of the plant, of channels, and what is folded back.
+
+        The last column of each output is a drift, linear in time: 1 / (1 / z - 1) up to a factor.
+        """
         columns = [rows[:, :, None] * (matrices.C @ spectra.free)]
         x, tails = 1j * self.omega / self.omega.max(), self.channels.tails(values, self.omega)
         for o, order in enumerate(self.channels.orders):
@@ -200,7 +204,8 @@ class RecordData:
             own = np.zeros((*rows.shape, count), dtype=complex)
             own[:, o] = tails[:, o, None] * x[:, None] ** np.arange(count)
             columns.append(own)
-        return np.concatenate(columns, axis=2)
+        drift = 1.0 / np.expm1(-1j * self.omega * self.step)
+        return np.concatenate((*columns, drift[:, None, None] * np.eye(len(self.rows))), axis=2)
 
     def _of_model(self, rates: Recursion, left: Complex, state: Complex, inputs: Complex, rows: Complex) -> Complex:
         """dY (v, k, outputs, experiments) for what changes in the plant."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.channels import Channels, values_of
-from mbsvib.linalg.rank import ZERO_SLOPE
+from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -65,6 +65,8 @@ def blocks(
         s: Complex = (1j * omega[which, None, None]).astype(complex)
         z, sensing = (x[0] + s * x[1] + s * s * x[2] for x in (pencil, h))
         try:
+            if s[0] == 0.0 and _moves_freely(pencil[0]):
+                raise np.linalg.LinAlgError
             if changes is None:
                 right = np.linalg.solve(z, np.broadcast_to(b, (len(z), *b.shape)))
             elif symmetric:
@@ -76,8 +78,8 @@ def blocks(
                 left = np.linalg.solve(z.swapaxes(1, 2), sensing.swapaxes(1, 2))
         except np.linalg.LinAlgError:
             raise ResponseError("fit: a measured line is at an undamped pole of the model, where its response is "
-                                "infinite (0 Hz if it moves freely); leave the line out or give the model damping."
-                                ) from None  # fmt: skip
+                                "infinite (0 Hz if it moves freely); leave the line out, data.within(low, high), or "
+                                "give the model damping.") from None  # fmt: skip
         response = sensing @ right + d
         yield which, response, None if changes is None else _slopes(changes, left.swapaxes(1, 2), right, s)
 
@@ -85,6 +87,13 @@ def blocks(
 def responses(matrices: Any, omega: Array, rows: Index, columns: Index) -> Complex:
     """Return G (n, outputs, inputs) at all lines, see ``blocks``."""
     return np.concatenate([response for _, response, _ in blocks(matrices, None, omega, rows, columns)])
+
+
+def _moves_freely(stiffness: Array) -> bool:
+    """Whether a motion is without stiffness, but for rounding."""
+    size = np.sqrt(np.abs(stiffness.diagonal()))
+    size = np.where(size > 0.0, size, 1.0)
+    return bool(CANCELLING_SPRINGS * np.linalg.cond(stiffness / size[:, None] / size) > 1.0)
 
 
 def _scale(matrices: Any, omega: Array) -> Array:
@@ -185,12 +194,18 @@ class ResponseData:
     channels: Channels
     known: bool
 
+    @property
+    def solved_at(self) -> Array:
+        """Where responses of the model are computed: at the last line in place of lines that do not count."""
+        counts = (self.weight > 0.0).any(axis=(1, 2))
+        return np.where(counts, self.omega, self.omega[counts].max() if counts.any() else self.omega)
+
     def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
         """Yield residuals with derivatives of some lines at a time; ``far``: those of logarithms, of some lines."""
         if far and (step := max(1, min(8, len(self.omega) // 25))) > 1:
             yield from self.every(step).blocks(equations, slopes, values, far)
             return
-        for which, response, change in blocks(equations, slopes, self.omega, self.rows, self.columns):
+        for which, response, change in blocks(equations, slopes, self.solved_at, self.rows, self.columns):
             factor = self.channels.factor(values, self.omega[which]) * self.sign[which]
             total = factor * response
             residual, weight = self._weighted(which, total, far)
@@ -246,13 +261,13 @@ class ResponseData:
 
     def fitted(self, equations: Any, values: Array) -> Complex:
         """Return what the model says (n, outputs, inputs), NaN where nothing was measured."""
-        model = responses(equations, self.omega, self.rows, self.columns)
+        model = responses(equations, self.solved_at, self.rows, self.columns)
         return np.where(self.weight > 0.0, self.channels.factor(values, self.omega) * self.sign * model, np.nan)
 
     def started(self, equations: Any, values: Array) -> Array:
         """Return values with starts of delays and gains, from the phases and sizes of all responses."""
         values, channels = values.copy(), self.channels
-        model = responses(equations, self.omega, self.rows, self.columns) * self.sign
+        model = responses(equations, self.solved_at, self.rows, self.columns) * self.sign
         counts = (self.weight > 0.0) & (model != 0.0) & (self.measured != 0.0)
         ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
         turn = np.where(counts, ratio / np.abs(ratio), 0.0)

@@ -364,3 +364,41 @@ def test_several_starts_and_progress():
     assert fit.residual_test.passed
     assert told[-1][0] > 5
     assert all(done <= most for done, most in told)
+
+
+def free_pair(stiffness):
+    """Two masses that move freely along x; what LU makes of the stiffness is rounding, not zero."""
+    model = mv.Model("pair")
+    for k, name in enumerate(("a", "b", "c")):
+        model.add_body(name, 1.0, (0, 0, 0), position=(k, 0, 0))
+        model.add_joint(f"rail.{name}", "prismatic", "ground", name, axis=(1, 0, 0))
+        model.add_output(f"x.{name}", name, "x")
+    for name, first, second, at in (("k", "a", "b", 0), ("l", "b", "c", 1)):
+        model.add_spring(name, first, second, (at, 0, 0), (at + 1, 0, 0), stiffness=stiffness, damping=1.0)
+    model.add_input("F", "a", "x")
+    return model
+
+
+def test_a_line_at_0_hz_of_a_free_model_is_refused_unless_it_was_not_measured():
+    omega = np.array([0.0, 20.0, 40.0, 60.0])
+    g = np.full((3, 1, 4), np.nan + 0j)
+    g[..., 1:] = free_pair(1234.5).linearize().frequency_response(omega[1:])
+    start, names = free_pair(1100.1), (["x.a", "x.b", "x.c"], ["F"])
+    fit = start.fit(mv.Measurement(omega, g, *names), tied=["?.stiffness"], free=[])
+    assert fit.values["?.stiffness"] == pytest.approx(1234.5, rel=1e-9)
+    with pytest.raises(mv.ResponseError, match=r"0 Hz if it moves freely\); leave the line out"):
+        start.fit(mv.Measurement(omega, np.nan_to_num(g), *names), tied=["?.stiffness"], free=[])
+
+
+@pytest.mark.parametrize("change", [{"masses": (1.0, 2.3, 3.0)}, {"damping": (2.0, 8.0, 6.0)}, None])
+def test_a_wrong_structure_shows_without_stated_noise(change):
+    """A few lines at peaks outweigh all others at light damping, and there residuals change their sign.
+
+    The last case is magnitudes without phase.
+    """
+    omega = 2 * np.pi * np.linspace(0.5, 60.0, 80)
+    exact = measured(chain(**(change or {})), omega, 0.0, 0)
+    data = exact if change else mv.Measurement(omega, np.abs(exact.responses), exact.outputs, exact.inputs)
+    test = chain().fit(data, ["k0.stiffness"]).residual_test
+    assert not test.passed
+    assert test.correlation > 0.4

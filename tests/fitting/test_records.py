@@ -96,7 +96,9 @@ def test_a_decay_needs_no_input():
 @pytest.mark.slow
 @pytest.mark.parametrize("shared", [False, True])
 def test_covariance_is_that_of_least_squares_in_time(shared):
-    """The information of samples with white noise, less what means and an unknown beginning take, by other routes."""
+    """The information of samples with white noise, less what means, drifts and an unknown beginning take, by other
+    routes.
+    """
     model = chain()
     force, motion = run(model)
     power = np.diag([1e-12, 4e-12, 2e-12])
@@ -109,7 +111,8 @@ def test_covariance_is_that_of_least_squares_in_time(shared):
     assert fit.residual_test.passed
     system, t = fit.model.linearize(), STEP * np.arange(COUNT)
     # where the motion began, by the residuals themselves: the states that fit best
-    begin = np.array([system.time_response(t, 0.0 * force[0], initial=np.split(row, 2)) for row in np.eye(6)])
+    begin = np.array([system.time_response(t, 0.0 * force[0], initial=np.split(row, 2)) for row in np.eye(6)]
+                     + [np.outer(row, t) for row in np.eye(3)])  # fmt: skip
     driven = system.time_response(t, force[0])
     weight = np.linalg.inv(np.linalg.cholesky(power))
 
@@ -119,7 +122,7 @@ def test_covariance_is_that_of_least_squares_in_time(shared):
 
     free = rows(begin)
     found = np.linalg.lstsq(free.T, rows((motion[0] + noise - driven)[None])[0], rcond=None)[0]
-    state = np.split(found, 2)
+    state = np.split(found[:6], 2)
     slopes = rows(system.time_response_sensitivities(t, force[0], list(fit.values), initial=state))
     slopes -= (slopes @ np.linalg.pinv(free)) @ free
     expected = np.linalg.inv(slopes @ slopes.T)
@@ -356,3 +359,18 @@ def test_records_are_drawn_beside_those_of_the_fit(correlated):
         fit.plot(2)
     with pytest.raises(ResponseError, match="expected 1 to 0"):
         fit.responses()
+
+
+@pytest.mark.parametrize("hold", ["zero", *(pytest.param(one, marks=pytest.mark.slow) for one in (
+    "first", "band-limited"))])  # fmt: skip
+def test_drifts_do_not_count(hold):
+    """A drift, linear in time, is a saw tooth to Fourier coefficients, with parts at all lines."""
+    model, count = chain(), 101
+    force, motion = (part[0] for part in run(model, hold, count=count))
+    fits = []
+    for drift in (0.0, 300.0):
+        drifting = motion + drift * motion.std(axis=1, keepdims=True) * np.arange(count) / count
+        data = mv.Records(STEP, dict(zip(model.inputs, force, strict=True)),
+                          dict(zip(model.outputs, drifting, strict=True)), 1e-10, hold=hold)  # fmt: skip
+        fits.append(model.fit(data, "k0.stiffness").values["k0.stiffness"])
+    assert fits[1] == pytest.approx(fits[0], rel=1e-6)
