@@ -122,7 +122,9 @@ class UndeterminedForceWarning(UserWarning):
 
 
 class UnstableWarning(UserWarning):
-    """A frequency response of a loop that is not stable, which no steady vibration shows; Nyquist plots need it."""
+    """A frequency response of a loop that is not stable, which no steady vibration shows, though Nyquist plots need it;
+    or modes of sparse matrices that grow and may not be among those asked for.
+    """
 
 
 class LargeDisplacementWarning(UserWarning):

@@ -76,6 +76,11 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         ------
         ResponseError
             If ``count`` is not given, not positive, or more than there are.
+
+        Warns
+        -----
+        UnstableWarning
+            If the stiffness of matrices is negative for some modes, which grow and may not be among these.
         """
         from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes

@@ -10,12 +10,13 @@ Anal. Appl. 15 (1994) 228.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, UnstableWarning, counted
 from mbsvib.linalg.rank import EPS, RIGID_ENERGY
 from mbsvib.sparse.arnoldi import arnoldi
 from mbsvib.sparse.from_matrices import matrices_of, quadratic_of
@@ -53,8 +54,13 @@ def matrix_subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     """Return vectors that span the k lowest modes, or the k nearest to a frequency ``near`` [Hz], and some more."""
     quadratic, dof = quadratic_of(system), system.dof
     centre, requested = 2.0 * np.pi * near, k + GUARDS
+    t = _operator(system, -BELOW * quadratic.speed**2)
+    if k < dof and (growing := t.factor.negative(system.layout)):
+        warnings.warn(f"modes: the stiffness of '{system.name}' is negative for {counted(growing, 'mode')}, which may "
+                      f"not be among the {k} asked for: they grow. Check the matrices, or give dense ones for all "
+                      f"modes.", UnstableWarning, stacklevel=2)  # fmt: skip
     if centre <= SLOW * quadratic.speed:
-        t, centre = _operator(system, -BELOW * quadratic.speed**2), 0.0
+        centre = 0.0
     else:
         t = _apart(system, centre)
         requested += k // 2

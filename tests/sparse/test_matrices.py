@@ -361,3 +361,16 @@ def test_reductions_that_are_refused():
     free = mv.System.from_matrices(mass, None, stiffness, np.eye(mass.shape[0])[:, :1], np.eye(mass.shape[0])[:1])
     with pytest.raises(mv.ResponseError, match=r"can still move when its outputs and the points"):
         free.reduced(8, method="craig-bampton")
+
+
+@pytest.mark.parametrize("near", [0.0, 0.1])
+def test_modes_that_grow_are_named(near):
+    """A negative spring gives one mode that grows, far above the lowest ones in abs(lambda), and at another side of any
+    shift.
+    """
+    mass, stiffness, _ = chain(150)
+    stiffness = (stiffness - sp.diags(3.0 * (np.arange(150) == 3))).tocsr()
+    assert np.count_nonzero(scipy.linalg.eigvalsh(stiffness.toarray()) < 0.0) == 1
+    system = mv.System.from_matrices(mass, None, stiffness)
+    with pytest.warns(mv.UnstableWarning, match="the stiffness of 'system' is negative for 1 mode, which may not be"):
+        assert system.modes(3, near=near).missed == 0
