@@ -103,7 +103,7 @@ def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[st
         letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]
         return tuple([f"{letter}{i + 1}" for i in range(count)])
     names = (requested,) if isinstance(requested, str) else tuple(requested)
-    if len(names) != count or not all(isinstance(name, str) and name for name in names):
+    if len(names) != count or not all(issubclass(kind, str) for kind in set(map(type, names))) or "" in names:
         raise ResponseError(f"{owner}: {label} = {shown(list(names))}; expected {counted(count, 'name')}, one for each "
                             f"row or column of the matrices.")  # fmt: skip
     if len(set(names)) < count:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.linalg.groups import by_label, part_numbers
+from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 # Parts with fewer unknowns are not split: dense factors of this size cost less than more fronts.
-LEAF = 480
+LEAF = 240
 # Shares of the nodes before a separator that are tried, and the least share of either half.
 SPLITS, LEAST = (0.42, 0.5, 0.58), 0.2
 # Nodes with more neighbours than this multiple of the root of their number are eliminated last: they join all others.
@@ -49,32 +49,35 @@ def dissected(pattern: Any) -> list[tuple[Index, int]]:
     weight = np.random.default_rng(0).integers(0, 2**62, n)
     ones = csr_matrix((np.ones(len(pattern.indices), dtype=np.int64), pattern.indices, pattern.indptr), (n, n))
     _, label = np.unique(ones @ weight, return_inverse=True)
-    members = by_label(label.reshape(-1))
-    join = csr_matrix((np.ones(n), (label.reshape(-1), np.arange(n))), (len(members), n))
+    size = np.bincount(label)
+    join = csr_matrix((np.ones(n), (label, np.arange(n))), (len(size), n))
     graph = (join @ ones.astype(float) @ join.T).tocsr()
     graph.setdiag(0.0)
     graph.eliminate_zeros()
-    size, degree = np.bincount(label.reshape(-1)), np.diff(graph.indptr)
-    hubs = degree > max(LEAF, HUB * np.sqrt(len(members)))
-    fronts: list[tuple[Index, int]] = []  # parents first
+    hubs = np.diff(graph.indptr) > max(LEAF, HUB * np.sqrt(len(size)))
+    parents: list[int] = []  # of fronts, parents first
+    front = np.zeros(len(size), dtype=np.intp)
 
     def add(nodes: Index, parent: int) -> int:
-        fronts.append((np.concatenate([members[i] for i in nodes.tolist()]), parent))
-        return len(fronts) - 1
+        front[nodes] = len(parents)
+        parents.append(parent)
+        return len(parents) - 1
 
     pending = [(np.flatnonzero(~hubs), add(np.flatnonzero(hubs), -1) if hubs.any() else -1)]
     while pending:
         nodes, parent = pending.pop()
-        local = graph[nodes][:, nodes]
-        split = None if size[nodes].sum() <= LEAF else _separator(local, size[nodes])
+        split = None if size[nodes].sum() <= LEAF else _separator(graph[nodes][:, nodes], size[nodes])
         if split is None:
             add(nodes, parent)
             continue
         last = nodes[split == 2]
         above = add(last, parent) if len(last) else parent
         pending += [(nodes[split == side], above) for side in (0, 1)]
-    order = range(len(fronts) - 1, -1, -1)
-    return [(fronts[i][0], len(fronts) - 1 - fronts[i][1] if fronts[i][1] >= 0 else -1) for i in order]
+    end = len(parents) - 1
+    number = end - front[label]
+    # ascending numbers in a front: those of neighbours are mostly near, so that others reach runs of them
+    members = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number, minlength=end + 1))[:-1])
+    return [(own, end - p if p >= 0 else -1) for own, p in zip(members, parents[::-1], strict=True)]
 
 
 def _separator(graph: Any, size: Index) -> Index | None:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 # If less than this share of a vector remains after orthogonalization, the remainder is rounding.
 NEW = 1e-12
+# If more than this share remains in every direction, a second orthogonalization changes little more than rounding
+# (Daniel, Gragg, Kaufman & Stewart, Math. Comp. 30 (1976) 772).
+ORTHOGONAL = 0.1
 # Ritz values are computed when the basis has grown by this share.
 GROWTH = 0.3
 
@@ -77,7 +80,9 @@ def arnoldi(
             projection = basis[:, :size].conj().T @ new
             new = new - basis[:, :size] @ projection
             inner[:size, before:size] += projection
-        block, upper = _independent(new, float(length.max(initial=0.0)))
+            block, upper, least = _independent(new, float(length.max(initial=0.0)))
+            if least > ORTHOGONAL:
+                break
         count = block.shape[1]
         full = size + count > limit
         if not count or full or size >= next_check:
@@ -90,15 +95,18 @@ def arnoldi(
         before, size = size, size + count
 
 
-def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Orthonormal columns of a block, without those that are rounding, and the block in these."""
+def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArray[Any], float]:
+    """Orthonormal columns of a block, without those that are rounding, the block in these, and the least share of
+    ``length`` that remains in one of its directions.
+    """
     from scipy.linalg import qr
 
     block, upper, order = qr(new, mode="economic", pivoting=True)
-    count = int(np.count_nonzero(np.abs(upper.diagonal()) > NEW * length))
+    pivots = np.abs(upper.diagonal())
+    count = int(np.count_nonzero(pivots > NEW * length))
     result = np.empty((count, new.shape[1]), dtype=new.dtype)
     result[:, order] = upper[:count]
-    return block[:, :count], result
+    return block[:, :count], result, float(pivots.min(initial=np.inf)) / length if length else 0.0
 
 
 def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz:

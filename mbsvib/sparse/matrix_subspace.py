@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # flexible modes of most structures, and far enough from 0 that rigid-body modes do not drown the others in rounding.
 BELOW = 1e-9
 # Residual of Ritz values: the error of eigenvalues is its square. One more solve makes that of shapes smaller.
-TOLERANCE = 1e-9
+TOLERANCE = 1e-7
 # Vectors of a block, at least and at most, and modes per vector between: repeated modes of up to this multiplicity are
 # found by one search. The factor is read once for a block: larger blocks take less time for a vector, but more vectors.
 BLOCK, MODES = (8, 16), 3
@@ -43,7 +43,7 @@ GUARDS, GAP = 4, 1e-6
 FEW = 100
 # Dimension of the basis, at which it is first tested and at most: multiples of the number of modes, and more; and the
 # share by which it grows between tests, which take far less than a block of solves.
-FIRST, MOST, MORE, GROWTH = 2.5, 8, 200, 0.1
+FIRST, MOST, MORE, GROWTH = 2.5, 8, 200, 0.05
 # Steps of the static iteration of free bodies.
 STATIC = 40
 # Largest dense matrix for all modes [coordinates]: 1 GB.
