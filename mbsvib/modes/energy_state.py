@@ -28,7 +28,7 @@ from mbsvib.equations.unresisted_motion import (
 )
 from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
 from mbsvib.modes.zero_subspaces import long_chains, zero_subspaces
@@ -191,8 +191,8 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     """Stiffness and damping in the basis, exactly 0 for motions that they do not resist."""
     p = len(undamped_modes.square)
     rows = product_with_zeros(system.elastic_rows, basis)
-    flexible_rows = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
-    stiffness = weighted_gram(flexible_rows, system.row_stiffness)
+    stiffness = weighted_gram(rows, system.row_stiffness)
+    stiffness[np.abs(stiffness) <= ZERO_SUM * _terms(system, basis, system.row_stiffness, None)] = 0.0
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product_with_zeros(product_with_zeros(basis.T, system.circulatory), basis)

@@ -229,3 +229,24 @@ def test_a_force_that_is_late_drives_its_mass(kind, tmp_path):
     np.testing.assert_array_equal(again.linearize().modes().eigenvalues, found)
     longer = again.with_values({"k.tau1": late}).linearize().modes().eigenvalues
     assert longer.real.max() > 1.5 * found.real.max()
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize("damping", [0.0, 20.0])
+def test_a_late_force_may_cancel_a_spring_at_once(method, damping):
+    """K (1 - s T / 2) / (1 + s T / 2) is -K at once: beside a spring K the mass has no stiffness by itself alone."""
+    late, model = 5e-4, mv.Model("late")
+    model.add_body("b", M, (M, M, M))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(0, 0, 1))
+    ends = "ground", "b", (0, 0, -1), (0, 0, 0), K
+    model.add_spring("late", *ends, dynamic=mv.Dynamic.delay(late).rational((1.0, 20.0)))
+    model.add_spring("k", *ends, damping)
+    model.add_input("F", "b", "z")
+    model.add_output("x", "b", "z")
+    system = model.linearize(method=method)
+    num, den = K * np.array([-late / 2, 1.0]), [late / 2, 1.0]
+    expected = np.polyadd(np.polymul([M, damping, K], den), num)
+    found = (system.modes() if method == "dense" else system.modes(2)).eigenvalues
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(np.roots(expected)), rtol=1e-12)
+    np.testing.assert_allclose(system.frequency_response(OMEGA)[0, 0],
+                               np.polyval(den, 1j * OMEGA) / np.polyval(expected, 1j * OMEGA), rtol=1e-11)  # fmt: skip

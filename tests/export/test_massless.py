@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import mbsvib as mv
 import mbsvib_export as mx
 from tests.massless.scenes import along_z
 
@@ -23,6 +24,17 @@ def plant():
     return model.linearize()
 
 
+def late():
+    """The mass, on a spring whose force follows 0.1 s later, so that stiffness has both signs."""
+    model = along_z({"b": 7.0}, {"k": ("ground", "b", 5.0, 6.0)})
+    force = mv.Dynamic.delay(0.1).rational((0.05, 0.5))
+    model.add_spring("late", "ground", "b", (0, 0, 0), (0, 0, 1), 3.0, dynamic=force)
+    model.add_input("F", "b", "z")
+    model.add_output("z", "b", "z")
+    model.add_output("v", "b", "z", quantity="velocity")
+    return model.linearize()
+
+
 def answer(system, s):
     square = system.K + s * system.C + s * s * system.M
     return (system.Cq + s * system.Cv) @ np.linalg.solve(square, system.B) + system.D
@@ -30,8 +42,9 @@ def answer(system, s):
 
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 @pytest.mark.parametrize("target", ["control", "scipy", "json", "npz"])
-def test_responses_of_the_descriptor_equations(target, realization, tmp_path):
-    system = plant()
+@pytest.mark.parametrize("make", [plant, late])
+def test_responses_of_the_descriptor_equations(make, target, realization, tmp_path):
+    system = make()
     if target in ("control", "scipy"):
         result = getattr(mx, f"to_{target}")(system, realization)
     elif target == "json":
@@ -56,3 +69,14 @@ def test_files_lead_back_to_displacements_and_rates(realization, tmp_path):
         q = np.linalg.solve(data.K + s * data.C + s * s * data.M, data.B)
         assert space.through.any()
         assert_allclose(space.transform @ x + space.through, np.concatenate((q, s * q)), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_units_of_a_late_force(version, tmp_path):
+    pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
+    system = late()
+    result = mx.check_export(mx.to_fmu(system, tmp_path / "late.fmu", version).path, system, run=True)
+    assert all(item.error < 1e-12 for item in result.comparisons), str(result)
+    poles = np.polyadd(np.polymul([7.0, 6.0, 5.0], [0.05, 1.0]), 3.0 * np.array([-0.05, 1.0]))
+    assert_allclose(np.sort_complex(system.modes().eigenvalues), np.sort_complex(np.roots(poles)), rtol=1e-12)

@@ -15,9 +15,10 @@ from mbsvib import library
 from mbsvib.common.atomic_file import write_atomic
 from tests.export.plants import block_error, resonances, same_bits, slider, stewart
 from tests.export.test_json import SYSTEMS, assert_same
+from tests.export.test_massless import late
 from tests.export.test_massless import plant as massless
 
-CASES = {**SYSTEMS, "massless": massless}
+CASES = {**SYSTEMS, "massless": massless, "late": late}
 OCTAVE = shutil.which("octave-cli")
 needs_octave = pytest.mark.skipif(OCTAVE is None, reason="octave-cli is not installed (apt-get install octave)")
 
