@@ -82,7 +82,7 @@ def dissected(pattern: Any) -> list[tuple[Index, int]]:
 
 def _separator(graph: Any, size: Index) -> Index | None:
     """0 and 1 for the halves of a graph, 2 for the nodes between them; None if there is no small separator."""
-    from scipy.sparse.csgraph import dijkstra
+    from scipy.sparse.csgraph import breadth_first_order
 
     part = part_numbers(graph)
     if part.max(initial=0) > 0:  # whole parts, about equal halves
@@ -90,7 +90,15 @@ def _separator(graph: Any, size: Index) -> Index | None:
         return np.asarray((np.cumsum(total) - 0.5 * total > 0.5 * size.sum()).astype(np.intp)[part])
 
     def distance(start: int) -> Array:
-        return np.asarray(dijkstra(graph, unweighted=True, indices=start))
+        order, before = breadth_first_order(graph, start)
+        position = np.empty(len(order), dtype=np.intp)
+        position[order] = np.arange(len(order))
+        parent, ends = position[before[order[1:]]], [0, 1]  # ascending
+        while ends[-1] < len(order):
+            ends.append(1 + int(np.searchsorted(parent, ends[-1])))
+        result = np.empty(len(order))
+        result[order] = np.repeat(np.arange(len(ends) - 1.0), np.diff(ends))
+        return result
 
     a = distance(int(distance(0).argmax()))
     b = distance(int(a.argmax()))
