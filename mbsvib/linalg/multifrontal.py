@@ -230,8 +230,11 @@ class SymmetricFactor:
         return result * self.scale[:, None]
 
 
-def factored(matrix: Any, structure: Fronts) -> SymmetricFactor:
-    """Factor a symmetric ``matrix`` (n, n), sparse by columns, real or complex; LinAlgError if a front is singular."""
+def factored(matrix: Any, structure: Fronts, keep: bool = True) -> SymmetricFactor:
+    """Factor a symmetric ``matrix`` (n, n), sparse by columns, real or complex; LinAlgError if a front is singular.
+
+    ``keep``: whether to keep the factors, or the inertia alone: new memory takes time to provide.
+    """
     size = np.abs(matrix.diagonal())
     scale = 2.0 ** -np.round(0.5 * np.log2(np.where(size > 0.0, size, 1.0)))
     order = structure.permutation
@@ -263,7 +266,8 @@ def factored(matrix: Any, structure: Fronts) -> SymmetricFactor:
                 below.T[row, at[k:]] += part[rows, k:]
             spare.append(memory)
         factor, below, count = _eliminated(corner, below, rest)
-        factors.append((factor, below))
+        if keep:
+            factors.append((factor, below))
         negative += count
     return SymmetricFactor(matrix, structure, scale, factors, negative)
 

@@ -54,11 +54,13 @@ class SparseMatrices:
         return result
 
     def factor(self, square: float = 0.0, s: complex = 0.0, pivot: float | None = None) -> SymmetricFactor:
-        """Factor K + s C + (s^2 - square) M; a singular matrix is a LinAlgError. Pivots are chosen in their front."""
-        del pivot
+        """Factor K + s C + (s^2 - square) M; a singular matrix is a LinAlgError.
+
+        Pivots are chosen in their front. A ``pivot`` is given where eigenvalues are counted: the inertia alone is kept.
+        """
         matrix = self.K + s * self.C if s else self.K
         shift = s * s - square
-        return factored((matrix + shift * self.M).tocsc() if shift else matrix, self.fronts)
+        return factored((matrix + shift * self.M).tocsc() if shift else matrix, self.fronts, keep=pivot is None)
 
     def motions(self) -> Array | None:
         """Return a basis (n, m) of all motions; None: all coordinates."""
