@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
 def gram_matrix(factor: Array) -> Array:
     """Return W^T W; zero rows, such as those of planar mechanisms, are left out if they are many."""
-    if factor.ndim == 2 and factor.shape[1] >= MANY:
-        moves = np.asarray(factor.any(axis=1))
-        if 2 * np.count_nonzero(moves) < len(moves):
-            factor = factor[moves]
-    return _square(factor)
+    return _square(nonzero_rows(factor) if factor.ndim == 2 else factor)
+
+
+def nonzero_rows(factor: Array) -> Array:
+    """Return the rows of a factor (r, m) without those that are zero, if the matrix is large and they are many."""
+    if factor.shape[1] < MANY:
+        return factor
+    moves = np.asarray(factor.any(axis=1))
+    return factor[moves] if 2 * np.count_nonzero(moves) < len(moves) else factor
 
 
 # Rounding of a sum of n like terms, over n EPS, seen in up to 100 000 equal ones: roundings of partial sums may all go
@@ -37,8 +41,10 @@ def drift(*factors: Array) -> float:
     """Return the relative rounding of sums of squares in the columns of factors (r, m), which may all go one way, as
     those of many equal springs do; 0 for few rows.
     """
-    counts = [np.count_nonzero(rows, axis=0).max(initial=0) for rows in factors if len(rows) > COVERED]
-    most = int(max(counts, default=0))
+    most = 0
+    for rows in factors:
+        if len(rows) > max(most, COVERED):
+            most = max(most, int(np.add.reduce(rows != 0.0, dtype=np.intp).max(initial=0)))
     return DRIFT * EPS * max(0, min(most - COVERED, PIECE + most // PIECE))
 
 

@@ -10,7 +10,7 @@ forces become unknowns (``strong_damping``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,8 @@ from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
 
@@ -59,21 +61,38 @@ MARGIN = 0.25
 _Eigensolution = tuple["Complex", "Complex", "Complex", "Array"]
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class _Forms:
     """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 up to
-    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``magnitude`` (m, m)
-    bounds Gamma's rounding.
+    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``magnitudes``
+    (3, m, m) are the sizes of the terms that they are sums of.
     """
 
     matrices: Array
-    magnitude: Array
+    magnitudes: Array
 
     def of(self, y: Complex) -> Complex:
         """Return the three matrices times complex vectors (m, n), shape (3, m, n), without complex copies of them."""
         m = len(y)
         result: Complex = self.matrices.reshape(3 * m, m).dot(y.view(float)).view(complex)
         return result.reshape(3, m, -1)
+
+    def with_errors_of(self, basis: Undamped) -> _Forms:
+        """Return the forms with the errors of the frequencies among the magnitudes, in parts of eps."""
+        magnitudes, error = self.magnitudes.copy(), 2.0 * (basis.errors / EPS + 1.0)
+        of_mass, _, of_stiffness = magnitudes.reshape(3, -1)
+        of_mass[:: len(error) + 1] += error
+        of_stiffness[:: len(error) + 1] += error * np.abs(basis.square)
+        # rounding of the rigid-body motions is motion of springs, which the forms leave out
+        magnitudes[2, : basis.rigid] += RIGID * np.abs(basis.square)
+        return _Forms(self.matrices, magnitudes)
+
+    def rounding(self, size: Array) -> Array:
+        """Return the rounding of the three forms in vectors with entries of some ``size`` (m, n), (3, n)."""
+        terms = self.magnitudes.reshape(3 * len(size), -1).dot(size).reshape(3, *size.shape)
+        terms *= size
+        return EPS * np.add.reduce(terms, axis=1)
 
 
 @fast_init
@@ -107,10 +126,11 @@ def damped(system: Equations, basis: Undamped, rtol: float, follows_stiffness: b
     if reason == IN_DOUBT:
         return None
     if reason:
-        pairs = quadratic_roots(basis.square, gamma)
         rounding = None
         if reason == COMMUTES:
             rounding = rounding_of_sums(system.elastic_rows, system.row_damping, basis.shapes)
+            basis = _of_factors(basis, _forms(system, basis.shapes, np.diag(gamma), basis.rigid))
+        pairs = quadratic_roots(basis.square, gamma)
         errors = classical_errors(pairs, basis, gamma, rounding)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
@@ -140,15 +160,31 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
 
 
 def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
-    h = system.inertia_factor.dot(shapes)
-    e = system.elastic_rows.dot(shapes)
-    stiffness = e.T.dot(e * system.row_stiffness[:, None])
-    stiffness[:rigid] = stiffness[:, :rigid] = 0.0
-    cancel = np.abs(system.elastic_rows).dot(np.abs(shapes))
+    w, d, k, c = system.inertia_factor, system.elastic_rows, system.row_stiffness[:, None], system.row_damping[:, None]
+    h, e, size = w.dot(shapes), d.dot(shapes), np.abs(shapes)
+    matrices, magnitudes = np.empty((2, 3, *gamma.shape))
+    cancel, stretch = np.abs(d).dot(size), e * k
     if rigid:  # relative motions that gamma leaves out as rounding may be larger than the rounding of one sum
-        cancel = np.maximum(cancel, np.abs(e - product_with_zeros(system.elastic_rows, shapes)) / EPS)
-    magnitude = cancel.T.dot(np.abs(e) * np.abs(system.row_damping)[:, None])
-    return _Forms(np.array((h.T.dot(h), gamma, stiffness)), magnitude)
+        cancel = np.maximum(cancel, np.abs(e - product_with_zeros(d, shapes)) / EPS)
+    np.dot(h.T, h, out=matrices[0])
+    matrices[1] = gamma
+    np.dot(e.T, stretch, out=matrices[2])
+    np.dot(np.abs(h).T, np.abs(w).dot(size), out=magnitudes[0])
+    np.dot(cancel.T, np.abs(e * c), out=magnitudes[1])
+    np.dot(cancel.T, np.abs(stretch), out=magnitudes[2])
+    for of_stiffness in (matrices[2], magnitudes[2]):
+        of_stiffness[:rigid] = of_stiffness[:, :rigid] = 0.0
+    return _Forms(matrices, magnitudes)
+
+
+def _of_factors(basis: Undamped, forms: _Forms) -> Undamped:
+    """Take the frequencies of a ``mixed`` basis from the factors, whose rounding is added to the errors."""
+    if not basis.mixed:
+        return basis
+    (mass, _, stiffness), (of_mass, _, of_stiffness) = (
+        np.einsum("kii->ki", part) for part in (forms.matrices, forms.magnitudes))  # fmt: skip
+    errors = basis.errors + 0.5 * EPS * (of_mass / mass + of_stiffness / stiffness)
+    return replace(basis, square=stiffness / mass, errors=errors)
 
 
 def _dampers(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
@@ -171,7 +207,7 @@ def _coupled(
     basis, forms, free = parts
     r = basis.rigid
     values, y = _energy_eigenvalues(basis, forms.matrices[1], free)
-    values, y, slope, bound, uncertainty = _rayleigh(values, y, forms, basis)
+    values, y, slope, bound, uncertainty = _rayleigh(values, y, forms.with_errors_of(basis), basis)
     uncertain = float(uncertainty.max(initial=0.0)) > MARGIN * rtol
     if basis.mixed > CLEAN and (uncertain or float(bound.max(initial=0.0)) > rtol):
         return None
@@ -217,12 +253,10 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     """Eigenvalues and velocity parts (m, n) of the eigenvectors in energy coordinates (Omega eta, eta')."""
     omega = basis.omega[basis.rigid :]
     m, flexible = len(basis.square), len(omega)
-    size = flexible + m - free
+    size, rigid = flexible + m - free, basis.rigid
     a = np.zeros((size, size), order="F")
-    at = np.arange(flexible)
-    velocity = flexible + (basis.rigid - free) + at
-    a[at, velocity] = omega
-    a[velocity, at] = -np.sign(basis.square[basis.rigid :]) * omega
+    a[flexible + rigid - free :, :flexible].flat[:: flexible + 1] = -np.copysign(omega, basis.square[rigid:])
+    a[:flexible, flexible + rigid - free :].flat[:: flexible + 1] = omega
     a[flexible:, flexible:] = -gamma[free:, free:]
     real, imag, _, vectors, failed = lapack.dgeev(a, compute_vl=0, lwork=max(1, WORK * size), overwrite_a=1)
     if failed:
@@ -236,7 +270,6 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
         values[values == 0.0] = -EPS * np.abs(values).max()
     parts = vectors[flexible:]
     y.real[free:], y.imag[free:, :complex_count] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
-    y *= 1.0 / _lengths(y)
     return values, y
 
 
@@ -247,58 +280,68 @@ def _rayleigh(
     on the other vectors; return both with the slopes, a bound of the eigenvalues' relative errors, and its reducible
     part.
     """
-    complex_count = _complex_count(values)
+    n, r, count = len(values), basis.rigid, _complex_count(values)
     inertia, damping, elastic = products = forms.of(y)
-    a, b, c = np.add.reduce(y * products, axis=1)
+    a, b, _ = forms_of_y = np.add.reduce(y * products, axis=1)
+    improved, amount, small = _newton(values, forms_of_y, count)
+    # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
+    residual = improved * (improved * inertia + damping) + elastic
+    every = _both(np.concatenate((y, improved[None], (2.0 * improved * a + b)[None])), count)
+    every, slope, difference = every[:-2], every[-1], improved - every[-2][:, None]
+    speed, size, steepness, gap = np.abs(improved), np.abs(y), np.maximum(np.abs(slope), TINY), np.abs(difference)
+    gap.reshape(-1)[: n * n : n + 1] = np.inf
+    share = every.T.dot(residual)
+    mixing = share / (slope[:, None] * difference + TINY)
+    mixing.reshape(-1)[: n * n : n + 1] = 0.0
+    mixed, root, weight = np.abs(mixing), np.sqrt(steepness), np.maximum(steepness[:n] * speed, TINY)
+    moved = np.abs(share) * np.minimum(mixed, root[:n] / root[:, None])  # eigenvalues that meet share their vectors
+    growth = nearness(gap[:n], improved, y, (inertia, damping), slope)
+    uncertainty = _both(growth, count).dot(moved)
+    if r:
+        at_rest = _at_rest(residual[:r], improved, forms.matrices[1].diagonal()[:r, None])
+        uncertainty += np.add.reduce(np.abs(residual[:r] * at_rest))
+    # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
+    of_mass, of_damping, of_stiffness = forms.rounding(size)
+    uncertainty = (INEXACT * uncertainty + 4.0 * speed * of_damping) / weight
+    reducible, bound = np.minimum((uncertainty, uncertainty + (speed * speed * of_mass + of_stiffness) / weight), 1.0)
+    reducible[growth > TWICE] = 1.0
+    if np.count_nonzero(small) < n:
+        reducible[~small] = 1.0
+        bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
+    bound = np.maximum(bound, reducible, out=bound, where=small)
+    if np.count_nonzero(bound > CLEAN):
+        bound = with_neighbours(speed, bound, gap)
+    if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
+        # a step that was not taken says how far the eigenvalue is, which its error, at most the whole of it, does not
+        reach = within_reach(improved, reducible, np.where(small, 0.0, INEXACT * amount))
+        reducible, bound = np.maximum(reducible, reach), np.maximum(bound, reach)
+    mixing[mixed >= CORRECTION] = 0.0
+    y = y - every.dot(mixing)
+    if r:
+        y[:r] -= at_rest
+    y /= np.sqrt(np.add.reduce((y * y.conj()).real))
+    damping = forms.matrices[1].dot(y.view(float)).view(complex)
+    return improved, y, np.add.reduce(y * (2.0 * improved * y + damping)), bound, reducible
+
+
+def _newton(values: Complex, forms: Complex, count: int) -> tuple[Complex, Array, NDArray[np.bool_]]:
+    """Eigenvalues (n,) after Newton steps on their own quadratics, with the last steps' sizes, and which were taken.
+    """
+    a, b, c = forms
     improved = values
     for _ in range(2):  # the second step squares the error of the first
-        slope, none = 2.0 * improved * a + b, np.zeros(len(a), dtype=complex)
-        step = np.divide(improved * (improved * a + b) + c, slope, out=none, where=slope != 0.0)
+        slope = 2.0 * improved * a + b
+        slope[slope == 0.0] = np.inf
+        step = (improved * (improved * a + b) + c) / slope
         amount, speed = np.abs(step), np.abs(improved)
         small = amount <= CORRECTION * speed
         improved = np.where(small, improved - step, improved)
         if np.count_nonzero(amount > SQUARED * speed) == 0:
             break
-    if complex_count and improved.imag[:complex_count].min() <= 0.0:  # conjugates that are about to meet
-        small[:complex_count] &= improved.imag[:complex_count] > 0.0
+    if count and improved.imag[:count].min() <= 0.0:  # conjugates that are about to meet
+        small[:count] &= improved.imag[:count] > 0.0
         improved = np.where(small, improved, values)
-    # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
-    residual = improved * (improved * inertia + damping) + elastic
-    every, exact_slope = _both(y, complex_count), 2.0 * improved * a + b
-    growth = nearness(improved, y, (inertia, damping), exact_slope)
-    share = every.T.dot(residual)
-    distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
-    distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
-    projection, separation, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    steepness = np.maximum(np.abs(exact_slope), TINY)
-    weight, slopes = np.maximum(steepness * speed, TINY), np.sqrt(steepness)
-    together = projection * (_both(slopes, complex_count)[:, None] / slopes)  # of what eigenvalues that meet share
-    r = slice(basis.rigid)
-    at_rest = _at_rest(residual[r], improved, forms.matrices[1].diagonal()[r, None]) if basis.rigid else y[r]
-    ratio = projection / np.maximum(np.maximum(separation, together), TINY)
-    uncertainty = (projection * ratio).T.dot(_both(growth, complex_count))
-    uncertainty = INEXACT * (uncertainty + np.add.reduce(np.abs(residual[r] * at_rest)))
-    # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
-    uncertainty += 4.0 * EPS * speed * np.add.reduce(size * forms.magnitude.dot(size))
-    reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
-    reducible[~small] = reducible[growth > TWICE] = 1.0
-    if np.count_nonzero(small) < len(small):
-        bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
-    bound = np.maximum(bound, np.where(small, reducible, 0.0))
-    if np.count_nonzero(bound > CLEAN):
-        bound = with_neighbours(improved, bound, complex_count)
-    if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
-        # a step that was not taken says how far the eigenvalue is, which its error, at most the whole of it, does not
-        mixed = within_reach(improved, reducible, np.where(small, 0.0, INEXACT * amount))
-        reducible, bound = np.maximum(reducible, mixed), np.maximum(bound, mixed)
-    none = np.zeros(share.shape, dtype=complex)
-    mixing = np.divide(share, distance, out=none, where=projection < CORRECTION * separation)
-    y = y - every.dot(mixing)
-    y[r] -= at_rest
-    y *= 1.0 / _lengths(y)
-    damping = forms.matrices[1].dot(y.view(float)).view(complex)
-    exact_slope = np.add.reduce(y * (2.0 * improved * y + damping))
-    return improved, y, exact_slope, bound, reducible
+    return improved, amount, small
 
 
 def _at_rest(residual: Complex, values: Complex, brakes: Array) -> Complex:
@@ -306,26 +349,13 @@ def _at_rest(residual: Complex, values: Complex, brakes: Array) -> Complex:
     return np.divide(residual, brakes * values, out=np.zeros_like(residual), where=brakes * np.abs(values) > 0.0)
 
 
-def _lengths(y: Complex) -> Array:
-    """Lengths of complex columns."""
-    return np.asarray(np.sqrt(np.add.reduce(np.square(y.real) + np.square(y.imag))))
-
-
-def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
-    """Errors of the quadratics of |values| (n,) and |vectors| (m, n) due to errors of the undamped modes."""
-    trust = 2.0 * (basis.errors + EPS)
-    inertial, elastic = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
-    # rounding of the rigid-body motions is motion of springs, which the forms leave out
-    stretch = RIGID * EPS * size[: basis.rigid].sum(axis=0) * np.abs(basis.square).dot(size) if basis.rigid else 0.0
-    return np.asarray(speed * speed * inertial + elastic + stretch)
-
-
 def _uncertain_refined(
     system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], estimate: tuple[_Eigensolution, Array],
     rtol: float,
 ) -> _Eigensolution:  # fmt: skip
     """Inaccurate eigenvalues from the factors, or with the dampers' forces as unknowns, whichever is more accurate."""
-    basis, _, free = parts
+    basis, forms, free = parts
+    basis = _of_factors(basis, forms)
     count = len(estimate[0][0]) + _complex_count(estimate[0][0])
     best = min(estimate[0], _from_factors(system, shapes, count, rtol) or estimate[0],
                key=lambda candidate: float(candidate[3].max()))  # fmt: skip
@@ -381,11 +411,12 @@ def _with_forces(
         new[better], motion[:, better], slopes[better], errors[better]
     )  # fmt: skip
     upper, real = np.nonzero(values.imag > 0.0)[0], np.nonzero(values.imag == 0.0)[0]
-    distance = np.abs(values[:, None] - values)
-    distance[cluster[:, None] == cluster] = np.inf
+    gap = np.abs(values[:, None] - values)
+    np.fill_diagonal(gap, np.inf)
+    distance = np.where(cluster[:, None] == cluster, np.inf, gap)
     nearest = np.argmin(np.abs(values.conj()[upper, None] - values), axis=1) if len(upper) else upper
     complete = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
     if not complete or (distance <= 2.0 * bound * np.abs(values)).any():
         return eigensolution  # two have met, or a conjugate is missing
     order = np.concatenate((upper, real))
-    return values[order], y[:, order], slope[order], with_neighbours(values, bound)[order]
+    return values[order], y[:, order], slope[order], with_neighbours(np.abs(values), bound, gap)[order]

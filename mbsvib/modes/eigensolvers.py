@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from mbsvib.linalg.products import drift, single_entries
+from mbsvib.linalg.products import drift, nonzero_rows, single_entries
 from mbsvib.linalg.qr import sorted_qr, triangle
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Factors:
     @cached_property
     def w(self) -> Array:
         """Rows of W that move."""
-        return self._factor.take(np.asarray(self._factor.any(axis=1)).nonzero()[0], axis=0)
+        return nonzero_rows(self._factor)
 
     @cached_property
     def e(self) -> Array:

@@ -261,7 +261,7 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     h = np.arange(len(eigen.values))
     weight = np.abs(slopes[:, None] * eigen.slopes)
     gap = np.abs(eigen.values - values[:, None])
-    coupling[h, h] = 0.0
+    coupling[h, h], gap[h, h] = 0.0, np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
         separated = coupling / (weight * gap)
         met = np.sqrt(coupling / weight)
@@ -277,7 +277,7 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     slope = np.abs(eigen.slopes)
     total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0)
     total += INEXACT * move.sum(axis=0) + (back * (angles @ ahead)).sum(axis=0)
-    errors = with_neighbours(eigen.values, total / speed)
+    errors = with_neighbours(speed, total / speed, gap[: len(h)])
     # near an eigenvalue for which Newton's step has not converged, the distance to it is uncertain
     reach = np.where(errors > CORRECTION, INEXACT * errors * speed, 0.0)
     return np.minimum(np.maximum(errors, within_reach(eigen.values, np.minimum(errors, 1.0), reach)), 1.0)

@@ -39,18 +39,15 @@ def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 
 
-def with_neighbours(values: Complex, errors: Array, conjugates: int = 0) -> Array:
-    """Return relative ``errors`` (n,) of ``values`` (n,) as neighbours make them, of which the first ``conjugates`` are
-    among the values as well.
+def with_neighbours(size: Array, errors: Array, gap: Array) -> Array:
+    """Return relative ``errors`` (n,) of eigenvalues of some ``size`` (n,) as neighbours make them.
 
-    What moves two eigenvalues by e and f couples them by up to sqrt(e f), which moves each by up to e f / gap, and by
-    no more than sqrt(e f).
+    ``gap`` (k, n): distances from all eigenvalues, infinite from themselves: those of these n first, then of their
+    conjugates. What moves two eigenvalues by e and f couples them by up to sqrt(e f), which moves each by up to
+    e f / gap, and by no more than sqrt(e f).
     """
-    size, n = np.abs(values), len(values)
     move = errors * size
-    gap = np.abs(np.concatenate((values, values[:conjugates].conj()))[:, None] - values)
-    gap.reshape(-1)[: n * n : n + 1] = np.inf
-    both = np.concatenate((move, move[:conjugates]))[:, None] * move
+    both = np.concatenate((move, move[: len(gap) - len(move)]))[:, None] * move
     moved = both / np.maximum(np.maximum(gap, np.sqrt(both)), TINY)
     return np.asarray(errors + np.add.reduce(moved) / size)
 
@@ -63,26 +60,22 @@ def within_reach(values: Complex, uncertainty: Array, reach: Array) -> Array:
     return np.asarray(np.where(within, uncertainty[:, None] ** 2, 0.0).max(axis=0))
 
 
-def nearness(values: Complex, y: Complex, products: tuple[Complex, Complex], slopes: Complex) -> Array:
-    """Return how much errors grow as the vectors of next eigenvalues are nearly parallel, (n,): 1 / (1 - cosine), 1 for
+def nearness(gap: Array, values: Complex, y: Complex, products: tuple[Complex, Complex], slopes: Complex) -> Array:
+    """Return how much errors grow as the vectors of near eigenvalues are nearly parallel, (n,): 1 / (1 - cosine), 1 for
     eigenvalues without such a neighbour.
 
-    ``products``: M y and C y; ``slopes``: y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles
-    in (lambda_1 + lambda_2) M + C.
+    ``gap`` (n, n): distances of the values, infinite from themselves; ``products``: M y and C y; ``slopes``:
+    y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles in (lambda_1 + lambda_2) M + C.
     """
-    size = np.abs(values)
-    result, order = np.ones(len(values)), size.argsort(kind="stable")
-    ascending = values.take(order)
-    near = (np.abs(ascending[1:] - ascending[:-1]) <= TOGETHER * size.take(order[1:])).nonzero()[0]
-    if len(near):
-        first, second = order.take(near + 1), order.take(near)
-        turn = values.take(first) + values.take(second)
-        image = turn * products[0].take(second, axis=1) + products[1].take(second, axis=1)
+    result = np.ones(len(values))
+    first, second = (gap <= TOGETHER * np.abs(values)).nonzero()
+    if len(first):
+        inertia, damping = (part.take(second, axis=1) for part in products)
+        image = (values.take(first) + values.take(second)) * inertia + damping
         share = np.abs(np.add.reduce(y.take(first, axis=1) * image))
         length = np.sqrt(np.abs(slopes.take(first) * slopes.take(second)))
         growth = length / np.maximum(np.abs(length - share), np.maximum(EPS * length, TINY))
-        result[first] = np.maximum(growth, 1.0)
-        result[second] = np.maximum(growth, result.take(second))  # which may be the first one of another two
+        np.maximum.at(result, first, growth)
     return result
 
 

@@ -90,8 +90,8 @@ def undamped(
     ``rtol``: required relative accuracy of every frequency. ``clean``: whether the shapes must be as accurate as the
     frequencies, as responses require. ``null`` (m, r): motions without stiffness, M-orthonormal, if they are known.
     ``coupled``: whether the shapes are only a basis in which the factors are used again, as for modes coupled by
-    damping: they may then mix up to ``MIXED``, and errors are those of the factors in this basis. Returns squares of
-    the frequencies, mass-normalised shapes and error estimates, which may exceed rtol.
+    damping: they may then mix up to ``MIXED``, and errors are without the rounding of the factors in this basis.
+    Returns squares of the frequencies, mass-normalised shapes and error estimates, which may exceed rtol.
     """
     m = system.dof
     if m == 0:
@@ -145,25 +145,29 @@ def _as_it_is(
     cancel = np.sqrt(inertia)
     bound = (square[-1] / square) * (1.0 + cancel) + inertia + elastic
     bound *= EPS * (PERTURBED + PERTURBED_MORE * math.sqrt(len(square)))
-    bound += scene.drift
+    drift = scene.drift
+    bound += drift
     mixed = float(bound[bound.argmax()])
+    if coupled and mixed <= (CLEAN if clean else MIXED):
+        return Undamped(square, shapes, np.full(len(square), 2.0 * EPS + drift), 0, "products", 0.0, mixed)
     if mixed <= (min(rtol, CLEAN) if clean else CERTAIN * rtol):
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
-    if clean or (coupled and mixed > MIXED):
+    if clean or coupled:
         return None
-    inaccurate = np.flatnonzero(bound > CERTAIN * rtol)
-    crossed = np.zeros(len(square)) if coupled else _crossed(bound * square, square) / square
-    bound[inaccurate] = 2.0 * EPS + scene.drift + crossed[inaccurate]
-    if float(bound.max()) > rtol:
+    inaccurate = (bound > CERTAIN * rtol).nonzero()[0]
+    every = len(inaccurate) == len(square)
+    bound[inaccurate] = 2.0 * EPS + drift + (_crossed(bound * square, square) / square)[inaccurate]
+    if float(bound[bound.argmax()]) > rtol:
         return None
-    phi = shapes[:, inaccurate]
-    h, e = scene.w @ phi, scene.stretch(phi)
-    mass, energy = (h.T @ h).diagonal(), (e.T @ e).diagonal()
-    bound[inaccurate] += _rounding(scene.e, phi, e, EPS * np.sqrt(elastic[inaccurate]) * energy, energy, rtol) / energy
-    bound[inaccurate] += _rounding(scene.w, phi, h, EPS * cancel[inaccurate], mass, rtol)
+    phi = shapes if every else shapes.take(inaccurate, axis=1)
+    h, e = scene.w.dot(phi), scene.stretch(phi)
+    mass, energy = h.T.dot(h).diagonal(), e.T.dot(e).diagonal()
+    of_springs, of_masses = EPS * np.sqrt(elastic[inaccurate]) * energy, EPS * cancel[inaccurate]
+    bound[inaccurate] += _rounding(scene.e, phi, e, of_springs, energy, rtol) / energy
+    bound[inaccurate] += _rounding(scene.w, phi, h, of_masses, mass, rtol)
     square[inaccurate] = energy / mass
     shapes[:, inaccurate] = phi / np.sqrt(mass)
-    if float(bound.max()) > rtol or (not coupled and float((square[1:] - square[:-1]).min(initial=0.0)) < 0.0):
+    if float(bound[bound.argmax()]) > rtol or (square[1:] < square[:-1]).any():
         return None
     return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
 
@@ -233,7 +237,7 @@ def _rounding(rows: Array, phi: Array, image: Array, least: Array, size: Array, 
     """Half of the error of the sum of squares of each column of ``image`` = rows phi by rounding: ``least``, or a bound
     row by row where ``least`` is not small compared with ``size``.
     """
-    large = np.flatnonzero(least > max(CLOSER, CERTAIN * rtol) * size)
+    large = (least > max(CLOSER, CERTAIN * rtol) * size).nonzero()[0]
     if len(large):
         every = len(large) == len(size)
         phi, image = (phi, image) if every else (phi[:, large], image[:, large])
