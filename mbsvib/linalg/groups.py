@@ -33,6 +33,9 @@ def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = F
 
     ``links`` (n, n) work in both directions; with ``strong`` in one only, and items of one part reach each other.
     """
+    if isinstance(links, np.ndarray) and not strong and len(links) + np.count_nonzero(links) <= FEW:
+        first, second = links.nonzero()
+        return _few_parts(first.tolist(), second.tolist(), len(links))
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -10,7 +10,7 @@ state matrix, a Hermitian one times i: its eigenvalues are imaginary exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from mbsvib.modes.pairs import natural_frequencies
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general_refinement import Spectrum
@@ -38,7 +38,7 @@ class General:
     ``pairs`` (k, 2) of eigenvalues, one row a mode, with ``errors`` (k, 2) relative; a mode of first order
     (``single``) has its one eigenvalue twice. ``shapes`` (m, k) are the modes, complex. ``spectrum`` contains the
     nonzero eigenvalues with both vectors, ``state`` the equations in energy coordinates with the subspaces of the
-    eigenvalue 0; ``mode`` is the mode number of each eigenvalue of the spectrum.
+    eigenvalue 0. ``numbers`` (k, 2) are those of the pairs in the complete spectrum, -1 for the eigenvalue 0.
     """
 
     pairs: Complex
@@ -47,22 +47,26 @@ class General:
     shapes: Complex
     rigid: int
     spectrum: Spectrum
-    mode: NDArray[np.intp]
+    numbers: Index
     state: EnergyState = field(repr=False)
+
+    @property
+    def mode(self) -> Index:
+        """The mode number of each eigenvalue of the spectrum."""
+        result = np.zeros(self.numbers.max(initial=-1) + 2, dtype=np.intp)  # of the eigenvalue 0 behind them
+        result[self.numbers] = np.arange(len(self.numbers))[:, None]
+        return result[: len(self.spectrum.values)]
 
     @property
     def values(self) -> Complex:
         """All eigenvalues, (2m - massless,), pairs together."""
-        retained = np.ones(self.pairs.shape, dtype=bool)
-        retained[:, 1] = ~self.single
-        return self.pairs[retained]
+        return np.asarray(self.of_all(self.pairs))
 
-    @property
-    def value_errors(self) -> Array:
-        """Relative errors of ``values``."""
-        retained = np.ones(self.pairs.shape, dtype=bool)
+    def of_all(self, pairs: Any) -> Any:
+        """Return what all eigenvalues have, (2m - massless,), from what pairs of modes have, (k, 2)."""
+        retained = np.ones(pairs.shape, dtype=bool)
         retained[:, 1] = ~self.single
-        return self.errors[retained]
+        return pairs[retained]
 
 
 def is_general(system: Equations) -> bool:
@@ -119,19 +123,17 @@ def _sorted(
     system: Equations, state: EnergyState, eigen: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
 ) -> General:
     numbers, shapes = modes
+    values, errors = np.append(eigen.complete()[0], 0.0), np.append(eigen.errors, eigen.errors[eigen.turns])
+    conjugates = len(eigen.values) + np.cumsum(eigen.turns) - 1
     first, second = numbers.T
-    values, errors = np.append(eigen.values, 0.0), np.append(eigen.errors, 0.0)  # STILL is the last one
-    conjugate, single = second == CONJUGATE, second == UNPAIRED
-    second = np.where(conjugate | single, first, second)
-    pairs = np.stack((values[first], np.where(conjugate, values[first].conj(), values[second])), axis=1)
-    order = np.argsort(natural_frequencies(pairs), kind="stable")
-    columns = np.array(shapes, dtype=complex).reshape(len(numbers), system.dof).T
-    mode = np.zeros(len(values), dtype=np.intp)
-    position_of = np.argsort(order)
-    mode[first], mode[second] = position_of, position_of
-    rigid = int(np.count_nonzero((pairs == 0.0).any(axis=1)))
-    return General(pairs[order], np.stack((errors[first], errors[second]), axis=1)[order], single[order],
-                   columns[:, order], rigid, eigen, mode[:-1], state)  # fmt: skip
+    single = second == UNPAIRED
+    numbers[second == CONJUGATE, 1] = conjugates[first[second == CONJUGATE]]
+    numbers[single, 1] = first[single]
+    order = np.argsort(natural_frequencies(values[numbers]), kind="stable")
+    numbers, single, errors = numbers[order], single[order], np.append(errors, 0.0)  # STILL is the last one
+    columns = np.array(shapes, dtype=complex).reshape(len(numbers), system.dof).T[:, order]
+    rigid = int(np.count_nonzero((numbers == STILL).any(axis=1)))
+    return General(values[numbers], errors[numbers], single, columns, rigid, eigen, numbers, state)
 
 
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:

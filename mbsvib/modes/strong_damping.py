@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.common.memory import BATCH_BYTES
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 
@@ -186,7 +186,7 @@ def _near(equations: DamperForces, s: Any, solve: Callable[[Any], Any]) -> tuple
 def _first_neighbours(values: Complex) -> NDArray[np.intp]:
     """Number of the first of the values that each is connected to by neighbours closer than ``NEIGHBOUR``."""
     near = np.abs(values[:, None] - values) <= NEIGHBOUR * np.abs(values)
-    label = connected_components(near, directed=False)[1]
+    label = part_numbers(near)
     return np.asarray(np.unique(label, return_index=True)[1][label])
 
 

@@ -17,16 +17,16 @@ import numpy as np
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
-from mbsvib.linalg.rank import SAME_EIGENVALUE
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
+from mbsvib.sensitivities.spectrum import coinciding
 from mbsvib.sensitivities.states import state_basis
 from mbsvib.sparse.modes import SomeModes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
@@ -198,7 +198,9 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
     coordinates = np.concatenate((vectors[:, :k].T @ system.M, vectors[:, k:].T @ system.C)) @ modes.shapes
     resting = np.linalg.norm(coordinates[:k], axis=0) < MOVES
     largest = np.argmax(np.abs(modes.shapes), axis=0)
-    for group in _coinciding(values):
+    groups_of_modes = coinciding(values)
+    alone = np.setdiff1d(np.arange(len(values)), np.concatenate((*groups_of_modes, np.zeros(0, dtype=np.intp))))
+    for group in (*groups_of_modes, *alone[:, None]):
         step = max(1, BLOCK // max(1, groups.size * m))
         residual_forces = np.concatenate([_pushed(groups, modes.shapes[:, chunk], values[chunk])
                                  for chunk in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
@@ -251,13 +253,3 @@ def _bordered(states: StateBasis, value: complex, columns: Any, rows: Any, forms
         result[moved] = np.nan
     return np.asarray(result[:, :m])
 
-
-def _coinciding(values: Complex) -> list[Index]:
-    """Modes whose eigenvalues coincide, together; rigid-body modes are one group."""
-    groups, grouped = [], np.zeros(len(values), dtype=bool)
-    for i in range(len(values)):
-        if not grouped[i]:
-            group = np.flatnonzero(~grouped & (np.abs(values - values[i]) <= SAME_EIGENVALUE * abs(values[i])))
-            grouped[group] = True
-            groups.append(group)
-    return groups

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS, ONE_BRANCH, SAME_EIGENVALUE
 from mbsvib.modes.damped import Damped
 
@@ -67,22 +68,9 @@ class Spectrum:
         return 2 * pairs == self.count and len(self.mirror) == pairs and \
             bool((self.index == np.arange(0, self.count, 2)).all())  # fmt: skip
 
-    def clusters(self) -> list[Index]:
-        """Return groups of eigenvalues that coincide, those at 0 left out."""
-        distance = np.abs(self.lead[:, None] - self.lead)
-        near = distance <= SAME_EIGENVALUE * np.abs(self.lead)
-        groups, grouped = [], np.zeros(len(self.lead), dtype=bool)
-        for i in np.flatnonzero((near.sum(axis=1) > 1) & (self.lead != 0.0)):
-            if not grouped[i]:
-                group = np.flatnonzero(near[i] & ~grouped)
-                grouped[group] = True
-                if len(group) > 1:
-                    groups.append(group)
-        return groups
-
     def pairs(self) -> Pairs:
-        """Return the groups of eigenvalues that coincide with all pairs in them."""
-        groups = self.clusters()
+        """Return the groups of eigenvalues that coincide with all pairs in them, those at 0 left out."""
+        groups = [group for group in coinciding(self.lead) if self.lead[group[0]] != 0.0]
         members = [pair for group in groups for pair in combinations(group.tolist(), 2)]
         first, second = np.array(members, dtype=np.intp).reshape(-1, 2).T
         return Pairs(groups, first, second)
@@ -94,6 +82,11 @@ class Spectrum:
         sums = self.right[:, pairs.first] + self.right[:, pairs.second]
         return replace(self, lead=np.concatenate((self.lead, self.lead[pairs.first])),
                        right=np.concatenate((self.right, sums), axis=1))  # fmt: skip
+
+
+def coinciding(values: Complex) -> list[Index]:
+    """Return the groups of two or more eigenvalues (n,) that coincide; those at 0 are one of them."""
+    return linked_items(np.abs(values[:, None] - values) <= SAME_EIGENVALUE * np.abs(values))
 
 
 def spectrum(modes: Modes) -> Spectrum:
@@ -132,16 +125,11 @@ def _symmetric(damped: Damped) -> Spectrum:
 
 
 def _general(values: Complex, general: General) -> Spectrum:
-    known, right, left, _ = general.spectrum.complete()
-    m = len(right)
-    x, y = np.zeros((m, len(values)), dtype=complex), np.zeros((m, len(values)), dtype=complex)
-    free = np.ones(len(known), dtype=bool)
-    for i in np.flatnonzero(values != 0.0):
-        nearest = int(np.argmin(np.where(free, np.abs(known - values[i]), np.inf)))
-        free[nearest] = False
-        x[:, i], y[:, i] = right[:, nearest], left[:, nearest]
-    index = np.arange(len(values))
-    none = np.zeros(0, dtype=np.intp)
+    _, right, left, _ = general.spectrum.complete()
+    numbers = general.of_all(general.numbers)
+    # the eigenvalue 0 is the last one, and its vectors are none
+    x, y = (np.pad(part, ((0, 0), (0, 1)))[:, numbers] for part in (right, left))
+    index, none = np.arange(len(values)), np.zeros(0, dtype=np.intp)
     return Spectrum(values, x, y, index, none, none, len(values))
 
 
