@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.batch_coupled import Forms, Start, refined, starts, subset
+from mbsvib.modes.batch_coupled import Start, starts, subset
 from mbsvib.modes.classical import CLASSICAL, COMMUTES, NO_DAMPER, classical_errors, quadratic_roots, rounding_of_sums
 from mbsvib.modes.damped import MARGIN, Damped
 from mbsvib.modes.pairs import pair_numbers
+from mbsvib.modes.rayleigh import forms_in, rayleigh
 from mbsvib.modes.undamped import Undamped
 
 if TYPE_CHECKING:
@@ -138,15 +139,11 @@ def _coupled(
     batch: BatchEquations, basis: UndampedBatch, gamma: Array, start: Start, which: Index
 ) -> tuple[Array, Any, Complex, Any, Array]:
     """The largest reducible error; pairs, vectors, slopes, errors of variants with equally many oscillating modes."""
-    shapes, rows, factor = (subset(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
-    h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
-    forms = Forms(
-        h.swapaxes(1, 2) @ h, subset(gamma, which),
-        e.swapaxes(1, 2) @ (e * subset(batch.row_stiffness, which)[:, :, None]),
-        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(subset(batch.row_damping, which))[:, :, None]),
-    )  # fmt: skip
-    values, y, slope, bound, reducible = refined(forms, start.values, start.y, subset(basis.square, which),
-                                                subset(basis.errors, which), start.complex_count)  # fmt: skip
+    factors = [subset(array, which) for array in
+               (batch.inertia_factor, batch.elastic_rows, batch.row_stiffness, batch.row_damping)]  # fmt: skip
+    forms = forms_in(factors, subset(basis.shapes, which), subset(gamma, which))
+    forms = forms.with_errors(subset(basis.square, which), subset(basis.errors, which))
+    values, y, slope, bound, reducible = rayleigh(start.values, start.y, forms, start.complex_count)
     m, oscillating = y.shape[1], np.arange(start.complex_count).repeat(2).reshape(1, -1, 2)
     if start.complex_count == m:
         pair_indices = np.broadcast_to(oscillating, (len(values), m, 2))
@@ -161,4 +158,5 @@ def _coupled(
     upper = pair_indices[..., 0] < start.complex_count
     for part, oscillates in ((pairs, upper), (slopes, upper), (vectors, upper[:, None])):
         np.conjugate(part[..., 1], out=part[..., 1], where=oscillates)
-    return reducible, pairs, vectors, slopes, np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)
+    errors = np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)
+    return reducible.max(axis=1, initial=0.0), pairs, vectors, slopes, errors

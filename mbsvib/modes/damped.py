@@ -11,7 +11,7 @@ forces become unknowns (``strong_damping``).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import lapack
@@ -28,29 +28,17 @@ from mbsvib.modes.classical import (
     quadratic_roots,
     rounding_of_sums,
 )
-from mbsvib.modes.pairs import nearness, pair_numbers, with_neighbours, within_reach
+from mbsvib.modes.pairs import pair_numbers, with_neighbours
+from mbsvib.modes.rayleigh import Forms, both, forms_in, rayleigh
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
 
-# A Newton step larger than this share of the eigenvalue does not correct rounding errors: the pair is nearly defective.
-CORRECTION = 1e-4
-# The square of a step this small is less than rounding.
-SQUARED = 1e-9
-# Vectors in the resolvent are as inexact as those whose errors it bounds: these errors are up to twice as large.
-INEXACT = 2.0
-# An eigenvalue next to one whose vector differs by less was found twice, in place of a near one: 1 / (1 - cosine).
-TWICE = 1e6
-# Rounding of the rigid-body modes as motion of springs, in parts of eps; calibrated on chains with strong dampers.
-RIGID = 16.0
-# A tiny divisor in place of 0, so that quotients become large and not infinite.
-TINY = 1e-290
 # Columns of work space with which LAPACK's eigenvalues go block by block.
 WORK = 64
 # Share of the required accuracy that the doubt may use; errors of the undamped modes need the rest.
@@ -59,40 +47,6 @@ MARGIN = 0.25
 
 # Eigenvalues, vectors, slopes and bounds of their errors.
 _Eigensolution = tuple["Complex", "Complex", "Complex", "Array"]
-
-
-@fast_init
-@dataclass(frozen=True, slots=True)
-class _Forms:
-    """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 up to
-    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``magnitudes``
-    (3, m, m) are the sizes of the terms that they are sums of.
-    """
-
-    matrices: Array
-    magnitudes: Array
-
-    def of(self, y: Complex) -> Complex:
-        """Return the three matrices times complex vectors (m, n), shape (3, m, n), without complex copies of them."""
-        m = len(y)
-        result: Complex = self.matrices.reshape(3 * m, m).dot(y.view(float)).view(complex)
-        return result.reshape(3, m, -1)
-
-    def with_errors_of(self, basis: Undamped) -> _Forms:
-        """Return the forms with the errors of the frequencies among the magnitudes, in parts of eps."""
-        magnitudes, error = self.magnitudes.copy(), 2.0 * (basis.errors / EPS + 1.0)
-        of_mass, _, of_stiffness = magnitudes.reshape(3, -1)
-        of_mass[:: len(error) + 1] += error
-        of_stiffness[:: len(error) + 1] += error * np.abs(basis.square)
-        # rounding of the rigid-body motions is motion of springs, which the forms leave out
-        magnitudes[2, : basis.rigid] += RIGID * np.abs(basis.square)
-        return _Forms(self.matrices, magnitudes)
-
-    def rounding(self, size: Array) -> Array:
-        """Return the rounding of the three forms in vectors with entries of some ``size`` (m, n), (3, n)."""
-        terms = self.magnitudes.reshape(3 * len(size), -1).dot(size).reshape(3, *size.shape)
-        terms *= size
-        return EPS * np.add.reduce(terms, axis=1)
 
 
 @fast_init
@@ -129,12 +83,12 @@ def damped(system: Equations, basis: Undamped, rtol: float, follows_stiffness: b
         rounding = None
         if reason == COMMUTES:
             rounding = rounding_of_sums(system.elastic_rows, system.row_damping, basis.shapes)
-            basis = _of_factors(basis, _forms(system, basis.shapes, np.diag(gamma), basis.rigid))
+            basis = _of_factors(basis, forms_in(_factors(system), basis.shapes, np.diag(gamma), basis.rigid))
         pairs = quadratic_roots(basis.square, gamma)
         errors = classical_errors(pairs, basis, gamma, rounding)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
-    forms = _forms(system, shapes, gamma, basis.rigid)
+    forms = forms_in(_factors(system), shapes, gamma, basis.rigid)
     eigensolution = _coupled(system, shapes, (basis, forms, free), rtol)
     if eigensolution is None:
         return None
@@ -159,25 +113,11 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
     return shapes, weighted_gram(relative_motion, system.row_damping), count
 
 
-def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
-    w, d, k, c = system.inertia_factor, system.elastic_rows, system.row_stiffness[:, None], system.row_damping[:, None]
-    h, e, size = w.dot(shapes), d.dot(shapes), np.abs(shapes)
-    matrices, magnitudes = np.empty((2, 3, *gamma.shape))
-    cancel, stretch = np.abs(d).dot(size), e * k
-    if rigid:  # relative motions that gamma leaves out as rounding may be larger than the rounding of one sum
-        cancel = np.maximum(cancel, np.abs(e - product_with_zeros(d, shapes)) / EPS)
-    np.dot(h.T, h, out=matrices[0])
-    matrices[1] = gamma
-    np.dot(e.T, stretch, out=matrices[2])
-    np.dot(np.abs(h).T, np.abs(w).dot(size), out=magnitudes[0])
-    np.dot(cancel.T, np.abs(e * c), out=magnitudes[1])
-    np.dot(cancel.T, np.abs(stretch), out=magnitudes[2])
-    for of_stiffness in (matrices[2], magnitudes[2]):
-        of_stiffness[:rigid] = of_stiffness[:, :rigid] = 0.0
-    return _Forms(matrices, magnitudes)
+def _factors(system: Equations) -> tuple[Array, Array, Array, Array]:
+    return system.inertia_factor, system.elastic_rows, system.row_stiffness, system.row_damping
 
 
-def _of_factors(basis: Undamped, forms: _Forms) -> Undamped:
+def _of_factors(basis: Undamped, forms: Forms) -> Undamped:
     """Take the frequencies of a ``mixed`` basis from the factors, whose rounding is added to the errors."""
     if not basis.mixed:
         return basis
@@ -197,7 +137,7 @@ def _dampers(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
 
 
 def _coupled(
-    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
+    system: Equations, shapes: Array, parts: tuple[Undamped, Forms, int], rtol: float
 ) -> _Eigensolution | None:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2);
     None if the basis is too inaccurate for them.
@@ -207,7 +147,8 @@ def _coupled(
     basis, forms, free = parts
     r = basis.rigid
     values, y = _energy_eigenvalues(basis, forms.matrices[1], free)
-    values, y, slope, bound, uncertainty = _rayleigh(values, y, forms.with_errors_of(basis), basis)
+    values, y, slope, bound, uncertainty = rayleigh(
+        values, y, forms.with_errors(basis.square, basis.errors), _complex_count(values))
     uncertain = float(uncertainty.max(initial=0.0)) > MARGIN * rtol
     if basis.mixed > CLEAN and (uncertain or float(bound.max(initial=0.0)) > rtol):
         return None
@@ -244,11 +185,6 @@ def _complex_count(values: Complex) -> int:
     return int(np.count_nonzero(values.imag))
 
 
-def _both(half: Any, complex_count: int) -> Any:
-    """Append the conjugates of the first ``complex_count`` values along the last axis."""
-    return np.concatenate((half, half[..., :complex_count].conj()), axis=-1)
-
-
 def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
     """Eigenvalues and velocity parts (m, n) of the eigenvectors in energy coordinates (Omega eta, eta')."""
     omega = basis.omega[basis.rigid :]
@@ -273,84 +209,8 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     return values, y
 
 
-def _rayleigh(
-    values: Complex, y: Complex, forms: _Forms, basis: Undamped
-) -> tuple[Complex, Complex, Complex, Array, Array]:
-    """Improve every eigenvalue by its two-sided Rayleigh quadratic, and every vector by the projections of its residual
-    on the other vectors; return both with the slopes, a bound of the eigenvalues' relative errors, and its reducible
-    part.
-    """
-    n, r, count = len(values), basis.rigid, _complex_count(values)
-    inertia, damping, elastic = products = forms.of(y)
-    a, b, _ = forms_of_y = np.add.reduce(y * products, axis=1)
-    improved, amount, small = _newton(values, forms_of_y, count)
-    # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
-    residual = improved * (improved * inertia + damping) + elastic
-    every = _both(np.concatenate((y, improved[None], (2.0 * improved * a + b)[None])), count)
-    every, slope, difference = every[:-2], every[-1], improved - every[-2][:, None]
-    speed, size, steepness, gap = np.abs(improved), np.abs(y), np.maximum(np.abs(slope), TINY), np.abs(difference)
-    gap.reshape(-1)[: n * n : n + 1] = np.inf
-    share = every.T.dot(residual)
-    mixing = share / (slope[:, None] * difference + TINY)
-    mixing.reshape(-1)[: n * n : n + 1] = 0.0
-    mixed, root, weight = np.abs(mixing), np.sqrt(steepness), np.maximum(steepness[:n] * speed, TINY)
-    moved = np.abs(share) * np.minimum(mixed, root[:n] / root[:, None])  # eigenvalues that meet share their vectors
-    growth = nearness(gap[:n], improved, y, (inertia, damping), slope)
-    uncertainty = _both(growth, count).dot(moved)
-    if r:
-        at_rest = _at_rest(residual[:r], improved, forms.matrices[1].diagonal()[:r, None])
-        uncertainty += np.add.reduce(np.abs(residual[:r] * at_rest))
-    # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
-    of_mass, of_damping, of_stiffness = forms.rounding(size)
-    uncertainty = (INEXACT * uncertainty + 4.0 * speed * of_damping) / weight
-    reducible, bound = np.minimum((uncertainty, uncertainty + (speed * speed * of_mass + of_stiffness) / weight), 1.0)
-    reducible[growth > TWICE] = 1.0
-    if np.count_nonzero(small) < n:
-        reducible[~small] = 1.0
-        bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
-    bound = np.maximum(bound, reducible, out=bound, where=small)
-    if np.count_nonzero(bound > CLEAN):
-        bound = with_neighbours(speed, bound, gap)
-    if np.count_nonzero(reducible > CORRECTION):  # vectors of eigenvalues within reach of such a one mix with its own
-        # a step that was not taken says how far the eigenvalue is, which its error, at most the whole of it, does not
-        reach = within_reach(improved, reducible, np.where(small, 0.0, INEXACT * amount))
-        reducible, bound = np.maximum(reducible, reach), np.maximum(bound, reach)
-    mixing[mixed >= CORRECTION] = 0.0
-    y = y - every.dot(mixing)
-    if r:
-        y[:r] -= at_rest
-    y /= np.sqrt(np.add.reduce((y * y.conj()).real))
-    damping = forms.matrices[1].dot(y.view(float)).view(complex)
-    return improved, y, np.add.reduce(y * (2.0 * improved * y + damping)), bound, reducible
-
-
-def _newton(values: Complex, forms: Complex, count: int) -> tuple[Complex, Array, NDArray[np.bool_]]:
-    """Eigenvalues (n,) after Newton steps on their own quadratics, with the last steps' sizes, and which were taken.
-    """
-    a, b, c = forms
-    improved = values
-    for _ in range(2):  # the second step squares the error of the first
-        slope = 2.0 * improved * a + b
-        slope[slope == 0.0] = np.inf
-        step = (improved * (improved * a + b) + c) / slope
-        amount, speed = np.abs(step), np.abs(improved)
-        small = amount <= CORRECTION * speed
-        improved = np.where(small, improved - step, improved)
-        if np.count_nonzero(amount > SQUARED * speed) == 0:
-            break
-    if count and improved.imag[:count].min() <= 0.0:  # conjugates that are about to meet
-        small[:count] &= improved.imag[:count] > 0.0
-        improved = np.where(small, improved, values)
-    return improved, amount, small
-
-
-def _at_rest(residual: Complex, values: Complex, brakes: Array) -> Complex:
-    """Shares of damped rigid-body modes, at the eigenvalue 0 with the slope Gamma, in the vectors."""
-    return np.divide(residual, brakes * values, out=np.zeros_like(residual), where=brakes * np.abs(values) > 0.0)
-
-
 def _uncertain_refined(
-    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], estimate: tuple[_Eigensolution, Array],
+    system: Equations, shapes: Array, parts: tuple[Undamped, Forms, int], estimate: tuple[_Eigensolution, Array],
     rtol: float,
 ) -> _Eigensolution:  # fmt: skip
     """Inaccurate eigenvalues from the factors, or with the dampers' forces as unknowns, whichever is more accurate."""
@@ -391,7 +251,7 @@ def _with_forces(
 ) -> _Eigensolution:
     """Values, vectors, slopes and bounds; inaccurate ones with the dampers' forces as unknowns if that is better."""
     complex_count = _complex_count(eigensolution[0])
-    values, y, slope = (_both(part, complex_count) for part in eigensolution[:3])
+    values, y, slope = (both(part, complex_count) for part in eigensolution[:3])
     bound, uncertainty = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], uncertainty))
     equations = DamperForces(basis.square[free:], dampers[0][:, free:], basis.rigid - free)
     new, shapes, slopes, errors, cluster = improved(equations, values, uncertainty, rtol)

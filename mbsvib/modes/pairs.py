@@ -40,42 +40,48 @@ def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
 
 
 def with_neighbours(size: Array, errors: Array, gap: Array) -> Array:
-    """Return relative ``errors`` (n,) of eigenvalues of some ``size`` (n,) as neighbours make them.
+    """Return relative ``errors`` (..., n) of eigenvalues of some ``size`` (..., n) as neighbours make them.
 
-    ``gap`` (k, n): distances from all eigenvalues, infinite from themselves: those of these n first, then of their
+    ``gap`` (..., k, n): distances from all eigenvalues, infinite from themselves: those of these n first, then of their
     conjugates. What moves two eigenvalues by e and f couples them by up to sqrt(e f), which moves each by up to
     e f / gap, and by no more than sqrt(e f).
     """
-    move = errors * size
-    both = np.concatenate((move, move[: len(gap) - len(move)]))[:, None] * move
+    move, conjugates = errors * size, gap.shape[-2] - gap.shape[-1]
+    both = np.concatenate((move, move[..., :conjugates]), axis=-1)[..., None] * move[..., None, :]
     moved = both / np.maximum(np.maximum(gap, np.sqrt(both)), TINY)
-    return np.asarray(errors + np.add.reduce(moved) / size)
+    return np.asarray(errors + np.add.reduce(moved, axis=-2) / size)
 
 
 def within_reach(values: Complex, uncertainty: Array, reach: Array) -> Array:
-    """Return how uncertain ``values`` (n,) are as vectors of others mix with theirs, (n,): those nearer than what is
-    wrong with the others, by their relative ``uncertainty`` (n,) or ``reach`` (n,).
+    """Return how uncertain ``values`` (..., n) are as vectors of others mix with theirs, (..., n): those nearer than
+    what is wrong with the others, by their relative ``uncertainty`` (..., n) or ``reach`` (..., n).
     """
-    within = np.abs(values[:, None] - values) <= np.maximum(uncertainty * np.abs(values), reach)[:, None]
-    return np.asarray(np.where(within, uncertainty[:, None] ** 2, 0.0).max(axis=0))
+    distance = np.abs(values[..., None] - values[..., None, :])
+    within = distance <= np.maximum(uncertainty * np.abs(values), reach)[..., None]
+    return np.asarray(np.where(within, uncertainty[..., None] ** 2, 0.0).max(axis=-2))
 
 
-def nearness(gap: Array, values: Complex, y: Complex, products: tuple[Complex, Complex], slopes: Complex) -> Array:
-    """Return how much errors grow as the vectors of near eigenvalues are nearly parallel, (n,): 1 / (1 - cosine), 1 for
-    eigenvalues without such a neighbour.
+def nearness(
+    gap: Array, values: Complex, y: Complex, products: tuple[Complex, Complex], slopes: Complex
+) -> Array | None:
+    """Return how much errors grow as the vectors of near eigenvalues are nearly parallel, (..., n): 1 / (1 - cosine), 1
+    for eigenvalues without such a neighbour; None if all are.
 
-    ``gap`` (n, n): distances of the values, infinite from themselves; ``products``: M y and C y; ``slopes``:
-    y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles in (lambda_1 + lambda_2) M + C.
+    ``gap`` (..., n, n): distances of the values, infinite from themselves; ``products``: M y and C y (..., m, n);
+    ``slopes``: y^T (2 lambda M + C) y. Vectors of different eigenvalues are at right angles in
+    (lambda_1 + lambda_2) M + C.
     """
-    result = np.ones(len(values))
-    first, second = (gap <= TOGETHER * np.abs(values)).nonzero()
-    if len(first):
-        inertia, damping = (part.take(second, axis=1) for part in products)
-        image = (values.take(first) + values.take(second)) * inertia + damping
-        share = np.abs(np.add.reduce(y.take(first, axis=1) * image))
-        length = np.sqrt(np.abs(slopes.take(first) * slopes.take(second)))
-        growth = length / np.maximum(np.abs(length - share), np.maximum(EPS * length, TINY))
-        np.maximum.at(result, first, growth)
+    near = gap <= TOGETHER * np.abs(values)[..., None, :]
+    if not np.count_nonzero(near):
+        return None
+    *variant, row, column = near.nonzero()
+    first, second = (*variant, row), (*variant, column)
+    inertia, damping = (part.swapaxes(-1, -2)[second] for part in products)
+    image = (values[first] + values[second])[:, None] * inertia + damping
+    share = np.abs(np.einsum("ij,ij->i", y.swapaxes(-1, -2)[first], image))
+    length = np.sqrt(np.abs(slopes[first] * slopes[second]))
+    growth, result = length / np.maximum(np.abs(length - share), np.maximum(EPS * length, TINY)), np.ones(values.shape)
+    np.maximum.at(result, first, growth)
     return result
 
 
