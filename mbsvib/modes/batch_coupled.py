@@ -16,6 +16,7 @@ import numpy as np
 
 from mbsvib.linalg.products import real_product
 from mbsvib.modes.classical import quadratic_roots
+from mbsvib.modes.rayleigh import both
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -102,23 +103,21 @@ def _off_diagonal(y: Complex) -> Array:
 
 def _corrected(gamma: Array, square: Array, values: Complex, y: Complex) -> tuple[Complex, Complex, Array]:
     """Values and vectors after one correction, which squares their error, and the largest correction."""
-    at = np.arange(y.shape[2])
-    braked = real_product(gamma, y)
+    m, braked = y.shape[2], real_product(gamma, y)
     slope = np.einsum("vij,vij->vj", y, 2.0 * values[:, None] * y + braked)
     residual = values[:, None] * (values[:, None] * y + braked) + square[:, :, None] * y
-    parts, (mixing, conjugate_mixing) = _projections(y, residual)
-    distance = _away(slope, values, values)
-    distance[:, at, at] = slope
+    every = both(y, m)
+    distance = both(slope, m)[:, :, None] * (values[:, None] - both(values, m)[:, :, None])
+    np.einsum("vii->vi", distance[:, :m])[...] = slope
     together = distance == 0.0  # repeated eigenvalues: these corrections cannot separate their vectors
     distance[together] = 1.0
-    step = mixing[:, at, at] / distance[:, at, at]
-    mixing[:, at, at] = 0.0
-    mixing /= distance
-    conjugate_mixing /= _away(slope.conj(), values.conj(), values)
-    change = np.maximum(np.abs(mixing).max(axis=(1, 2)), np.abs(conjugate_mixing).max(axis=(1, 2)))
-    result = y - _combined(parts, mixing, conjugate_mixing)
-    result /= result[:, at, at][:, None]
-    return values - step, result, np.where(together.any(axis=(1, 2)), np.inf, change)
+    mixing = every.swapaxes(1, 2) @ residual / distance
+    own = np.einsum("vii->vi", mixing[:, :m])
+    improved = values - own
+    own[...] = 0.0
+    result = y - every @ mixing
+    result /= np.einsum("vii->vi", result)[:, None].copy()
+    return improved, result, np.where(together.any(axis=(1, 2)), np.inf, np.abs(mixing).max(axis=(1, 2)))
 
 
 def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Index]:
@@ -141,22 +140,3 @@ def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Inde
 def subset(array: Any, which: Any) -> Any:
     """Return the variants ``which`` of an array; all of them without a copy."""
     return array if len(which) == len(array) else array[which]
-
-
-def _projections(y: Complex, residual: Complex) -> tuple[tuple[Array, Array], tuple[Complex, Complex]]:
-    """Real and imaginary parts of y, and the projections y^T r and y^H r of residuals."""
-    real, imaginary = np.ascontiguousarray(y.real), np.ascontiguousarray(y.imag)
-    of_real, of_imaginary = (real_product(part.swapaxes(1, 2), residual) for part in (real, imaginary))
-    of_imaginary *= 1j
-    return (real, imaginary), (of_real + of_imaginary, of_real - of_imaginary)
-
-
-def _combined(parts: tuple[Array, Array], mixing: Complex, conjugate_mixing: Complex) -> Complex:
-    """Y mixing + conj(Y) conjugate_mixing."""
-    return real_product(parts[0], mixing + conjugate_mixing) + 1j * real_product(parts[1], mixing - conjugate_mixing)
-
-
-def _away(slope: Complex, values: Complex, column_values: Complex) -> Complex:
-    """Slopes of the rows times the distances of their eigenvalues from those of the columns."""
-    result: Complex = slope[:, :, None] * (column_values[:, None] - values[:, :, None])
-    return result
