@@ -15,7 +15,7 @@ from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
 from mbsvib.modes.batch_undamped import undamped_batch
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -54,19 +54,12 @@ class BatchModes(Columnar, Displayed):
     @cached_property
     def eigenvalues(self) -> Complex:
         """Eigenvalues [1/s], shape (n, 2m), two for each mode; (n, 2m - massless) with modes of first order."""
-        return np.asarray(self._single(self.pairs))
+        return np.asarray(of_all(self.pairs, self.first_order).reshape(len(self), -1))
 
     @cached_property
     def errors(self) -> Array:
         """Estimated relative errors of the eigenvalues, shape (n, 2m)."""
-        return np.asarray(self._single(self.pair_errors))
-
-    def _single(self, pairs: Any) -> Any:
-        """Values (n, m, 2) as rows (n, values); one value for a mode of first order."""
-        if self.first_order is None:
-            return pairs.reshape(len(pairs), -1)
-        retained = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
-        return pairs[retained].reshape(len(pairs), -1)
+        return np.asarray(of_all(self.pair_errors, self.first_order).reshape(len(self), -1))
 
     def columns(self) -> dict[str, Any]:
         """Return a row for each variant: what varies, natural frequencies [Hz] and damping ratios of modes 1, 2, ..."""

@@ -81,6 +81,17 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
     return pairs
 
 
+def damper_rows(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
+    """Return rows L (dampers, m) with L^T L = Gamma in a basis, and the sizes of their terms; None if a damper is
+    negative.
+    """
+    used = system.row_damping != 0.0
+    if (system.row_damping < 0.0).any():
+        return None
+    rows, weights = system.elastic_rows[used], np.sqrt(system.row_damping[used])[:, None]
+    return (rows @ shapes) * weights, (np.abs(rows) @ np.abs(shapes)) * weights
+
+
 def rounding_of_sums(rows: Array, damping: Array, shapes: Array) -> Array:
     """Return the rounding of the diagonal of Phi^T D^T diag(c) D Phi, (..., m): dampers of both signs may cancel."""
     terms = np.abs(rows @ shapes) * (np.abs(rows) @ np.abs(shapes))

@@ -25,6 +25,7 @@ from mbsvib.modes.classical import (
     IN_DOUBT,
     classical_damping,
     classical_errors,
+    damper_rows,
     quadratic_roots,
     rounding_of_sums,
 )
@@ -127,15 +128,6 @@ def _of_factors(basis: Undamped, forms: Forms) -> Undamped:
     return replace(basis, square=stiffness / mass, errors=errors)
 
 
-def _dampers(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
-    """Rows L with L^T L = Gamma, and the sizes of their terms; None if a damper is negative."""
-    used = system.row_damping != 0.0
-    if (system.row_damping < 0.0).any():
-        return None
-    rows, weights = system.elastic_rows[used], np.sqrt(system.row_damping[used])[:, None]
-    return (rows @ shapes) * weights, (np.abs(rows) @ np.abs(shapes)) * weights
-
-
 def _coupled(
     system: Equations, shapes: Array, parts: tuple[Undamped, Forms, int], rtol: float
 ) -> _Eigensolution | None:
@@ -219,7 +211,7 @@ def _uncertain_refined(
     count = len(estimate[0][0]) + _complex_count(estimate[0][0])
     best = min(estimate[0], _from_factors(system, shapes, count, rtol) or estimate[0],
                key=lambda candidate: float(candidate[3].max()))  # fmt: skip
-    dampers = _dampers(system, shapes)
+    dampers = damper_rows(system, shapes)
     if dampers is None or float(best[3].max()) <= rtol:
         return best
     with_forces = _with_forces(estimate[0], dampers, estimate[1], basis, free, rtol)

@@ -10,11 +10,11 @@ state matrix, a Hermitian one times i: its eigenvalues are imaginary exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.pairs import natural_frequencies
+from mbsvib.modes.pairs import natural_frequencies, of_all
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,13 +60,7 @@ class General:
     @property
     def values(self) -> Complex:
         """All eigenvalues, (2m - massless,), pairs together."""
-        return np.asarray(self.of_all(self.pairs))
-
-    def of_all(self, pairs: Any) -> Any:
-        """Return what all eigenvalues have, (2m - massless,), from what pairs of modes have, (k, 2)."""
-        retained = np.ones(pairs.shape, dtype=bool)
-        retained[:, 1] = ~self.single
-        return pairs[retained]
+        return np.asarray(of_all(self.pairs, self.single))
 
 
 def is_general(system: Equations) -> bool:

@@ -100,9 +100,10 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     errors = _bounds(factors, state, eigen)
     for _ in range(ROUNDS):
         new, mixed = _improved(factors, state, eigen)
-        better = _bounds(factors, state, new) <= WORSE * errors
+        new_errors = _bounds(factors, state, new)
+        better = new_errors <= WORSE * errors
         eigen = _chosen(better, new, eigen)
-        errors = _bounds(factors, state, eigen)
+        errors = new_errors if better.all() else _bounds(factors, state, eigen)
         if mixed < CONVERGED or not better.any():
             break
     values = eigen.values.copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,15 @@ ROUNDED = 1e-9
 TOGETHER = 1e-9
 # The least divisor.
 TINY = float(np.finfo(float).tiny)
+
+
+def of_all(pairs: Any, single: NDArray[np.bool_] | None) -> Any:
+    """Return the values of all eigenvalues, one after the other, from those of pairs (..., k, 2); modes that are
+    ``single`` (..., k) have one.
+    """
+    if single is None:
+        return pairs.reshape(-1)
+    return pairs[np.stack((np.ones_like(single), ~single), axis=-1)]
 
 
 def natural_frequencies(pairs: Complex) -> Array:

@@ -18,7 +18,7 @@ from mbsvib.linalg.products import real_product
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
-from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
@@ -387,8 +387,9 @@ def _without_symmetry(system: Equations, rtol: float, form: type[Form]) -> Form:
     size = np.where(moving > MOVES * np.abs(largest) * np.linalg.norm(system.inertia_factor), moving, np.abs(largest))
     turn = np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
     shapes = solution.shapes * (turn / np.where(size > 0.0, size, 1.0))
-    return form(system.name, system.coordinates, system.bodies, solution.values, solution.of_all(solution.errors),
-                shapes, "", solution.rigid, system.body_motion, system.inertia_factor, solution,
+    return form(system.name, system.coordinates, system.bodies, solution.values,
+                of_all(solution.errors, solution.single), shapes, "", solution.rigid, system.body_motion,
+                system.inertia_factor, solution,
                 solution.single if solution.single.any() else None, _provenance=system.provenance)  # fmt: skip
 
 

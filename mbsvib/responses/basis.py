@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from mbsvib.common.expected import real
+from mbsvib.modes.classical import damper_rows
 from mbsvib.modes.result import RTOL, Modes, modes
 
 if TYPE_CHECKING:
@@ -131,14 +132,11 @@ STRONG = 200.0
 
 def strong_dampers(system: Equations, modal: Damped) -> Array | None:
     """Return rows L (dampers, m) with Gamma = L^T L if rounding of Gamma is significant, else None."""
-    used = system.row_damping != 0.0
-    if modal.vectors is None or (system.row_damping < 0.0).any():
+    rows = None if modal.vectors is None else damper_rows(system, modal.shapes)
+    if rows is None:
         return None
-    root = np.sqrt(system.row_damping[used])[:, None]
-    rows = system.elastic_rows[used]
-    dampers = (rows @ modal.shapes) * root
+    dampers, terms = rows
     omega = np.sqrt(np.abs(modal.square))
     together = omega[:, None] + omega
     together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
-    coupling = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
-    return dampers if (coupling > STRONG * together).any() else None
+    return dampers if (terms.T @ np.abs(dampers) > STRONG * together).any() else None

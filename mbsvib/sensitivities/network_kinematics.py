@@ -18,6 +18,7 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.relative_motion import relative_motion, twists
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.linalg.vectors import Field
+    from mbsvib.mechanism.topology import Topology
 
     Elements = tuple[tuple[str, ...], tuple[str, ...], int]
 
@@ -78,25 +79,36 @@ def constraints(
     free[reduction.independent] = True
     dependent, locked = np.flatnonzero(~free), len(cuts.rows.first)
     phi = relative_motion(coordinates, cuts.rows).dense(0, locked)
-    wrench, share = np.concatenate((cuts.rows.force, cuts.rows.moment)).T, np.eye(locked, len(cuts.names))
-    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]]
-    if cuts.couplings is not None:
-        phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
-        rows, added = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
-        wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
-        joint = np.concatenate((joint, cuts.couplings.owner))
-        added_share = np.zeros((len(added), len(cuts.names)))
-        added_share[np.arange(len(added)), locked + cuts.couplings.row[added]] = cuts.couplings.value[added]
-        share = np.concatenate((share, added_share))
+    joint, coupled = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]], None
+    if (couplings := cuts.couplings) is not None:
+        phi = np.concatenate((phi, couplings.dense(coordinates)))
+        measured = couplings.column < 0
+        coupled = couplings.measured, couplings.owner, couplings.row[measured], couplings.value[measured]
     pull, stress = _solution(phi[:, dependent])
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(
-        wrench,
-        entries_matrix(np.ones(len(joint)), joint, np.arange(len(joint)), (len(topology.joints), len(joint))), share,
-        dependent,
-        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
-        pull, stress,
+        *closing_terms(topology, len(cuts.names), (cuts.rows, joint), coupled), dependent, behind[dependent],
+        origin - coordinates.point[:, dependent].T, twist, pull, stress,
     )  # fmt: skip
+
+
+def closing_terms(
+    topology: Topology, count: int, locked: tuple[Rows, Index], coupled: tuple[Rows, Index, Index, Array] | None
+) -> tuple[Array, Any, Any]:
+    """Return ``wrench``, ``closing`` and ``share`` of ``Constraints`` with ``count`` rows.
+
+    ``locked``: the rows that cut joints lock, with the numbers of their joints; ``coupled``: those that couplers
+    measure, with the numbers of joints and of couplers, and the rates.
+    """
+    rows, joint = locked
+    column, value = np.arange(len(joint)), np.ones(len(joint))
+    if coupled is not None:
+        rows, joint = Rows.join([rows, coupled[0]]), np.concatenate((joint, coupled[1]))
+        column, value = np.concatenate((column, len(column) + coupled[2])), np.concatenate((value, coupled[3]))
+    terms = np.arange(len(joint))
+    closing = entries_matrix(np.ones(len(terms)), joint, terms, (len(topology.joints), len(terms)))
+    wrench = np.concatenate((rows.force, rows.moment)).T
+    return wrench, closing, entries_matrix(value, terms, column, (len(terms), count))
 
 
 def _solution(phi: Array) -> tuple[Array, Array]:

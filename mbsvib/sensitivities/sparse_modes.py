@@ -19,7 +19,7 @@ from math import prod
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_array, csr_matrix, eye, vstack
+from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from mbsvib.elements.beam import Beam
@@ -30,7 +30,7 @@ from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import assembled, is_complete
-from mbsvib.sensitivities.network_kinematics import Constraints, Kinematics
+from mbsvib.sensitivities.network_kinematics import Constraints, Kinematics, closing_terms
 from mbsvib.sensitivities.shapes import ModeSensitivities
 from mbsvib.sparse.layout import relative_rows
 from mbsvib.sparse.modes import modes
@@ -66,24 +66,15 @@ def _constraints(system: SparseEquations, origin: Array) -> Constraints | None:
     closure, tree, topology = system.constraints, system.structure, system.topology
     if not len(closure.names):
         return None
-    locked, rows = len(closure.rows.first), closure.rows
-    wrench, share = np.concatenate((rows.force, rows.moment)).T, eye(locked, len(closure.names), format="csr")
-    joint = np.array(topology.cut, dtype=np.intp)[closure.loop[:locked]]
-    if closure.couplers is not None:
-        measured = closure.couplers.terms.measured
-        coupler, value = closure.couplers.measured
-        wrench = np.concatenate((wrench, np.concatenate((measured.force, measured.moment)).T))
-        joint = np.concatenate((joint, closure.couplers.joint))
-        shape = len(value), len(closure.names)
-        added_share = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
-        share = vstack((share, added_share)).tocsr()
+    joint, coupled = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]], None
+    if (couplers := closure.couplers) is not None:
+        coupled = couplers.terms.measured, couplers.joint, *couplers.measured
     row, column, entry = closure.independent_entries(tree)
     forces = LoopForces(system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1, len(tree.names))))
     return Constraints(
-        wrench,
-        csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        csr_array(share), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
-        np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
+        *closing_terms(topology, len(closure.names), (closure.rows, joint), coupled), np.arange(len(tree.names)),
+        tree.coordinate_body, origin - tree.point.T, np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None],
+        forces, forces.stress,
     )  # fmt: skip
 
 

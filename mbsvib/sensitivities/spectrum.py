@@ -15,6 +15,7 @@ import numpy as np
 from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS, ONE_BRANCH, SAME_EIGENVALUE
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.pairs import of_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -126,7 +127,7 @@ def _symmetric(damped: Damped) -> Spectrum:
 
 def _general(values: Complex, general: General) -> Spectrum:
     _, right, left, _ = general.spectrum.complete()
-    numbers = general.of_all(general.numbers)
+    numbers = of_all(general.numbers, general.single)
     # the eigenvalue 0 is the last one, and its vectors are none
     x, y = (np.pad(part, ((0, 0), (0, 1)))[:, numbers] for part in (right, left))
     index, none = np.arange(len(values)), np.zeros(0, dtype=np.intp)
