@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.linalg.products import drift
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.undamped import FORCES, SEPARATE, SMALL_ANGLE, SUSPECT, shift_by_coupling
+from mbsvib.modes.undamped import FORCES, SUSPECT, cleaned, perturbed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -96,40 +96,19 @@ def _refined(
     h, phi = h / length, shapes / length
     e = rows @ phi
     inertia, elastic = h.swapaxes(1, 2) @ h, e.swapaxes(1, 2) @ (np.sign(stiffness)[:, :, None] * e)
-    square = np.einsum("vii->vi", elastic).copy()
-    at = np.arange(square.shape[1])
-    residual = elastic - inertia * square[:, None]
-    residual[:, at, at] = 0.0
-    shared, gap = np.abs(residual), square[:, None] - square[:, :, None]
-    separated = shared <= SEPARATE * np.abs(gap)
-    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=separated & (gap != 0.0))
-    value = square + (mixing * gap * mixing).sum(axis=1)
-    unresolved = np.where(separated, 0.0, shift_by_coupling(shared, np.abs(gap))).sum(axis=1)
+    _, value, mixing, uncertainty = perturbed(inertia, elastic)
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
-    uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved + noise
+    uncertainty += noise
     cancels = np.asarray((stiffness < 0.0).any(axis=1))[:, None]
     uncertainty += FORCES * EPS * np.where(cancels, np.einsum("vij,vij->vj", e, e), 0.0)
     errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
     errors += EPS * (2.0 + ROUNDING * growth) + rounding
-    angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
-    inertia[:, at, at] = 0.0
-    phi = _orthonormalized(phi, inertia, angle)
+    phi = cleaned(phi, inertia, mixing)
     order = np.argsort(value, axis=1, kind="stable")
-    if (order == at).all():
+    if (order == np.arange(value.shape[1])).all():
         return value, phi, errors, largest_error
     return (np.take_along_axis(value, order, 1), np.take_along_axis(phi, order[:, None], 2),
             np.take_along_axis(errors, order, 1), largest_error)  # fmt: skip
-
-
-def _orthonormalized(phi: Array, lack: Array, angle: Array) -> Array:
-    """Shapes with corrected M-norms, rotated by small angles: to second order, or by Cayley's rotation if large."""
-    identity = np.eye(phi.shape[2])
-    result: Array = phi @ (identity + angle + 0.5 * (angle @ angle) - 0.5 * lack)
-    large = np.flatnonzero(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(identity) >= SMALL_ANGLE)
-    if len(large):
-        straight, half = phi[large] - 0.5 * (phi[large] @ lack[large]), 0.5 * angle[large]
-        result[large] = straight @ np.linalg.solve(identity - half, identity + half)  # Cayley's
-    return result

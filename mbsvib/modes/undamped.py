@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
@@ -204,15 +203,9 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     e = scene.stretch(phi)
     elastic = e.T @ (e if scene.sign is None else scene.sign[:, None] * e)
     elastic[:rigid] = elastic[:, :rigid] = 0.0
-    square = elastic.diagonal().copy()
-    # row j, column i: projection of the residual of mode i on mode j, and from it the share of mode j in mode i
-    shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
-    mixing, unresolved = _mixing(shared, square)
-    corrections = np.multiply(mixing, shared, out=shared)
-    value = square + corrections.sum(axis=0)
+    square, value, mixing, uncertainty = perturbed(inertia, elastic)
     size = np.abs(value)
     power = phi * phi
-    uncertainty = np.abs(corrections, out=corrections).sum(axis=0) + unresolved
     # stiffness of both signs cancels: terms are larger than their sum, and those of loads are rounded by themselves
     energy = np.abs(square) if scene.sign is None else np.einsum("ij,ij->j", e, e)
     least = EPS * np.sqrt(energy * (scene.stiffness_diagonal @ power))
@@ -226,7 +219,7 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     rounding = _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol)
     errors += flexible * (2.0 * EPS + scene.drift + rounding)
     value[:rigid] = 0.0
-    phi = _cleaned(phi, inertia, mixing)
+    phi = cleaned(phi, inertia, mixing)
     if np.count_nonzero(value[1:] < value[:-1]):
         order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
         value, phi, errors = value[order], phi[:, order], errors[order]
@@ -247,23 +240,28 @@ def _rounding(rows: Array, phi: Array, image: Array, least: Array, size: Array, 
     return least
 
 
-def _off_diagonal(a: Array) -> Array:
-    np.fill_diagonal(a, 0.0)
-    return a
+def perturbed(inertia: Array, elastic: Array) -> tuple[Array, Array, Array, Array]:
+    """Return what M and K in a basis (..., m, m) say of its modes: the quotients |E|^2 of each and the squares of the
+    frequencies (..., m); the share of each mode (row) in each other (column); and errors of the squares, (..., m).
 
-
-def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
-    """Return the share of each mode (row) in each other (column), and the sum of unresolved shifts of its square, (m,).
+    ``elastic`` is used up.
     """
-    gap = square - square[:, None]
+    square = np.einsum("...ii->...i", elastic).copy()
+    # row j, column i: projection of the residual of mode i on mode j, and from it the share of mode j in mode i
+    shared = np.subtract(elastic, inertia * square[..., None, :], out=elastic)
+    np.einsum("...ii->...i", shared)[...] = 0.0
+    gap, uncertainty = square[..., None, :] - square[..., None], np.zeros(square.shape)
     together = np.abs(shared) > SEPARATE * np.abs(gap)
-    unresolved = np.zeros(len(square))
     if np.count_nonzero(together):
-        row, column = np.nonzero(together)
-        np.add.at(unresolved, column, shift_by_coupling(np.abs(shared[row, column]), np.abs(gap[row, column])))
-        gap[row, column] = np.inf
+        at = *variant, _, column = together.nonzero()
+        np.add.at(uncertainty, (*variant, column), shift_by_coupling(np.abs(shared[at]), np.abs(gap[at])))
+        gap[at] = np.inf
     gap[gap == 0.0] = np.inf
-    return shared / gap, unresolved
+    mixing = shared / gap
+    corrections = np.multiply(mixing, shared, out=shared)
+    value = square + corrections.sum(axis=-2)
+    uncertainty += np.abs(corrections, out=corrections).sum(axis=-2)
+    return square, value, mixing, uncertainty
 
 
 def shift_by_coupling(coupling: Array, gap: Array) -> Array:
@@ -273,25 +271,22 @@ def shift_by_coupling(coupling: Array, gap: Array) -> Array:
     return np.asarray(coupling * (twice / np.maximum(gap + np.hypot(gap, twice), np.finfo(float).tiny)))
 
 
-def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
-    """Remove the other modes from each mode by a rotation, and correct the M-norms."""
-    angle = mixing - mixing.T
-    angle *= 0.5
-    lack = _off_diagonal(inertia)
-    lack *= 0.5
-    identity = np.eye(len(angle))
-    size = float(np.linalg.norm(angle))
-    if size < SMALL_ANGLE:
-        identity += angle
-        identity -= lack
-        if size * size > EPS:
-            identity += 0.5 * (angle @ angle)
-        return phi @ identity
-    # Cayley's rotation keeps the shapes orthonormal for any angle
-    straight: Array = phi - phi @ lack
-    angle *= 0.5
-    rotated: Array = straight @ lapack.dgesv(identity - angle, identity + angle)[2]
-    return rotated
+def cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
+    """Return shapes (..., m, m) with the other modes removed from each by a rotation, and the M-norms corrected."""
+    angle = 0.5 * (mixing - mixing.swapaxes(-1, -2))
+    lack, identity = 0.5 * inertia, np.eye(phi.shape[-1])
+    np.einsum("...ii->...i", lack)[...] = 0.0
+    size = np.sqrt(np.einsum("...ij,...ij->...", angle, angle))
+    step = identity + angle
+    step -= lack
+    if np.count_nonzero(size * size > EPS):
+        step += np.where(size * size > EPS, 0.5, 0.0)[..., None, None] * (angle @ angle)
+    result: Array = phi @ step
+    large = size >= SMALL_ANGLE
+    if large.any():  # Cayley's rotation keeps the shapes orthonormal for any angle
+        straight, half = phi[large] - phi[large] @ lack[large], 0.5 * angle[large]
+        result[large] = straight @ np.linalg.solve(identity - half, identity + half)
+    return result
 
 
 def _without_rigid(scene: Factors, shapes: Array) -> Array:

@@ -14,8 +14,8 @@ from mbsvib.linalg.products import single_entries
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes import modes
 from mbsvib.modes import undamped as ladder
-from mbsvib.modes.batch_undamped import _orthonormalized, undamped_batch
-from mbsvib.modes.undamped import undamped
+from mbsvib.modes.batch_undamped import undamped_batch
+from mbsvib.modes.undamped import cleaned, undamped
 from tests.support.unsymmetric import eigenvalues
 
 
@@ -245,7 +245,7 @@ def test_large_rotations_of_shapes_in_a_batch():
     """Shapes that mix by some percent are rotated by exp(angle) to third order, and stay orthonormal to rounding."""
     a = np.random.default_rng(0).normal(size=(2, 4, 4))
     angle = np.array([[[1e-2]], [[1e-7]]]) * (a - a.swapaxes(1, 2))
-    rotated = _orthonormalized(np.tile(np.eye(4), (2, 1, 1)), np.zeros((2, 4, 4)), angle)
+    rotated = cleaned(*np.tile(np.eye(4), (2, 2, 1, 1)), angle)
     assert_allclose(rotated @ rotated.swapaxes(1, 2), np.tile(np.eye(4), (2, 1, 1)), atol=1e-15)
     assert_allclose(rotated[0], expm(angle[0]), atol=2e-5)
     assert_allclose(rotated[1], expm(angle[1]), atol=1e-15)
