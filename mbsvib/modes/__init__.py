@@ -2,7 +2,8 @@
 
 ``result``    the modes of a system, and the choice of the solver
 ``undamped``  K phi = omega^2 M phi from the factors, by solvers of increasing accuracy
-``damped``    modes that dampers couple, in energy coordinates; ``strong_damping``: far beyond critical damping
+``damped``    modes that dampers couple, in energy coordinates; ``rayleigh``: their last step, with bounds of the
+              errors; ``strong_damping``: far beyond critical damping
 ``general``   systems without symmetry or with massless motions: spin, follower loads, Maxwell elements; their
               eigenvalues are those of ``general_spectrum``, with ``zero_subspaces`` for the eigenvalue 0
 """

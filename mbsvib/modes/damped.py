@@ -2,10 +2,9 @@
 
 In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
 every mode has its own quadratic equation. Otherwise the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]],
-whose norm is the largest frequency and not its square. Each is improved by Newton steps on its own two-sided Rayleigh
-quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. If strong dampers make the result inaccurate,
-right and left vectors are refined on the factors (``general_refinement``), and if this is not enough, the dampers'
-forces become unknowns (``strong_damping``).
+whose norm is the largest frequency and not its square, after one Rayleigh step (``rayleigh``). If strong dampers make
+the result inaccurate, right and left vectors are refined on the factors (``general_refinement``), and if this is not
+enough, the dampers' forces become unknowns (``strong_damping``).
 """
 
 from __future__ import annotations
