@@ -177,17 +177,24 @@ def _solved(basis: Basis, modal: Damped, w: Array) -> Complex:
     result: Complex = np.empty((len(system.outputs), b.shape[1], len(w)), dtype=complex)
     batch = max(1, BATCH_BYTES // (64 * max(1, b.size)))
     for start in range(0, len(w), batch):
-        s = (1j * w[start : start + batch]).astype(complex, copy=False)
-        if basis.strong_dampers is not None:
-            eta = separated_solutions(modal, basis.strong_dampers, b, w, start + np.arange(len(s)))
-        else:
-            eta = refined_solutions(basis, modal, b, s)
-        bad = np.nonzero(~np.isfinite(eta).all(axis=(0, 1)))[0]
-        eta[:, :, bad] = direct_solutions(modal, b, w, start + bad)
+        which = np.arange(start, min(start + batch, len(w)))
+        s, eta = 1j * w[which], solved_motions(basis, modal, b, w, which)
         parts = [np.tensordot(c, eta, axes=1) for c in outputs]
         result[:, :, start : start + batch] = parts[0] + s * (parts[1] + s * parts[2])
     result += system.D[:, :, None]
     return result
+
+
+def solved_motions(basis: Basis, modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+    """Return the solutions (m, inputs, which) for loads b in the basis at some of the frequencies by linear solutions.
+    """
+    if basis.strong_dampers is not None:
+        eta = separated_solutions(modal, basis.strong_dampers, b, w, which)
+    else:
+        eta = refined_solutions(basis, modal, b, 1j * w[which])
+    bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
+    eta[:, :, bad] = direct_solutions(modal, b, w, which[bad])
+    return eta
 
 
 def refined_solutions(basis: Basis, modal: Damped, b: Array, s: Complex) -> Complex:

@@ -70,12 +70,8 @@ def _modal(basis: Basis, modal: Damped, b: Array, w: Array) -> Complex:
     s: Complex = (1j * w).astype(complex)
     if modal.vectors is None or (basis.strong_dampers is None and responses.trusted(modal, b, w)):
         eta = sum_of_motions(modal, b).at(s)
-    elif basis.strong_dampers is not None:
-        eta = responses.separated_solutions(modal, basis.strong_dampers, b, w, np.arange(len(w)))
     else:
-        eta = responses.refined_solutions(basis, modal, b, s)
-        bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
-        eta[:, :, bad] = responses.direct_solutions(modal, b, w, bad)
+        eta = responses.solved_motions(basis, modal, b, w, np.arange(len(w)))
     with np.errstate(invalid="ignore"):  # infinite at poles, which the caller refuses
         flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
     return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
