@@ -82,8 +82,9 @@ def damped(system: Equations, basis: Undamped, rtol: float, follows_stiffness: b
     if reason:
         rounding = None
         if reason == COMMUTES:
+            forms = forms_in(_factors(system), basis.shapes, np.diag(gamma), basis.rigid)
+            basis, gamma = _of_factors(basis, forms), gamma / forms.matrices[0].diagonal()
             rounding = rounding_of_sums(system.elastic_rows, system.row_damping, basis.shapes)
-            basis = _of_factors(basis, forms_in(_factors(system), basis.shapes, np.diag(gamma), basis.rigid))
         pairs = quadratic_roots(basis.square, gamma)
         errors = classical_errors(pairs, basis, gamma, rounding)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
@@ -118,13 +119,13 @@ def _factors(system: Equations) -> tuple[Array, Array, Array, Array]:
 
 
 def _of_factors(basis: Undamped, forms: Forms) -> Undamped:
-    """Take the frequencies of a ``mixed`` basis from the factors, whose rounding is added to the errors."""
+    """Take frequencies and lengths of a ``mixed`` basis from the factors, whose rounding is added to the errors."""
     if not basis.mixed:
         return basis
     (mass, _, stiffness), (of_mass, _, of_stiffness) = (
         np.einsum("kii->ki", part) for part in (forms.matrices, forms.magnitudes))  # fmt: skip
     errors = basis.errors + 0.5 * EPS * (of_mass / mass + of_stiffness / stiffness)
-    return replace(basis, square=stiffness / mass, errors=errors)
+    return replace(basis, square=stiffness / mass, shapes=basis.shapes / np.sqrt(mass), errors=errors)
 
 
 def _coupled(

@@ -387,3 +387,23 @@ def test_free_chains_need_no_refinement(seed, monkeypatch):
     modes = chain(6, seed, damp=1.0, ground=False).modes(rtol=1e-9)
     assert modes.rigid == 1
     assert modes.errors.max() <= 1e-9
+
+
+def test_shapes_have_unit_mass_where_damping_commutes():
+    """A heavy mass that rides on a light one, each with a damper to ground in proportion to its mass: LAPACK's shapes
+    of such a mass matrix are 4e-13 off unit length, those of the factors are not.
+    """
+    model, below = mv.Model("riders"), "ground"
+    for name, mass, stiffness in (("light", 1.0, 1e6), ("heavy", 3e3, 3e5), ("load", 30.0, 2e6)):
+        model.add_body(name, mass, (1, 1, 1))
+        model.add_joint(f"{name}.slide", "prismatic", below, name, axis=(0, 0, 1))
+        model.add_bushing(f"{name}.k", below, name, (0, 0, 0), (0, 0, stiffness, 0, 0, 0))
+        model.add_bushing(f"{name}.c", "ground", name, (0, 0, 0), (0,) * 6, (0, 0, 2.0 * mass, 0, 0, 0))
+        below = name
+    system = model.linearize()
+    result = modes(system, 1e-12, clean=False)
+    assert "commutes" in result.classical
+    assert result.mixed > 1e-12
+    np.testing.assert_allclose(((system.inertia_factor @ result.shapes) ** 2).sum(axis=0), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(-result.eigenvalues.real, 1.0, rtol=1e-15)
+    assert result.errors.max() < 5e-15
