@@ -62,7 +62,7 @@ class Forms:
         """Return the rounding of the three forms in vectors with entries of some ``size`` (..., m, n), (3, ..., n)."""
         terms = self.magnitudes @ size
         terms *= size
-        return EPS * np.add.reduce(terms, axis=-2)
+        return np.asarray(EPS * np.add.reduce(terms, axis=-2))
 
     def with_errors(self, square: Array, errors: Array) -> Forms:
         """Return the forms with the relative ``errors`` (..., m) of the frequencies, of which ``square`` (..., m) are
