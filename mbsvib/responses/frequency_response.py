@@ -191,7 +191,7 @@ def solved_motions(basis: Basis, modal: Damped, b: Array, w: Array, which: NDArr
     if basis.strong_dampers is not None:
         eta = separated_solutions(modal, basis.strong_dampers, b, w, which)
     else:
-        eta = refined_solutions(basis, modal, b, 1j * w[which])
+        eta = refined_solutions(basis, modal, b, (1j * w[which]).astype(complex, copy=False))
     bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
     eta[:, :, bad] = direct_solutions(modal, b, w, which[bad])
     return eta
