@@ -19,7 +19,7 @@ from math import prod
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, vstack
+from scipy.sparse import csc_matrix, csr_array, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from mbsvib.elements.beam import Beam
@@ -71,10 +71,10 @@ def _constraints(system: SparseEquations, origin: Array) -> Constraints | None:
         coupled = couplers.terms.measured, couplers.joint, *couplers.measured
     row, column, entry = closure.independent_entries(tree)
     forces = LoopForces(system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1, len(tree.names))))
+    wrench, *sparse = closing_terms(topology, len(closure.names), (closure.rows, joint), coupled)
     return Constraints(
-        *closing_terms(topology, len(closure.names), (closure.rows, joint), coupled), np.arange(len(tree.names)),
-        tree.coordinate_body, origin - tree.point.T, np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None],
-        forces, forces.stress,
+        wrench, *map(csr_array, sparse), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
+        np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
     )  # fmt: skip
 
 
