@@ -36,6 +36,8 @@ MOVES = 1e-3
 # Of sums over states this share of the terms is allowed for, and of a response that of its largest: states mix motions
 # of very different size, and modal ones may lose eight digits before they are refused.
 OF_STATES, OF_RESPONSE = DEPENDENT * float(np.finfo(float).eps), 1e-7
+# Condition number of eigenvectors that depend on each other, as of a rigid-body mode; rounding makes it infinite.
+DEFECTIVE = 1e30
 
 
 @dataclass
@@ -317,8 +319,8 @@ def realizations(subject):
 
 
 def eigenvector_condition(matrix):
-    """Condition number of eigenvectors of unit length, by which modal states lose digits."""
-    return np.linalg.cond(np.linalg.eig(matrix)[1]) if len(matrix) else 1.0
+    """Condition number of eigenvectors of unit length, by which modal states lose digits; finite for defective ones."""
+    return min(np.linalg.cond(np.linalg.eig(matrix)[1]), DEFECTIVE) if len(matrix) else 1.0
 
 
 def solved(matrix, right):
