@@ -71,10 +71,11 @@ def _constraints(system: SparseEquations, origin: Array) -> Constraints | None:
         coupled = couplers.terms.measured, couplers.joint, *couplers.measured
     row, column, entry = closure.independent_entries(tree)
     forces = LoopForces(system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1, len(tree.names))))
-    wrench, *sparse = closing_terms(topology, len(closure.names), (closure.rows, joint), coupled)
+    wrench, closing, share = closing_terms(topology, len(closure.names), (closure.rows, joint), coupled)
     return Constraints(
-        wrench, *map(csr_array, sparse), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
-        np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
+        wrench, csr_array(closing), csr_array(share), np.arange(len(tree.names)), tree.coordinate_body,
+        origin - tree.point.T, np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces,
+        forces.stress,
     )  # fmt: skip
 
 
