@@ -359,7 +359,9 @@ def _scene_of_variants(plan: BatchPlan, values: Values, first: int) -> tuple[Sce
     for name, rotor in plan.model.rotors.items():
         axis = pose.vectors(np.array([topology.body_numbers[rotor.body]]), np.array([rotor.axis]))
         fields[name] = {**fields.get(name, {}), "axis": axis[..., 0, :].T}
-    variants = Variants(first, posed.joint_axes(pose), {}, fields, fixed_points(topology, values, pose))
+    turned = plan.with_forces or plan.pivots.redundant or scene.port.wrench_outputs
+    axes = posed.joint_axes(pose) if turned else {}
+    variants = Variants(first, axes, {}, fields, fixed_points(topology, values, pose))
     return posed.at(scene, pose, plan.relaxed, forces=forces), variants
 
 

@@ -63,6 +63,8 @@ class Block:
     """Pivots of the nominal pose in ``groups`` (g,) of loops of like shape: the columns ``dependent`` (g, r) and
     ``others``, the ``rows``, those of A first, the ``inverse`` (g, r, r) of the nominal A and its
     ``reciprocal_condition`` (g,); ``length`` (g, 1) [m] makes their rows and columns dimensionless.
+    ``columns`` (g, columns) are all columns, dependent ones first, ``units`` those of the coordinates, and ``entries``
+    (g, rows, columns) the numbers of their entries in Phi.
     """
 
     groups: tuple[LoopGroup, ...]
@@ -70,6 +72,9 @@ class Block:
     others: Index
     rows: Index
     length: Array
+    columns: Index
+    units: Array
+    entries: Index
     inverse: Array
     reciprocal_condition: Array
 
@@ -77,15 +82,6 @@ class Block:
     def redundant(self) -> bool:
         """Whether there are rows beside those of A."""
         return bool(self.rows.shape[1] > self.dependent.shape[1])
-
-    @property
-    def columns(self) -> Index:
-        """All columns (g, columns), dependent ones first."""
-        return np.concatenate((self.dependent, self.others), axis=1)
-
-    def unit(self, coordinates: Twists, columns: Index) -> Array:
-        """Return factors (g, columns) that make coordinates dimensionless."""
-        return np.where(coordinates.turns[columns], 1.0, self.length)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +93,11 @@ class LoopPivots:
     reduction: Reduction
     kept: tuple[tuple[Index, Index], ...]
     blocks: tuple[Block, ...]
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are rows beside those that are independent."""
+        return any(block.redundant for block in self.blocks)
 
     def multipliers(self, phi: Array, gradient: Array) -> Array:
         """Return the multipliers (..., locked rows) of loops, see ``loop_multipliers``."""
@@ -119,9 +120,12 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
         groups = tuple(group for group, *_ in members)
         dependents, others, ordered = (np.array([member[k] for member in members], dtype=np.intp) for k in (1, 2, 3))
         length = np.array([[group.length] for group in groups])
-        block = Block(groups, dependents, others, ordered, length, np.zeros((0, 0)), np.zeros(0))
-        r = block.dependent.shape[1]
-        inverse, reciprocal_condition = inverse_of(_scaled(scene.coordinates, scene.cuts, phi, block)[0, :, :r, :r])
+        columns, r = np.concatenate((dependents, others), axis=1), dependents.shape[1]
+        units = np.where(scene.coordinates.turns[columns], 1.0, length)
+        entries = ordered[:, :, None] * phi.shape[2] + columns[:, None]
+        block = Block(groups, dependents, others, ordered, length, columns, units, entries, np.zeros((0, 0)),
+                      np.zeros(0))  # fmt: skip
+        inverse, reciprocal_condition = inverse_of(_scaled(scene.cuts, phi, block)[0, :, :r, :r])
         blocks.append(replace(block, inverse=inverse, reciprocal_condition=reciprocal_condition))
     return LoopPivots(nominal, kept, tuple(blocks))
 
@@ -145,7 +149,7 @@ def reduce_batch(
     result[:, nominal.independent, np.arange(m)] = 1.0
     uncertain = np.zeros(count, dtype=bool)
     for block in pivots.blocks:
-        solution, remainder, doubtful = _solved(scene.coordinates, cuts, phi, block)
+        solution, remainder, doubtful = _solved(cuts, phi, block)
         result[:, block.dependent[:, :, None], column[block.others][:, None]] = solution
         uncertain |= doubtful.any(axis=-1)
         if block.redundant:
@@ -170,25 +174,24 @@ def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: R
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, variants.axes,
                             variants.lengths)  # fmt: skip
         for block in blocks:
-            remainder = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
+            remainder = _solved(scene.cuts, nearby, block)[1]
             result |= ~(remainder <= CLEARLY_REDUNDANT * NEIGHBOUR_PIVOT).all(axis=-1)
     return result
 
 
-def _scaled(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> Array:
+def _scaled(cuts: Cuts, phi: Array, block: Block) -> Array:
     """Phi of groups of loops, rows of A first, dependent columns first, (variants, g, rows, columns) without units."""
-    columns = block.columns
-    result: Array = phi.reshape(len(phi), -1).take(block.rows[:, :, None] * phi.shape[2] + columns[:, None], axis=1)
+    result: Array = phi.reshape(len(phi), -1).take(block.entries, axis=1)
     result *= cuts.row_scale(block.length, block.rows)[..., None]
-    result *= block.unit(coordinates, columns)[:, None]
+    result *= block.units[:, None]
     return result
 
 
-def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
+def _solved(cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
     """Parts of B'' (variants, g, r, others), the residuals (variants, g) of the redundant rows, and a mask of variants
     and groups in which A may be nearly singular.
     """
-    scaled, r = _scaled(coordinates, cuts, phi, block), block.dependent.shape[1]
+    scaled, r = _scaled(cuts, phi, block), block.dependent.shape[1]
     a, right = scaled[..., :r, :r], scaled[..., :r, r:]
     size = np.maximum(1.0, _size(a))  # rows have size one: all of A may be rounding
     difference = _size(np.eye(r) - block.inverse @ a)
@@ -207,7 +210,7 @@ def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[
     if block.redundant and block.others.shape[1]:
         redundant = scaled[..., r:, r:] - scaled[..., r:, :r] @ solution
         remainder = np.abs(redundant).max(axis=(-2, -1))
-    solution *= -(block.unit(coordinates, block.dependent)[..., None] / block.unit(coordinates, block.others)[:, None])
+    solution *= -(block.units[:, :r, None] / block.units[:, None, r:])
     return np.asarray(solution), remainder, doubtful
 
 
@@ -287,7 +290,7 @@ def closure_along(
 
     ``phi`` (variants, locked rows, n): Phi + i h dPhi. ``closure`` (variants, n, m): B'', None for the nominal one.
     """
-    cuts, coordinates, nominal = scene.cuts, scene.coordinates, pivots.reduction
+    cuts, nominal = scene.cuts, pivots.reduction
     lost = np.zeros(len(phi), dtype=bool)
     if cuts is None or nominal.matrix is None:
         return nominal, lost
@@ -297,7 +300,7 @@ def closure_along(
     for block in pivots.blocks:
         kept = block.dependent.shape[1]
         row_scale = cuts.row_scale(block.length, block.rows)[..., None]
-        column_scale = block.unit(coordinates, block.dependent)
+        column_scale = block.units[:, :kept]
         matrix = row_scale * phi.real[:, block.rows[:, :, None], block.dependent[:, None]] * column_scale[:, None]
         right = row_scale * change[:, block.rows]
         regular = ~near_singular(inverse_of(matrix[..., :kept, :])[1], block.reciprocal_condition)
@@ -306,8 +309,8 @@ def closure_along(
         solution[~regular] = np.linalg.pinv(matrix[~regular]) @ right[~regular]
         result.imag[:, block.dependent] = -column_scale[..., None] * solution
         left = np.abs(right - matrix @ solution)
-        unit = block.unit(coordinates, block.columns)[..., None]
-        largest = (np.abs(before[..., block.columns, :]) / unit).max(axis=-2, keepdims=True, initial=0.0)
+        sizes = np.abs(before[..., block.columns, :]) / block.units[..., None]
+        largest = sizes.max(axis=-2, keepdims=True, initial=0.0)
         moved = np.stack([_moved(values, group.length) for group in block.groups], axis=-1)
         lost |= (left > ZERO_ALONG * moved[..., None, None] * largest).any(axis=(1, 2, 3))
     return replace(nominal, matrix=result), lost

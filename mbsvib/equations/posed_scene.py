@@ -12,6 +12,7 @@ the change of length. The wrench of a bushing, or torsion spring, is the first d
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,27 +107,36 @@ class PosedScene:
     def _rows(self, scene: Scene, pose: Pose) -> ElementRows:
         """The rows of connections as they go with their bodies."""
         springs, rows, lead = scene.springs, scene.springs.rows, pose.centre.shape[:-2]
+        straight = self.straight.take(springs.owner)
+        lines, others = straight.nonzero()[0], (~straight).nonzero()[0]
+        first, second, owner = rows.first, rows.second, springs.owner.take(lines)
+        begin = pose.points(first.take(lines), self.start.take(owner, axis=0))
+        line = pose.points(second.take(lines), self.end.take(owner, axis=0)) - begin
+        along = line / np.sqrt(np.add.reduce(line * line, axis=-1, keepdims=True))
+        if not len(others):
+            return replace(springs, rows=Rows(first, second, components_first(begin), components_first(along),
+                                              rows.moment))  # fmt: skip
         described = [components_last(array) for array in (rows.force, rows.moment, rows.point)]
         force, moment, point = (np.array(np.broadcast_to(array, (*lead, *array.shape[-2:])), pose.centre.dtype)
                                 for array in described)
-        straight = self.straight[springs.owner]
-        lines, others = straight.nonzero()[0], (~straight).nonzero()[0]
-        first, second, owner = rows.first, rows.second, springs.owner[lines]
-        point[..., lines, :] = begin = pose.points(first[lines], self.start[owner])
-        line = pose.points(second[lines], self.end[owner]) - begin
-        force[..., lines, :] = line / np.sqrt((line * line).sum(axis=-1, keepdims=True))
+        point[..., lines, :], force[..., lines, :] = begin, along
         for array in (force, moment):
             array[..., others, :] = pose.vectors(first[others], array[..., others, :])
         point[..., others, :] = pose.points(second[others], described[2][..., others, :])
         vectors = [np.ascontiguousarray(components_first(array)) for array in (point, force, moment)]
         return replace(springs, rows=Rows(first, second, *vectors))
 
+    @cached_property
+    def axes(self) -> Array:
+        """The axes (joints, 3, 3) of joints as described."""
+        return np.array([joint.axes for joint in self.kinematics.topology.joints]).reshape(-1, 3, 3)
+
     def joint_axes(self, pose: Pose) -> dict[str, Array]:
         """Return the axes (..., 3, 3) of all joints in a pose, by name."""
         kinematics = self.kinematics
         joints = kinematics.topology.joints
         frames = kinematics.frames(pose).take(kinematics.frame[: len(joints)], axis=-3)
-        axes = frames @ np.array([joint.axes for joint in joints]).reshape(-1, 3, 3)
+        axes = frames @ self.axes
         return {joint.name: axes[..., k, :, :] for k, joint in enumerate(joints)}
 
 

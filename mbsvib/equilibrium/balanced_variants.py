@@ -111,7 +111,7 @@ class BalancedVariants:
             if last:
                 return pose
             before, last = length, bool(done.all())
-            pose = kinematics.tree.moved(pose, scene.coordinates, step)
+            pose = kinematics.tree.at(pose, scene.coordinates).moved(step)
             if scene.cuts is not None:
                 pose, gap, travel = self._closed(pose, travel, scene.couplers)
         raise _lost(first + int(np.argmin(done)))
@@ -138,7 +138,7 @@ class BalancedVariants:
             for kept, dependent in self.plan.pivots.kept:
                 solution = np.linalg.solve(phi[:, kept[:, None], dependent], error[:, kept, None])
                 step[:, dependent] = -solution[..., 0]
-            pose = kinematics.tree.moved(pose, coordinates, step)
+            pose = kinematics.tree.at(pose, coordinates).moved(step)
         return pose, gap, travel
 
     def _step(

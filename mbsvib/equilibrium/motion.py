@@ -87,7 +87,7 @@ class PosedModel:
     @cached_property
     def scaled_closure(self) -> Array:
         """``closure`` in units of 1 rad and the size of the mechanism, rows and columns."""
-        return self.closure * self.kinematics.row_scale[:, None] * self.scale
+        return self.closure * self.kinematics.closure_scale
 
     @cached_property
     def openings(self) -> Array:
@@ -105,7 +105,7 @@ class PosedModel:
 
     def moved(self, q: Array) -> PosedModel:
         """Return the same model after finite joint motions (n,); loops are not closed."""
-        travel, pose = self.travel, self.kinematics.tree.moved(self.pose, self.coordinates, q)
+        travel, pose = self.travel, self.kinematics.tree.at(self.pose, self.coordinates).moved(q)
         if self.cuts is not None and self.cuts.couplings is not None:
             estimate = travel + coupled_coordinates(self.cuts.couplings, self.coordinates) @ q
             travel = _travel(self.reference, pose, estimate)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
@@ -137,6 +137,10 @@ class Poses:
             blocks = tuple(kept_rows(kinematics.cuts, reduction))
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)
+
+    def to_second_order(self) -> Poses:
+        """Return the same for many poses: the first guess of each is of second order."""
+        return replace(self, closing=replace(self.closing, curved=self.places))
 
     def at(self, values: Array, caller: str = "moved", first: int | None = None) -> Pose:
         """Return the poses for displacements (v, p) [m, rad], of which all are reached, or a ``ModelError``.

@@ -49,7 +49,7 @@ class PosedVariants:
         model: Mechanism, names: tuple[str, ...], parameters: Sequence[str], relaxed: bool, cut: Sequence[str] | None
     ) -> PosedVariants:
         """Return how variants of a model are moved; ``parameters``: those that vary."""
-        poses = Poses.of(with_rigid_parts(model), names, cut, "compile")
+        poses = Poses.of(with_rigid_parts(model), names, cut, "compile").to_second_order()
         known: Parameters = model.parameters
         fixed = not any(known.entry(name).field in PLACES for name in parameters)
         return PosedVariants(model, names, poses if fixed else None, relaxed, None if cut is None else tuple(cut))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
@@ -40,17 +41,23 @@ TOLERANCE = 1e-12
 # Where loops are open by less than this, the Jacobian of the step before is as good, unless it left more than this
 # share, as at a dead point.
 RENEWED, SLOW = 1e-6, 1e-2
+# A step closes loops for certain where it is expected to leave less than this share of what they may stay open.
+CERTAIN = 0.1
 # Loops need be closed no better on the way to a pose.
 WAY = 1e-8
+# Steps to both sides of the reference pose by which rates are differentiated [rad, mechanism sizes].
+DIFFERENCE = 1e-3
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Reached:
     """Some poses (v): the values ``q`` (v, n) of the coordinates and the ``pose``.
 
     ``opening`` (v,) is what loops are open and ``rounding`` (v,) what of it is rounding, in units of 1 rad and the size
-    of the mechanism; ``closure`` (v, rows, n) is Phi J in the same units, ``error`` (v, rows) the openings, ``travel``
-    (v, terms) the displacements of the coordinates in couplers. ``doubtful`` (v,) may be next to a dead point.
+    of the mechanism; ``closure`` (v, rows, n) is Phi J in the same units, ``inverses`` (v, r, r) those of A in each
+    group of loops, ``error`` (v, rows) the openings, ``travel`` (v, terms) the displacements of the coordinates in
+    couplers. ``doubtful`` (v,) may be next to a dead point.
     """
 
     q: Array
@@ -58,6 +65,7 @@ class Reached:
     opening: Array
     rounding: Array
     closure: Array
+    inverses: tuple[Array, ...]
     error: Array
     travel: Array
     doubtful: Mask
@@ -65,12 +73,15 @@ class Reached:
     def __getitem__(self, which: Index | Mask) -> Reached:
         """Return some of them."""
         return Reached(self.q[which], self.pose[which], self.opening[which], self.rounding[which], self.closure[which],
-                       self.error[which], self.travel[which], self.doubtful[which])  # fmt: skip
+                       tuple([inverse[which] for inverse in self.inverses]), self.error[which], self.travel[which],
+                       self.doubtful[which])  # fmt: skip
 
     def update(self, which: Index | Mask, others: Reached) -> None:
         """Replace some of them, in place."""
         for name in ("q", "opening", "rounding", "closure", "error", "travel", "doubtful"):
             getattr(self, name)[which] = getattr(others, name)
+        for mine, inverse in zip(self.inverses, others.inverses, strict=True):
+            mine[which] = inverse
         self.pose.centre[which], self.pose.rotations[which] = others.pose.centre, others.pose.rotations
 
 
@@ -78,12 +89,14 @@ class Reached:
 class Closing:
     """A mechanism whose loops are closed by the coordinates that depend on others.
 
-    ``blocks``: independent rows and dependent coordinates of each group of loops.
+    ``blocks``: independent rows and dependent coordinates of each group of loops. ``curved`` are the coordinates whose
+    values the first guess follows to second order, for many poses from one reference pose.
     """
 
     kinematics: PoseKinematics
     couplers: tuple[Coupling, ...]
     blocks: tuple[tuple[Index, Index], ...]
+    curved: Index | None = None
 
     @cached_property
     def depends(self) -> Mask:
@@ -117,11 +130,10 @@ class Closing:
             good = small & (attempt.opening <= limit) & self._near(before, attempt)
             good, near = self._same_branch(before, attempt, good)
             attempt.doubtful[:] = ~near | before.doubtful
-            if reached is None and good.all():
-                reached = attempt
-            else:
-                reached = reached or first[np.zeros(count, dtype=np.intp)]
-                reached.update(active[good], attempt[good])
+            if reached is None and (good & ends).all():
+                return attempt, lost, share
+            reached = reached or first[np.zeros(count, dtype=np.intp)]
+            reached.update(active[good], attempt[good])
             which, bad = active[good], active[~good]
             done[which] = np.where(ends, 1.0, done[active] + share)[good]
             step[which] = np.minimum(2.0 * step[which], full[which])
@@ -141,15 +153,30 @@ class Closing:
         described, scale = kinematics.described, kinematics.row_scale
         count = len(scale) - len(kinematics.described_openings)
         error = np.append(kinematics.described_openings, np.zeros(count)) * scale
-        closure = kinematics.closure * scale[:, None] * kinematics.scale
+        closure = kinematics.closure * kinematics.closure_scale
         pose = replace(described, centre=described.centre.copy())[None]
         travel = np.zeros((1, sum(len(part.terms) for part in self.couplers)))
         at = Reached(np.zeros((1, closure.shape[1])), pose, np.array([np.abs(error).max(initial=0.0)]),
-                     kinematics.rounding(kinematics.coordinates)[None], closure[None], error[None], travel,
-                     np.zeros(1, dtype=bool))  # fmt: skip
+                     kinematics.rounding(kinematics.coordinates)[None], closure[None], self._inverses(closure[None]),
+                     error[None], travel, np.zeros(1, dtype=bool))  # fmt: skip
         at = at if at.opening[0] <= CLOSED_EXACTLY else self.closed(at.q, at, CLOSED_EXACTLY)
         at.doubtful[0] = min(self.weakest(at, 0), default=(1.0, 0))[0] < NEAR_SINGULAR
         return at
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Half of the second derivatives (k k, n) of the coordinates by the k that are ``curved``, where q is zero.
+
+        Central differences of the rates: points on tangents leave loops open to second order, alike on both sides.
+        """
+        at, scale, curved = self.described, self.kinematics.scale, self.curved
+        assert curved is not None
+        steps = np.zeros((2 * len(curved), len(scale)))
+        steps[np.arange(len(steps)), np.tile(curved, 2)] = np.repeat((DIFFERENCE, -DIFFERENCE), len(curved))
+        near = self._with_closure(self._open(at.q + scale * self._with_dependent(at, scale * steps), at))
+        rates = np.stack([self._steps(near, near.closure[..., k]) for k in curved.tolist()], axis=1)
+        ahead, behind = rates.reshape(2, -1, len(scale))
+        return np.asarray((behind - ahead) / (4.0 * DIFFERENCE))
 
     def weakest(self, reached: Reached, i: int) -> list[tuple[float, int]]:
         """Return of each group of loops in a pose the smallest singular value of its dependent coordinates, and the
@@ -168,18 +195,30 @@ class Closing:
         Returns the poses, and a mask of those without dependent motions many times larger than the step, which
         indicate a jump or a dead point.
         """
-        scale, by = self.kinematics.scale, self._with_dependent(before.closure, change)
+        scale, by = self.kinematics.scale, self._with_dependent(before, change)
+        if self.curved is not None and before is self.described:
+            part = (change / scale).take(self.curved, axis=1)
+            second = (part[:, :, None] * part[:, None]).reshape(len(part), -1) @ self.curvature
+            by += np.where(np.abs(second).max(axis=1) < np.abs(by).max(axis=1), second.T, 0.0).T
         small = np.abs(by).max(axis=1, initial=0.0) <= 10.0 * LONGEST
         q = np.where(self.depends, before.q + scale * np.where(small[:, None], by, 0.0), values)
         return self.closed(q, before, enough), small
 
-    def _with_dependent(self, closure: Array, change: Array) -> Array:
+    def _with_dependent(self, at: Reached, change: Array) -> Array:
         """The changes of all coordinates, in their units, where the independent ones change by ``change`` (v, n)."""
-        by = np.where(self.depends, 0.0, change / self.kinematics.scale)
-        right = (closure @ by[..., None])[..., 0] if self.blocks else by
-        for rows, dependent in self.blocks:
-            by[:, dependent] = -_solved(closure, rows, dependent, right)
-        return by
+        by: Array = np.where(self.depends, 0.0, change / self.kinematics.scale)
+        return by - self._steps(at, (at.closure @ by[..., None])[..., 0]) if self.blocks else by
+
+    def _steps(self, at: Reached, error: Array) -> Array:
+        """The changes (v, n) of the dependent coordinates, in their units, that ``error`` (v, rows) comes from."""
+        result = np.zeros((len(error), len(self.depends)), error.dtype)
+        for (rows, dependent), inverse in zip(self.blocks, at.inverses, strict=True):
+            result[:, dependent] = (inverse @ error.take(rows, axis=-1)[..., None])[..., 0]
+        return result
+
+    def _inverses(self, closure: Array) -> tuple[Array, ...]:
+        """A^-1 (v, r, r) of each group of loops."""
+        return tuple([_inverse(closure[:, rows[:, None], dependent]) for rows, dependent in self.blocks])
 
     def along(self, reached: Reached, change: Array) -> Pose:
         """Return imaginary steps from poses (v) with closed loops: the independent coordinates change by ``change``
@@ -187,18 +226,18 @@ class Closing:
         """
         kinematics = self.kinematics
         at = reached if kinematics.cuts is None else self._with_closure(reached)
-        q = at.q + 1j * kinematics.scale * self._with_dependent(at.closure, change)
-        return kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
+        q = at.q + 1j * kinematics.scale * self._with_dependent(at, change)
+        return kinematics.motion.moved(q)
 
     def changes(self, reached: Reached, steps: Array) -> Array:
         """Return how the values of the coordinates change by ``steps`` (n,) of the coordinates of one pose.
 
-        They differ for components of a rotation vector and for curved joints; see ``Tree.by_values``.
+        They differ for components of a rotation vector and for curved joints; see ``FiniteMotion.by_values``.
         """
         kinematics, result = self.kinematics, np.array(steps)
         pose = reached.pose[0]
         own, _ = kinematics.at(pose)
-        values = kinematics.tree.by_values(kinematics.described, kinematics.coordinates, reached.q[0], pose, own)
+        values = kinematics.motion.by_values(reached.q[0], pose, own)
         own_twists, by_values = (np.concatenate((part.linear, part.angular)) for part in (own, values))
         for columns in kinematics.tree.joints_by_values:
             twist = own_twists[:, columns] @ steps[columns]
@@ -213,38 +252,46 @@ class Closing:
         """Return the poses for values (v, n) with the dependent ones changed such that loops are closed.
 
         ``before``: these poses, or one, nearby. ``enough``: what loops may stay open. Phi J is computed anew where
-        loops are open by more than ``RENEWED``.
+        loops are open by more than ``RENEWED``. Openings are not computed behind a step that closes loops for certain:
+        steps with the same Phi J reduce them by the same factor.
         """
-        todo, scale = np.arange(len(q)), self.kinematics.scale
-        best = self._with_closure(self._open(q, before))
-        going, previous = best.opening > enough, np.full(len(q), np.inf)
+        todo, best = np.arange(len(q)), self._with_closure(self._open(q, before))
+        going, certain = best.opening > enough, np.zeros(len(q), dtype=bool)
         for _ in range(CORRECTIONS):
-            going &= ~((best.opening[todo] < CLOSED) & (best.opening[todo] > 0.1 * previous))
             if not going.any():
                 break
             if not going.all():
                 todo = todo[going]
             at = best if len(todo) == len(q) else best[todo]
-            new = at.q.copy()
-            for rows, dependent in self.blocks:
-                new[:, dependent] -= scale[dependent] * _solved(at.closure, rows, dependent, at.error)
-            after, previous = self._open(new, at), at.opening.copy()
-            going = after.opening < previous
-            if (going & (after.opening > np.clip(SLOW * previous, CLOSED, RENEWED))).any():
+            after = self._open(at.q - self.kinematics.scale * self._steps(at, at.error), at)
+            closer = after.opening < at.opening
+            if (closer & (after.opening > np.clip(SLOW * at.opening, CLOSED, RENEWED))).any():
                 after = self._with_closure(after)
-            if going.all():
-                best.update(todo, after)
+            going = closer & (after.opening > enough) & (
+                (after.opening >= CLOSED) | (after.opening <= 0.1 * at.opening))
+            ends = going & (after.opening * after.opening <= CERTAIN * enough * at.opening)
+            certain[todo], going = ends, going & ~ends
+            if len(todo) == len(q) and closer.all():
+                best = after
             else:
-                best.update(todo[going], after[going])
-            going &= after.opening > enough
+                best.update(todo[closer], after[closer])
+        if certain.any():
+            at = best if certain.all() else best[certain]
+            q = at.q - self.kinematics.scale * self._steps(at, at.error)
+            pose, none = self.kinematics.motion.moved(q), np.zeros_like(at.error)
+            after = Reached(q, pose, np.full(len(q), enough), at.rounding, at.closure, at.inverses, none, at.travel,
+                            at.doubtful)  # fmt: skip
+            if certain.all():
+                return after
+            best.update(certain, after)
         return best
 
     def _open(self, q: Array, near: Reached | None) -> Reached:
         """Return the poses of values (v, n), as open as they are, with the Phi J of poses nearby."""
         kinematics, count = self.kinematics, len(q)
-        pose = kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
-        rounding = np.zeros(count) if near is None else np.broadcast_to(near.rounding, count)
-        closure = np.zeros((count, 0, 0)) if near is None else near.closure
+        pose = kinematics.motion.moved(q)
+        rounding, closure, inverses = (np.zeros(count), np.zeros((count, 0, 0)), ()) if near is None else (
+            near.rounding, near.closure, near.inverses)  # fmt: skip
         error, travel = kinematics.openings(pose), np.zeros((count, 0))
         couplings = None if kinematics.cuts is None else kinematics.cuts.couplings
         if couplings is not None:
@@ -254,22 +301,17 @@ class Closing:
             travel[:, tree] = q[:, couplings.column[tree]]
             error = np.concatenate((error, couplings.sums(travel)), axis=1)
         error = error * kinematics.row_scale
-        return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, error, travel,
+        return Reached(q, pose, np.abs(error).max(axis=1, initial=0.0), rounding, closure, inverses, error, travel,
                        np.zeros(count, dtype=bool))  # fmt: skip
 
     def _with_closure(self, at: Reached) -> Reached:
         """Return the same poses with their own Phi J."""
-        kinematics, (q, pose) = self.kinematics, (at.q, at.pose)
-        if len(q) == 1:  # faster without an axis of poses
-            q, pose = q[0], pose[0]
-        coordinates, cuts = kinematics.at(pose)
+        kinematics = self.kinematics
+        coordinates, cuts = kinematics.at(at.pose)
         assert cuts is not None
-        by_values = kinematics.tree.by_values(kinematics.described, kinematics.coordinates, q, pose, coordinates)
-        closure = locked(by_values, cuts) * kinematics.row_scale[:, None] * kinematics.scale
-        if len(at.q) == 1:
-            closure = closure[None]
-        rounding = np.array(np.broadcast_to(kinematics.rounding(coordinates), len(at.q)))
-        return replace(at, closure=closure, rounding=rounding)
+        closure = locked(kinematics.motion.by_values(at.q, at.pose, coordinates), cuts) * kinematics.closure_scale
+        return Reached(at.q, at.pose, at.opening, kinematics.rounding(coordinates), closure, self._inverses(closure),
+                       at.error, at.travel, at.doubtful)  # fmt: skip
 
     def _near(self, first: Reached, second: Reached) -> Mask:
         """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
@@ -284,9 +326,10 @@ class Closing:
         A change of norm below ``NEARBY`` takes no eigenvalue of 1 near 0; others are looked at one by one.
         """
         same, far = which.copy(), which.copy()
-        for rows, dependent in self.blocks:
-            before, after = (at.closure[:, rows[:, None], dependent] for at in (first, second))
-            change = _inverse(before) @ (after - before)
+        for (rows, dependent), inverse in zip(self.blocks, first.inverses, strict=True):
+            after = second.closure[:, rows[:, None], dependent]
+            change = inverse @ after
+            change.reshape(len(change), -1)[:, :: len(dependent) + 1] -= 1.0
             near = np.zeros(len(change), dtype=bool)
             for power in (1, 2, 4):  # no eigenvalue is larger than the root of the norm of a power
                 near |= np.abs(change).sum(axis=-2).max(axis=-1, initial=0.0) < NEARBY**power
@@ -295,7 +338,8 @@ class Closing:
                 change = change @ change
             far &= near
             for i in np.flatnonzero(which & ~near).tolist():
-                same[i] &= no_dead_point(before[i if len(before) > 1 else 0], after[i])
+                before = first.closure[i if len(first.closure) > 1 else 0]
+                same[i] &= no_dead_point(before[rows[:, None], dependent], after[i])
         return same, far
 
 
@@ -304,12 +348,3 @@ def _inverse(a: Array) -> Array:
         return np.asarray(np.linalg.inv(a))
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.pinv(a))
-
-
-def _solved(closure: Array, rows: Index, dependent: Index, right: Array) -> Array:
-    """Return A^-1 e (v, r) of the ``rows`` of e (v, all rows) and the ``dependent`` columns."""
-    a, e = closure[:, rows[:, None], dependent], right[:, rows, None]
-    try:
-        return np.asarray(np.linalg.solve(a, e)[..., 0])
-    except np.linalg.LinAlgError:
-        return np.asarray((np.linalg.pinv(a) @ e)[..., 0])

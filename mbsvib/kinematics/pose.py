@@ -21,7 +21,7 @@ from mbsvib.elements.joint_kinds import Columns
 from mbsvib.linalg.displacements import Displacement
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import SAME_POINT
-from mbsvib.linalg.rotations import components_first, exponential, frames_along, logarithm, orthonormal, skew
+from mbsvib.linalg.rotations import CYCLE, components_first, exponential, frames_along, logarithm, orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,7 +55,7 @@ class Pose:
         return tuple(unmoved.tolist())
 
     @cached_property
-    def _change(self) -> tuple[Array, Array]:
+    def change(self) -> tuple[Array, Array]:
         """Translations of centres (bodies + 1, 3), and rotations less the identity (bodies + 1, 3, 3)."""
         return self.centre - self.origin, self.rotations - IDENTITY
 
@@ -67,7 +67,7 @@ class Pose:
     def points(self, body: Index, at: Array) -> Array:
         """Return points (..., n, 3) of bodies (n,) that are ``at`` [m] in the reference pose; exact if none has moved.
         """
-        shift, change = self._change
+        shift, change = self.change
         arm = at - self.origin.take(body, axis=-2)
         return np.asarray(at + (shift.take(body, axis=-2) + (change.take(body, axis=-3) @ arm[..., None])[..., 0]))
 
@@ -170,8 +170,8 @@ def _between_axes(joints: Joints, pose: Pose) -> Array:
     """Axes along the first axis, along the normal of both axes, and perpendicular to these."""
     first_axis = pose.vectors(joints.first, joints.first_axis)
     normal = _cross(first_axis, pose.vectors(joints.second, joints.last_axis))
-    normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
-    return np.stack((first_axis, normal, _cross(normal, first_axis)), axis=-1)
+    normal /= np.sqrt(np.add.reduce(normal * normal, axis=-1, keepdims=True))
+    return np.concatenate([part[..., None] for part in (first_axis, normal, _cross(normal, first_axis))], axis=-1)
 
 
 def _halfway(joints: Joints, pose: Pose) -> Array:
@@ -186,7 +186,8 @@ def _along_rod(joints: Joints, pose: Pose) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     """Return the vector products of (..., 3)."""
-    return np.asarray((skew(a) @ b[..., None])[..., 0])
+    a, b = a.take(CYCLE, axis=-1), b.take(CYCLE, axis=-1)
+    return np.asarray(a[..., 1:4] * b[..., 2:] - a[..., 2:] * b[..., 1:4])
 
 
 def axes_of(joint: Joint) -> Axes | None:
@@ -229,26 +230,28 @@ def stacked(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) -
 class Openings:
     """Cut joints (k) of one form as described: their ``motion``, and the ``rows`` (locked, k) of their openings.
 
-    ``first``, ``second`` (k,) are their bodies, ``end`` (..., k, 3) their points on the second one [m], ``columns``
-    their directions as components (..., k).
+    ``ends`` (2 k,) are their second bodies, then the first ones, ``arms`` (2 k, 3, 1) from the centres of mass of these
+    to their points on the second one [m], ``columns`` their directions as components (k,).
     """
 
     motion: Any
     rows: Index
-    first: Index
-    second: Index
-    end: Array
+    ends: Index
+    arms: Array
     columns: Columns
 
     def at(self, pose: Pose) -> list[Any]:
         """Return what they are open in a pose [m, rad], one array (..., k) for each locked direction."""
-        first, second = pose.rotations.take(self.first, axis=-3), pose.rotations.take(self.second, axis=-3)
-        back = first.swapaxes(-1, -2)
-        apart = pose.points(self.second, self.end) - pose.points(self.first, self.end)
-        shift: Any = tuple(components_first((back @ apart[..., None])[..., 0]))
-        rows = components_first((back @ second).swapaxes(-1, -2))
-        rotation: Any = tuple([tuple(components_first(row)) for row in rows])
-        opened: list[Any] = self.motion.openings(Displacement(rotation, shift, self.columns.point), self.columns)
+        shift, change = pose.change
+        gone = change.take(self.ends, axis=-3) @ self.arms
+        gone += shift.take(self.ends, axis=-2)[..., None]
+        turned, count = pose.rotations.take(self.ends, axis=-3), len(self.ends) // 2
+        back = turned[..., count:, :, :].swapaxes(-1, -2)
+        gap = back @ (gone[..., :count, :, :] - gone[..., count:, :, :])
+        relative = back @ turned[..., :count, :, :]
+        apart: Any = (gap[..., 0, 0], gap[..., 1, 0], gap[..., 2, 0])
+        rotation: Any = tuple([(relative[..., i, 0], relative[..., i, 1], relative[..., i, 2]) for i in range(3)])
+        opened: list[Any] = self.motion.openings(Displacement(rotation, apart, self.columns.point), self.columns)
         return opened
 
 
@@ -268,7 +271,9 @@ def openings_of(joints: Sequence[Joint], rows: Sequence[Sequence[int]], number: 
                           _directions([joint.locked for joint in group]), _components(arrays.end),
                           _components(arrays.start), successive)  # fmt: skip
         which = np.array([rows[k] for k in members], dtype=np.intp).T
-        result.append(Openings(motion, which, arrays.first, arrays.second, arrays.end, columns))
+        ends = np.concatenate((arrays.second, arrays.first))
+        arms = np.concatenate((arrays.end, arrays.end)) - origin[ends]
+        result.append(Openings(motion, which, ends, arms[..., None], columns))
     return tuple(result)
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.pose import Openings, Pose
-    from mbsvib.kinematics.tree_motion import Tree
+    from mbsvib.kinematics.tree_motion import FiniteMotion, Tree
     from mbsvib.mechanism.topology import Topology
 
 
@@ -61,6 +61,11 @@ class PoseKinematics:
     def tree(self) -> Tree:
         """The finite motion of the tree."""
         return tree_of(self.topology, self.described.number)
+
+    @cached_property
+    def motion(self) -> FiniteMotion:
+        """The finite motion from the reference pose."""
+        return self.tree.at(self.described, self.coordinates)
 
     @cached_property
     def loops(self) -> tuple[Openings, ...]:
@@ -109,6 +114,11 @@ class PoseKinematics:
         return np.zeros(0) if self.cuts is None else self.cuts.row_scale(self.size)
 
     @cached_property
+    def closure_scale(self) -> Array:
+        """Factors (locked rows, n) that make the derivatives of openings comparable."""
+        return self.row_scale[:, None] * self.scale
+
+    @cached_property
     def closure(self) -> Array:
         """The constraints of cut joints and couplers in the reference pose (rows, n); see ``locked``."""
         return np.zeros((0, len(self.coordinates.names))) if self.cuts is None else locked(self.coordinates, self.cuts)
@@ -126,8 +136,7 @@ class PoseKinematics:
         count = 0 if self.cuts is None else len(self.cuts.rows.first)
         result = np.zeros((*pose.centre.shape[:-2], count), pose.centre.dtype)
         for group in self.loops:
-            for rows, opened in zip(group.rows, group.at(pose), strict=True):
-                result[..., rows] = opened
+            result[..., group.rows] = np.stack(group.at(pose), axis=-2)
         return result
 
     def rounding(self, coordinates: Twists) -> Array:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import Rows, columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
-    from mbsvib.elements.rows import Rows
     from mbsvib.mechanism.topology import Branch, Topology
 
 
@@ -189,7 +188,13 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     on_paths = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
     row, column, signs = on_paths(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
     vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
-    if sum([array.ndim for array in vectors]) > 12:
+    variants = [array.shape[1] for array in vectors if array.ndim == 3]
+    if variants and max(variants) == 1:  # faster without an axis of variants
+        force, moment, linear, angular, point, start = [array.reshape(3, -1) for array in vectors]
+        value = entry_values((linear, angular, start), Rows(rows.first, rows.second, point, force, moment), row, column,
+                             signs)  # fmt: skip
+        return Triplets(row, column, value[None], shape)
+    if variants:
         value = _of_variants(vectors, row, column)
         value *= signs[:, None]
         return Triplets(row, column, value.T, shape)
@@ -303,18 +308,24 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
-    if position.ndim + coordinates.linear.ndim + coordinates.angular.ndim + coordinates.point.ndim > 8:
+    linear, angular, point = coordinates.linear, coordinates.angular, coordinates.point
+    variants = [len(array) for array in (position,) if array.ndim == 3]
+    variants += [array.shape[1] for array in (linear, angular, point) if array.ndim == 3]
+    if variants and max(variants) > 1:
         return _body_motion_of_variants(coordinates, position)
+    if variants:  # faster without an axis of variants
+        linear, angular, point = (array.reshape(3, -1) for array in (linear, angular, point))
+        position = position.reshape(-1, 3)
     sign = coordinates.path[:-1, None].astype(float)
-    angular, point = coordinates.angular.take(CYCLE, axis=0), coordinates.point.take(CYCLE, axis=0)
+    angular, point = angular.take(CYCLE, axis=0), point.take(CYCLE, axis=0)
     arm = position.take(CYCLE, axis=1)[..., None] - point
     translation = angular[1:4] * arm[:, 2:]
     translation -= angular[2:] * arm[:, 1:4]
-    translation += coordinates.linear
-    result = np.empty((len(translation), 6, sign.shape[2]))
+    translation += linear
+    result = np.empty((len(translation), 6, sign.shape[2]), translation.dtype)
     np.multiply(translation, sign, out=result[:, :3])
     np.multiply(angular[:3], sign, out=result[:, 3:])
-    return result
+    return result[None] if variants else result
 
 
 def _body_motion_of_variants(coordinates: Twists, position: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.joint_kinds import Columns, displaced
 from mbsvib.kinematics.pose import IDENTITY
+from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
 from mbsvib.mechanism.topology import FLOATS
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.elements.joint_kinds import Motion
     from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -69,16 +69,16 @@ class Curved:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """The finite motion of a spanning tree; arrays over bodies have ground last.
+    """The finite motion of a spanning tree.
 
     Coordinates are summed in groups that begin at ``start`` (g,): one group for each joint of the tree that moves, and
     one more for the second of two successive rotations. Of these joints (j,), ``group`` (j,) is the first group and
     ``body`` (j,) the outer body. The other arrays hold numbers of joints (k,) among these: ``then`` (2, k) of those
     with a second group, and that group; ``back`` of those whose second body is the inner one. ``vectors`` (2, r) are
     the coordinates that are components of rotation vectors, and their groups; ``first`` (r,) the first bodies of their
-    joints. ``curved`` are the joints with a motion of their own. ``child`` are the bodies that are not joined to
-    ground, and ``parent`` the bodies that they are joined to; ``levels`` are the slices of both for one level of the
-    tree each, from ground on.
+    joints. ``curved`` are the joints with a motion of their own. Motions are in rows: that of ground, those of bodies
+    joined to it, and those of all others ``child``, level by level; ``row`` (bodies + 1,) is that of each body, of
+    ground last. ``parent`` are the bodies to which ``child`` are joined; ``levels`` are their slices.
     """
 
     start: Index
@@ -89,9 +89,20 @@ class Tree:
     vectors: Index
     first: Index
     curved: tuple[Curved, ...]
+    row: Index
     child: Index
     parent: Index
     levels: tuple[slice, ...]
+
+    def at(self, pose: Pose, coordinates: Twists) -> FiniteMotion:
+        """Return the finite motion from a pose, or from many, with the ``coordinates`` there."""
+        centre, point = pose.centre, components_last(coordinates.point)
+        to_parent = np.zeros((*centre.shape[:-2], len(self.child), 4, 4))
+        to_parent[..., :3, 3] = centre.take(self.child, axis=-2) - centre.take(self.parent, axis=-2)
+        to_parent[..., DIAGONAL, DIAGONAL] = 1.0
+        arm = centre.take(self.body, axis=-2) - point.take(self.start[self.group], axis=-2)
+        six = np.concatenate((coordinates.linear, coordinates.angular))
+        return FiniteMotion(self, pose, coordinates, six, arm, to_parent)
 
     @property
     def joints_by_values(self) -> list[Index]:
@@ -100,67 +111,89 @@ class Tree:
         vectors = [columns[groups == group] for group in np.unique(groups)]
         return vectors + [own for part in self.curved for own in part.columns.T]
 
-    def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
-        """Return the pose, or many, after finite joint motions, one coordinate after the other along the tree.
 
-        Loops are not closed. ``coordinates`` are those in the ``pose`` before, ``q`` (..., n) their values [m, rad].
+@dataclass(frozen=True, slots=True)
+class FiniteMotion:
+    """The finite motion of a ``tree`` from a ``pose``, or from many, with the ``coordinates`` there.
+
+    ``six`` (6, ..., n) are these; ``arm`` (..., j, 3) from the joints that move to the centres of the outer bodies [m];
+    ``to_parent`` (..., k, 4, 4) shift the motions of bodies to those joined to them: [1, d; 0, 1] with the distance d.
+    """
+
+    tree: Tree
+    pose: Pose
+    coordinates: Twists
+    six: Array
+    arm: Array
+    to_parent: Array
+
+    def moved(self, q: Array) -> Pose:
+        """Return the pose, or many, after finite joint motions q (..., n) [m, rad], one after the other along the tree.
+
+        Loops are not closed.
         """
-        sums = self._sums(coordinates, q)
-        rotations, shifts = exponential(sums[..., 3:]), sums.take(self.group, axis=-2)[..., :3]
-        turned = rotations.take(self.group, axis=-3)
-        if self.then.size:
-            turned[..., self.then[0], :, :] = turned[..., self.then[0], :, :] @ rotations[..., self.then[1], :, :]
-        for part in self.curved:
-            turned[..., part.which, :, :], shifts[..., part.which, :] = part.moved(pose, coordinates, q)
+        tree, sums, arm = self.tree, self._sums(q), self.arm
+        rotations, shifts = exponential(sums[..., 3:]), sums.take(tree.group, axis=-2)[..., :3]
+        turned = rotations.take(tree.group, axis=-3)
+        if tree.then.size:
+            joints, groups = tree.then
+            turned[..., joints, :, :] = turned.take(joints, axis=-3) @ rotations.take(groups, axis=-3)
+        for part in tree.curved:
+            turned[..., part.which, :, :], shifts[..., part.which, :] = part.moved(self.pose, self.coordinates, q)
         # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
-        centres, points = pose.centre, components_last(coordinates.point)
-        arm = centres.take(self.body, axis=-2) - points.take(self.start[self.group], axis=-2)
-        if len(self.back):
+        if len(tree.back):
             arm = np.broadcast_to(arm, shifts.shape).astype(shifts.dtype)
-            arm[..., self.back, :] -= shifts[..., self.back, :]
-            shifts[..., self.back, :] *= -1.0
-            turned[..., self.back, :, :] = turned[..., self.back, :, :].swapaxes(-1, -2)
+            arm[..., tree.back, :] -= shifts[..., tree.back, :]
+            shifts[..., tree.back, :] *= -1.0
+            turned[..., tree.back, :, :] = turned[..., tree.back, :, :].swapaxes(-1, -2)
         # a motion is [R - 1, u] with the translation u of the centre of mass, here first that by the body's own joint
-        lead = sums.shape[:-2]
-        motion = np.zeros((*lead, centres.shape[-2], 3, 4), sums.dtype)
-        motion[..., self.body, :, :3] = turning = turned - IDENTITY
-        motion[..., 3][..., self.body, :] = shifts + (turning @ arm[..., None])[..., 0]
-        to_parent = np.zeros((*lead, len(self.child), 4, 4), sums.dtype)
-        to_parent[..., :3, :] = motion.take(self.child, axis=-3)
-        to_parent[..., :3, 3] += centres.take(self.child, axis=-2) - centres.take(self.parent, axis=-2)
-        to_parent[..., DIAGONAL, DIAGONAL] += 1.0
-        for level in self.levels:
-            inner = motion.take(self.parent[level], axis=-3)
-            motion[..., self.child[level], :, :] += inner @ to_parent[..., level, :, :]
-        return pose.moved_by(motion)
+        turned -= IDENTITY
+        own = np.concatenate((turned, turned @ arm[..., None]), axis=-1)
+        own[..., 3] += shifts
+        motion = np.zeros((*sums.shape[:-2], len(tree.row), 3, 4), sums.dtype)
+        motion[..., tree.row.take(tree.body), :, :] = own
+        if tree.levels:
+            self._outwards(motion)
+        return self.pose.moved_by(motion.take(tree.row, axis=-3))
 
-    def _sums(self, coordinates: Twists, q: Array) -> Array:
+    def _outwards(self, motion: Array) -> None:
+        """Add the motions of inner bodies to those of outer ones, in place, level by level."""
+        tree = self.tree
+        inner = len(tree.row) - len(tree.child)
+        to_parent = np.empty((*motion.shape[:-3], len(tree.child), 4, 4), motion.dtype)
+        to_parent[:] = self.to_parent
+        to_parent[..., :3, :] += motion[..., inner:, :, :]
+        parent = tree.row.take(tree.parent)
+        for level in tree.levels:
+            rows = slice(inner + level.start, inner + level.stop)
+            motion[..., rows, :, :] += motion.take(parent[level], axis=-3) @ to_parent[..., level, :, :]
+
+    def _sums(self, q: Array) -> Array:
         """The sums (..., g, 6) of all groups, translations and rotation vectors."""
-        six = np.concatenate((coordinates.linear, coordinates.angular))
+        six = self.six
         if six.ndim < q.ndim + 1:
             six = six.reshape(6, *(1,) * (q.ndim - 1), -1)
-        return components_last(np.add.reduceat(six * q, self.start, axis=-1))
+        return components_last(np.add.reduceat(six * q, self.tree.start, axis=-1))
 
-    def by_values(self, described: Pose, before: Twists, q: Array, pose: Pose, after: Twists) -> Twists:
+    def by_values(self, q: Array, pose: Pose, after: Twists) -> Twists:
         """Return the twists ``after``, in a pose, per unit rate of the values q (..., n) of the coordinates.
 
         They are those of the coordinates there, but for components of a rotation vector w, which turn the second body
-        by (1 + B [w]x + C [w]x^2) dw, B = (1 - cos a) / a^2, C = (a - sin a) / a^3, and for curved joints.
-        ``before``: the twists in the pose ``described``, from which q counts.
+        by J(w) dw (``linalg.rotations.jacobian``), and for curved joints.
         """
-        linear, angular = after.linear, after.angular
-        if len(self.first):
-            columns, group = self.vectors
-            w, own = self._sums(before, q)[..., group, 3:], before.angular[..., columns].T
-            turned = pose.vectors(self.first, (jacobian(w) @ own[..., None])[..., 0])
+        linear, angular, tree = after.linear, after.angular, self.tree
+        if len(tree.first):
+            columns, group = tree.vectors
+            w, own = self._sums(q).take(group, axis=-2)[..., 3:], components_last(self.six[3:].take(columns, axis=-1))
+            turned = pose.vectors(tree.first, (jacobian(w) @ own[..., None])[..., 0])
             angular = angular.copy()
             angular[..., columns] = components_first(turned)
-        for part in self.curved:
+        for part in tree.curved:
             linear, angular = linear.copy(), angular.copy()
-            for rates, array in zip(part.rates(described, before, q), (linear, angular), strict=True):
+            for rates, array in zip(part.rates(self.pose, self.coordinates, q), (linear, angular), strict=True):
                 for own, rate in zip(part.columns, rates, strict=True):
                     array[..., own] = components_first(pose.vectors(part.first, rate))
-        return replace(after, linear=linear, angular=angular)
+        return Twists(after.names, linear, angular, after.point, after.path, after.turns, after.pitch)
 
 
 def tree_of(topology: Topology, number: Mapping[str, int]) -> Tree:
@@ -179,6 +212,7 @@ def tree_of(topology: Topology, number: Mapping[str, int]) -> Tree:
         depth[branch.body] = depth[branch.parent] + 1
         levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
     pairs = [pair for k in range(1, len(levels)) for pair in levels[k]]
+    order = [ground, *(body for body, _ in levels.get(0, ())), *(body for body, _ in pairs)]
     ends = list(accumulate([len(levels[k]) for k in range(1, len(levels))], initial=0))
     column = 0
     floats = [branch for branch in topology.branches if branch.joint == FLOATS]
@@ -205,7 +239,7 @@ def tree_of(topology: Topology, number: Mapping[str, int]) -> Tree:
         np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
         np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp), np.array((columns, groups)),
         first_bodies, tuple([_curved(motion, names, members, number) for (motion, names), members in curved.items()]),
-        np.array([body for body, _ in pairs], dtype=np.intp),
+        np.argsort(order), np.array([body for body, _ in pairs], dtype=np.intp),
         np.array([parent for _, parent in pairs], dtype=np.intp), tuple(map(slice, ends[:-1], ends[1:])),
     )  # fmt: skip
 

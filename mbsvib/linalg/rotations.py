@@ -81,14 +81,21 @@ def axial(matrix: Array) -> Array:
 def exponential(w: Array) -> Array:
     """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad].
 
-    exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
+    exp([w]x) = 1 + cos(a/2) [v]x + 1/2 [v]x^2,  v = w sin(a/2) / (a/2),  a = |w|
     """
-    # sin(a) / a is 1 for the least angle that is kept
-    angle = np.maximum(np.sqrt(np.add.reduce(w * w, axis=-1)), LEAST)[..., None, None]
-    matrix, half = skew(w), 0.5 * angle
-    return np.asarray(
-        _IDENTITY + (np.sin(angle) / angle) * matrix + 0.5 * np.square(np.sin(half) / half) * (matrix @ matrix)
-    )
+    half, share = _half_angle(w)
+    matrix = skew(share * w)
+    result: Array = matrix @ matrix
+    result *= 0.5
+    result += np.cos(half)[..., None] * matrix
+    result += _IDENTITY
+    return result
+
+
+def _half_angle(w: Array) -> tuple[Array, Array]:
+    """Half the angles (..., 1) of rotation vectors, and sin(a/2) / (a/2), which is 1 for the least angle kept."""
+    half = 0.5 * np.maximum(np.sqrt(np.add.reduce(w * w, axis=-1, keepdims=True)), LEAST)
+    return half, np.sin(half) / half
 
 
 def logarithm(rotation: Array) -> Array:
@@ -114,22 +121,23 @@ def logarithm(rotation: Array) -> Array:
 
 def orthonormal(rotation: Array) -> Array:
     """Return the rotation matrices nearest to matrices (..., 3, 3) that are orthonormal except for rounding."""
-    return np.asarray(1.5 * rotation - 0.5 * rotation @ (rotation.swapaxes(-1, -2) @ rotation))
+    gram = rotation.swapaxes(-1, -2) @ rotation
+    gram *= -0.5
+    gram += 1.5 * _IDENTITY
+    return np.asarray(rotation @ gram)
 
 
 def jacobian(w: Array) -> Array:
     """Return the matrices J (..., 3, 3) from rates of rotation vectors w (..., 3) [rad] to angular velocities.
 
     J = 1 + (1 - cos(a))/a^2 [w]x + (a - sin(a))/a^3 [w]x^2,  a = |w|: the left Jacobian of the exponential map
+
+    What cancels in the last coefficient is of the size of rounding in the product.
     """
-    square = np.add.reduce(w * w, axis=-1)[..., None, None]
-    small = square < SMALL * SMALL
-    angle, matrix = np.sqrt(np.where(small, 1.0, square)), skew(w)
-    half = np.sin(0.5 * angle) / angle
-    first = np.where(small, 0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0 - square / 40320.0)), 2.0 * half * half)
-    second = np.where(small, 1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0 - square / 362880.0)),
-                      (angle - np.sin(angle)) / angle**3)  # fmt: skip
-    return np.asarray(_IDENTITY + first * matrix + second * (matrix @ matrix))
+    half, share = (array[..., None] for array in _half_angle(w))
+    matrix = skew(w)
+    square = 0.25 * (1.0 - share * np.cos(half)) / (half * half) * (matrix @ matrix)
+    return np.asarray(_IDENTITY + 0.5 * share * share * matrix + square)
 
 
 def inverse_jacobian(w: Array) -> Array:

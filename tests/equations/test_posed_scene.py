@@ -41,7 +41,7 @@ def test_forces_and_stiffness_are_those_of_parts_in_each_pose(relaxed):
     kinematics = kinematics_of(model)
     posed = of_parts(plain, described, kinematics, model)
     q = np.random.default_rng(2).uniform(-0.6, 0.6, (3, 12))
-    poses = kinematics.tree.moved(kinematics.described, kinematics.coordinates, q)
+    poses = kinematics.motion.moved(q)
     many = posed.at(described, poses, relaxed)
     for i in range(3):
         of_model = scene(expanded(model_in_pose(model, poses[i], relaxed)))

@@ -101,17 +101,16 @@ def test_values_change_as_steps_move_the_body(kind, names, turned):
     """A short step from a pose, and the change of the values of the coordinates, lead to the same pose."""
     model = tied(kind, 0, "carrier")
     closing = Closing(kinematics_of(model), (), ())
-    tree, described = closing.kinematics.tree, closing.kinematics.described
-    coordinates = closing.kinematics.coordinates
-    assert len(coordinates.names) == 1 + names
+    kinematics = closing.kinematics
+    assert len(kinematics.coordinates.names) == 1 + names
     generator = np.random.default_rng(1)
     q, step = turned * generator.uniform(0.2, 0.5, 1 + names), 1e-5 * generator.standard_normal(1 + names)
     reached = closing.near(q[None], closing.described)
     pose = reached.pose[0]
     for sign in (1.0, -1.0):
         change = closing.changes(reached, sign * step)
-        there = tree.moved(pose, closing.kinematics.at(pose)[0], sign * step)
-        by_values = tree.moved(described, coordinates, q + change)
+        there = kinematics.tree.at(pose, kinematics.at(pose)[0]).moved(sign * step)
+        by_values = kinematics.motion.moved(q + change)
         assert np.allclose(by_values.centre, there.centre, rtol=0, atol=1e-9)
         assert np.allclose(by_values.rotations, there.rotations, rtol=0, atol=1e-9)
 
