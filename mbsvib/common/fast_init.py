@@ -44,6 +44,12 @@ def fast_init(cls: type[T]) -> type[T]:
     return cls
 
 
+def changed(item: T, **changes: Any) -> T:
+    """Return a frozen dataclass, all of whose fields are positional arguments, with other values of some fields."""
+    names: tuple[str, ...] = type(item).__match_args__  # type: ignore[attr-defined]
+    return type(item)(*[changes[name] if name in changes else getattr(item, name) for name in names])
+
+
 def _to_dictionary(names: list[str]) -> list[str]:
     return [f"    assign(self, '__dict__', {{{', '.join(f'{name!r}: {name}' for name in names)}}})"]
 

@@ -362,7 +362,8 @@ def _scene_of_variants(plan: BatchPlan, values: Values, first: int) -> tuple[Sce
     turned = plan.with_forces or plan.pivots.redundant or scene.port.wrench_outputs
     axes = posed.joint_axes(pose) if turned else {}
     variants = Variants(first, axes, {}, fields, fixed_points(topology, values, pose))
-    return posed.at(scene, pose, plan.relaxed, forces=forces), variants
+    alone = values.count == 1 and not plan.with_forces
+    return posed.at(scene, pose[0] if alone else pose, plan.relaxed, forces=forces), variants
 
 
 def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Array | None = None) -> AssembledVariants:
@@ -377,6 +378,8 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     lost, decided = np.zeros(values.count, dtype=bool), 0
     constant = plan.constant_rows if plan.posed is None else None
     relative, phi, rows = constant or (*_displacements(scene), None)
+    if phi.ndim == 2 and plan.posed is not None:
+        phi = phi[None]
     if phi.ndim == 3 and stepped:
         reduction, lost = closure_along(scene, values, phi, pivots, closure)
     elif phi.ndim == 3:

@@ -194,10 +194,12 @@ def _solved(cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
     scaled, r = _scaled(cuts, phi, block), block.dependent.shape[1]
     a, right = scaled[..., :r, :r], scaled[..., :r, r:]
     size = np.maximum(1.0, _size(a))  # rows have size one: all of A may be rounding
-    difference = _size(np.eye(r) - block.inverse @ a)
+    change = block.inverse @ a
+    change.reshape(*change.shape[:-2], r * r)[..., :: r + 1] -= 1.0
+    difference = _size(change)
     reciprocal_condition = np.maximum(0.0, 1.0 - difference) / (size * np.maximum(_size(block.inverse), 1e-300))
     doubtful = near_singular(reciprocal_condition, block.reciprocal_condition)
-    if doubtful.any():
+    if np.count_nonzero(doubtful):
         nominal = np.broadcast_to(block.reciprocal_condition, doubtful.shape)[doubtful]
         doubtful[doubtful] = near_singular(inverse_of(a[doubtful])[1], nominal)
     try:
@@ -232,7 +234,7 @@ def inverse_of(a: Array) -> tuple[Array, Array]:
 def _size(a: Array) -> Array:
     """Frobenius norms of matrices (..., r, c)."""
     flat = a.reshape(*a.shape[:-2], -1)
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", flat, flat)))
+    return np.asarray(np.sqrt(np.add.reduce(flat * flat, axis=-1)))
 
 
 def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:

@@ -117,9 +117,9 @@ def check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
     """Refuse variants in which the motion of a coordinate moves no mass, by index."""
     if mass.ndim == 2 or not names:
         return
-    diagonal = np.einsum("vii->vi", mass)
+    diagonal = mass.diagonal(axis1=1, axis2=2)
     try:
-        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # times the diagonal
+        pivots = np.linalg.cholesky(mass).diagonal(axis1=1, axis2=2) ** 2  # times the diagonal
         suspects = np.flatnonzero((pivots < SUSPECT_MASS * diagonal).any(axis=1))
     except np.linalg.LinAlgError:
         suspects = np.arange(len(mass))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import changed
 from mbsvib.elements import bushing, torsion_spring
 from mbsvib.elements.bushing import rows_of_matrices
 from mbsvib.elements.deformations import twist
@@ -90,7 +91,7 @@ class PosedScene:
             if bushings.bent.any() and not relaxed:
                 straight = (~np.isin(springs.owner, bushings.owner[bushings.bent])).nonzero()[0]
                 springs = ElementRows.join([springs.take(straight), bushings.rows(pose, stiffness, damping)])
-        return replace(
+        return changed(
             scene, position=pose.centre[..., :-1, :], coordinates=coordinates, cuts=cuts, inertia=inertia,
             springs=springs, port=self._ports(scene.port, pose), loads=loads,
             shared=None if scene.shared is None else scene.shared.in_pose(pose),
@@ -98,11 +99,12 @@ class PosedScene:
 
     def _ports(self, port: Ports, pose: Pose) -> Ports:
         """The ports as their points go with bodies."""
-        at, forces = pose.points(self.holder, port.rows.point.T), len(port.force_inputs)
+        rows, forces = port.rows, len(port.force_inputs)
+        at = pose.points(self.holder, rows.point.T)
         place = {output: forces + k for k, output in enumerate(port.motion_outputs.tolist())}
         inertial = tuple([(i, output, at[..., place[i], :]) for i, output, _ in port.inertial_outputs])
-        return replace(port, rows=replace(port.rows, point=np.ascontiguousarray(components_first(at))),
-                       inertial_outputs=inertial)  # fmt: skip
+        rows = Rows(rows.first, rows.second, np.ascontiguousarray(components_first(at)), rows.force, rows.moment)
+        return changed(port, rows=rows, inertial_outputs=inertial)
 
     def _rows(self, scene: Scene, pose: Pose) -> ElementRows:
         """The rows of connections as they go with their bodies."""
@@ -114,7 +116,7 @@ class PosedScene:
         line = pose.points(second.take(lines), self.end.take(owner, axis=0)) - begin
         along = line / np.sqrt(np.add.reduce(line * line, axis=-1, keepdims=True))
         if not len(others):
-            return replace(springs, rows=Rows(first, second, components_first(begin), components_first(along),
+            return changed(springs, rows=Rows(first, second, components_first(begin), components_first(along),
                                               rows.moment))  # fmt: skip
         described = [components_last(array) for array in (rows.force, rows.moment, rows.point)]
         force, moment, point = (np.array(np.broadcast_to(array, (*lead, *array.shape[-2:])), pose.centre.dtype)

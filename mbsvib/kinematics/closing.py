@@ -258,30 +258,32 @@ class Closing:
         todo, best = np.arange(len(q)), self._with_closure(self._open(q, before))
         going, certain = best.opening > enough, np.zeros(len(q), dtype=bool)
         for _ in range(CORRECTIONS):
-            if not going.any():
+            left = np.count_nonzero(going)
+            if not left:
                 break
-            if not going.all():
+            if left < len(todo):
                 todo = todo[going]
             at = best if len(todo) == len(q) else best[todo]
             after = self._open(at.q - self.kinematics.scale * self._steps(at, at.error), at)
             closer = after.opening < at.opening
-            if (closer & (after.opening > np.clip(SLOW * at.opening, CLOSED, RENEWED))).any():
+            slow = (after.opening > CLOSED) & (after.opening > np.minimum(SLOW * at.opening, RENEWED))
+            if np.count_nonzero(closer & slow):
                 after = self._with_closure(after)
             going = closer & (after.opening > enough) & (
                 (after.opening >= CLOSED) | (after.opening <= 0.1 * at.opening))
             ends = going & (after.opening * after.opening <= CERTAIN * enough * at.opening)
             certain[todo], going = ends, going & ~ends
-            if len(todo) == len(q) and closer.all():
+            if len(q) == len(todo) == np.count_nonzero(closer):
                 best = after
             else:
                 best.update(todo[closer], after[closer])
-        if certain.any():
-            at = best if certain.all() else best[certain]
+        if count := np.count_nonzero(certain):
+            at = best if count == len(certain) else best[certain]
             q = at.q - self.kinematics.scale * self._steps(at, at.error)
             pose, none = self.kinematics.motion.moved(q), np.zeros_like(at.error)
             after = Reached(q, pose, np.full(len(q), enough), at.rounding, at.closure, at.inverses, none, at.travel,
                             at.doubtful)  # fmt: skip
-            if certain.all():
+            if count == len(certain):
                 return after
             best.update(certain, after)
         return best

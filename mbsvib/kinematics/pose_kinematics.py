@@ -6,13 +6,14 @@ point moves with its second body; a pose, or many of them, therefore takes a few
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import changed
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.pose import openings_of, stacked, with_own_axes
@@ -98,10 +99,10 @@ class PoseKinematics:
         rows = Rows(cuts.rows.first, cuts.rows.second, point[..., n:end], linear[..., n:end], angular[..., n:end])
         couplings = cuts.couplings
         if couplings is not None:
-            measured = replace(couplings.measured, point=point[..., end:], force=linear[..., end:],
-                               moment=angular[..., end:])  # fmt: skip
-            couplings = replace(couplings, measured=measured)
-        return coordinates, replace(cuts, rows=rows, couplings=couplings)
+            of = couplings.measured
+            measured = Rows(of.first, of.second, point[..., end:], linear[..., end:], angular[..., end:])
+            couplings = changed(couplings, measured=measured)
+        return coordinates, changed(cuts, rows=rows, couplings=couplings)
 
     @cached_property
     def scale(self) -> Array:
