@@ -151,7 +151,7 @@ class Plant(Displayed):
         if not single:
             raise ModelError(f"system: values have the shape {np.shape(values)}; expected ({len(self.names)},). "
                              f"plant(values) returns a batch of many variants.", field="values")  # fmt: skip
-        return self._batch(array)[0]
+        return cast("System", self._plan.system(self._values(array), Batch))
 
     def modes(self, values: ArrayLike) -> Modes | BatchModes:
         """Return the modes for values of the parameters.

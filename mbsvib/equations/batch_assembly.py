@@ -14,7 +14,7 @@ from mbsvib.elements.families import EXPANSIONS, VARIED
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
-from mbsvib.equations.batch_one_by_one import Separating, one_by_one, stacked
+from mbsvib.equations.batch_one_by_one import Separating, linearized_variant, one_by_one, stacked
 from mbsvib.equations.batch_prestress import prestress
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Draft, Variants
@@ -210,6 +210,12 @@ class BatchPlan:
             del arrays["closure"]
             terms = Terms(**arrays).of_variants(0)
         return Matrices(**terms.named())
+
+    def system(self, variant: Values, batch: type[B]) -> Equations:
+        """Return the equations of a single variant, with all that is described for it."""
+        if self.posed is None:
+            return self.equations(variant, batch)[0]
+        return linearized_variant(self.posed(variant), self.nominal, self.cut, 0)
 
     def _one_by_one(self, variants: Values, batch: type[B]) -> B:
         self._count(variants.count)

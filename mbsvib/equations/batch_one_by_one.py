@@ -43,7 +43,7 @@ def one_by_one(
     variant: Callable[[int], Mechanism], nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
 ) -> B:
     """Return a batch of any model, whose variants are linearized one after the other; ``variant`` returns them."""
-    systems = [_linearized(variant, nominal, cut, i) for i in range(variants.count)]
+    systems = [linearized_variant(variant, nominal, cut, i) for i in range(variants.count)]
     provenances = tuple([system.provenance for system in systems])
     return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless, provenances=provenances,
                  **stacked(systems, nominal.dof))  # fmt: skip
@@ -69,10 +69,10 @@ def stacked(systems: Sequence[Matrices], dof: int) -> dict[str, Any]:
                      "row_owner": np.repeat(np.arange(width), rows_per_owner)}  # fmt: skip
 
 
-def _linearized(
+def linearized_variant(
     variant: Callable[[int], Mechanism], nominal: Equations, cut: Sequence[str] | None, i: int
 ) -> Equations:
-    """Equations of variant ``i`` in the coordinates of the nominal pose."""
+    """Return the equations of variant ``i`` in the coordinates of the nominal pose, of the same class."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:
@@ -90,7 +90,7 @@ def _linearized(
 def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] | None) -> Equations:
     """Equations of a variant in the coordinates of the nominal pose."""
     try:
-        result: Equations = linearized(variant, nominal.coordinates, cut)
+        result: Equations = linearized(variant, nominal.coordinates, cut, form=type(nominal))
     except ModelError as error:
         if error.field != "independent":
             raise

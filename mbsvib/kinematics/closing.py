@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common.fast_init import fast_init
+from mbsvib.common.fast_init import changed, fast_init
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
@@ -42,7 +42,7 @@ TOLERANCE = 1e-12
 # share, as at a dead point.
 RENEWED, SLOW = 1e-6, 1e-2
 # A step closes loops for certain where it is expected to leave less than this share of what they may stay open.
-CERTAIN = 0.1
+CERTAIN = 0.01
 # Loops need be closed no better on the way to a pose.
 WAY = 1e-8
 # Steps to both sides of the reference pose by which rates are differentiated [rad, mechanism sizes].
@@ -76,13 +76,15 @@ class Reached:
                        tuple([inverse[which] for inverse in self.inverses]), self.error[which], self.travel[which],
                        self.doubtful[which])  # fmt: skip
 
-    def update(self, which: Index | Mask, others: Reached) -> None:
-        """Replace some of them, in place."""
+    def with_some(self, which: Index | Mask, others: Reached) -> Reached:
+        """Return the same with some of them replaced, in place."""
         for name in ("q", "opening", "rounding", "closure", "error", "travel", "doubtful"):
             getattr(self, name)[which] = getattr(others, name)
         for mine, inverse in zip(self.inverses, others.inverses, strict=True):
             mine[which] = inverse
         self.pose.centre[which], self.pose.rotations[which] = others.pose.centre, others.pose.rotations
+        # the pose was changed in place: what it had cached goes
+        return changed(self, pose=replace(self.pose))
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,7 @@ class Closing:
             attempt.doubtful[:] = ~near | before.doubtful
             if reached is None and (good & ends).all():
                 return attempt, lost, share
-            reached = reached or first[np.zeros(count, dtype=np.intp)]
-            reached.update(active[good], attempt[good])
+            reached = (reached or first[np.zeros(count, dtype=np.intp)]).with_some(active[good], attempt[good])
             which, bad = active[good], active[~good]
             done[which] = np.where(ends, 1.0, done[active] + share)[good]
             step[which] = np.minimum(2.0 * step[which], full[which])
@@ -143,8 +144,7 @@ class Closing:
             before = reached[active] if len(active) else first
         assert reached is not None
         reached.opening[lost] = open_by[lost]
-        # the poses were changed in place: what they had cached goes
-        return replace(reached, pose=replace(reached.pose)), lost, done
+        return reached, lost, done
 
     @cached_property
     def described(self) -> Reached:
@@ -253,10 +253,10 @@ class Closing:
 
         ``before``: these poses, or one, nearby. ``enough``: what loops may stay open. Phi J is computed anew where
         loops are open by more than ``RENEWED``. Openings are not computed behind a step that closes loops for certain:
-        steps with the same Phi J reduce them by the same factor.
+        steps with a Phi J of other poses before reduce them by the same factor.
         """
         todo, best = np.arange(len(q)), self._with_closure(self._open(q, before))
-        going, certain = best.opening > enough, np.zeros(len(q), dtype=bool)
+        going, certain, renewed = best.opening > enough, np.zeros(len(q), dtype=bool), True
         for _ in range(CORRECTIONS):
             left = np.count_nonzero(going)
             if not left:
@@ -267,25 +267,25 @@ class Closing:
             after = self._open(at.q - self.kinematics.scale * self._steps(at, at.error), at)
             closer = after.opening < at.opening
             slow = (after.opening > CLOSED) & (after.opening > np.minimum(SLOW * at.opening, RENEWED))
-            if np.count_nonzero(closer & slow):
+            chord, renewed = not renewed, bool(np.count_nonzero(closer & slow))
+            if renewed:
                 after = self._with_closure(after)
             going = closer & (after.opening > enough) & (
                 (after.opening >= CLOSED) | (after.opening <= 0.1 * at.opening))
-            ends = going & (after.opening * after.opening <= CERTAIN * enough * at.opening)
-            certain[todo], going = ends, going & ~ends
+            if chord and not renewed:
+                ends = going & (after.opening * after.opening <= CERTAIN * enough * at.opening)
+                certain[todo], going = ends, going & ~ends
             if len(q) == len(todo) == np.count_nonzero(closer):
                 best = after
             else:
-                best.update(todo[closer], after[closer])
+                best = best.with_some(todo[closer], after[closer])
         if count := np.count_nonzero(certain):
             at = best if count == len(certain) else best[certain]
             q = at.q - self.kinematics.scale * self._steps(at, at.error)
             pose, none = self.kinematics.motion.moved(q), np.zeros_like(at.error)
             after = Reached(q, pose, np.full(len(q), enough), at.rounding, at.closure, at.inverses, none, at.travel,
                             at.doubtful)  # fmt: skip
-            if count == len(certain):
-                return after
-            best.update(certain, after)
+            best = after if count == len(certain) else best.with_some(certain, after)
         return best
 
     def _open(self, q: Array, near: Reached | None) -> Reached:
