@@ -4,8 +4,9 @@
 
 Poses are random in the six lengths of the legs. ``family``: median CPU time of all matrices, in one process with one
 BLAS thread, asked for 2 s for 10 000 poses; ``apart`` is the largest difference of M, C, K and B from models that are
-moved and linearized one by one, relative to their largest entries. ``interpolated``: functions of the pose with an
-error of 1e-6; ``apart`` is then the largest error in all poses over the bound, which is to be less than 1.
+moved and linearized one by one, relative to their largest entries. ``one pose``: the time of a pose by itself, of its
+matrices, its system and its model. ``interpolated``: functions of the pose with an error of 1e-6; ``apart`` is then the
+largest error in all poses over the bound, which is to be less than 1.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from rich.table import Table
 from mbsvib import library
 
 LEGS = [f"leg{i}.slide.z" for i in range(1, 7)]
-LOOKED_AT = 10  # poses that are computed by themselves
+LOOKED_AT, ALONE = 10, 50  # poses that are compared, and that are computed, by themselves
 
 
 def seconds(call, repeat):
@@ -66,6 +67,11 @@ def main():
     singles = [model.moved(family.pose(i), relaxed=True).linearize(independent=LEGS) for i in few.tolist()]
     apart = errors(matrices(family, few), [np.array([getattr(one, key) for one in singles]) for key in "MCKB"]).max()
     table.add_row("family", str(len(family)), f"{spent:.2f}", f"{1e6 * spent / len(family):.0f}", f"{apart:.1e}")
+    plant, alone = model.compile([], pose=LEGS, relaxed=True), np.stack(list(values.values()), axis=1)[:ALONE]
+    for name, call in (("plant(values)", plant), ("plant.system(values)", plant.system),
+                       ("moved", lambda row: model.moved(dict(zip(LEGS, row.tolist(), strict=True)), relaxed=True))):
+        spent, _ = seconds(lambda call=call: [call(row) for row in alone], arguments.repeat)
+        table.add_row(f"one pose, {name}", str(len(alone)), f"{spent:.2f}", f"{1e6 * spent / len(alone):.0f}", "")
     for count in (1, 2, 6):
         box = model.family({key: [-reach, reach] for key in LEGS[:count]}, grid=True)
         spent, lpv = seconds(box.interpolated, 1)

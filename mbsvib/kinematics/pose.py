@@ -114,8 +114,8 @@ class Pose:
 
     def moved_by(self, motion: Array) -> Pose:
         """Return the pose after motions [R - 1, u] (..., bodies + 1, 3, 4): rotations R, translations u of centres."""
-        rotations = orthonormal(self.rotations + motion[..., :3] @ self.rotations)
-        return Pose(self.number, self.origin, self.centre + motion[..., 3], rotations)
+        turned = motion[..., :3] if self.as_described else motion[..., :3] @ self.rotations
+        return Pose(self.number, self.origin, self.centre + motion[..., 3], orthonormal(self.rotations + turned))
 
     def __getitem__(self, which: Any) -> Pose:
         """Return some of many poses, or one of them."""

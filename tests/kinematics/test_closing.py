@@ -19,6 +19,27 @@ def test_angles_of_a_rocker_over_a_turn_of_its_crank():
     np.testing.assert_allclose(np.arctan2(turned[:, 1, 0], turned[:, 0, 0]), expected, rtol=0, atol=2e-15)
 
 
+def test_the_first_guess_follows_a_rocker_to_second_order():
+    model, _ = four_bar(angle=0.8)
+    closing, step = Poses.of(model, ["A.rz"], None).to_second_order().closing, 1e-3
+    names = closing.kinematics.coordinates.names
+    # the first body of joint D is the rocker
+    curvature = -(rocker(0.8 + step) - 2.0 * rocker(0.8) + rocker(0.8 - step)) / step**2
+    np.testing.assert_allclose(2.0 * closing.curvature[0, names.index("D.rz")], curvature, rtol=1e-5, atol=0)
+
+
+def test_poses_of_a_batch_know_how_far_their_bodies_have_moved():
+    steps = np.array([[0.04], [-0.05]])
+    alone = Poses.of(mv.library.rssr(), ["ball12.rx"], None)
+    poses = alone.to_second_order()
+    there = poses.at(steps)
+    np.testing.assert_array_equal(there.change[0], there.centre - there.origin)
+    np.testing.assert_array_equal(there.change[1], there.rotations - np.eye(3))
+    np.testing.assert_allclose(poses.closing.kinematics.openings(there), 0.0, rtol=0, atol=2e-15)
+    turns = [alone.at(step[None]).rotations[0] for step in steps]
+    np.testing.assert_allclose(there.rotations, turns, rtol=0, atol=4e-15)
+
+
 def test_the_pose_that_cannot_be_reached_is_told_by_its_number():
     model, _ = four_bar(angle=0.8)
     with pytest.raises(mv.ModelError, match=r"^variant 1: .* closed up to D\.rz = 0\.\d+ and no further"):
