@@ -80,11 +80,17 @@ def linearized_variant(
             check_massless(system.provenance.separation, nominal)
             check_freedom(system.dof, nominal.dof)
         except MbsvibError as error:
-            error.args = (f"variant {i}: {error}", *error.args[1:])
+            error.args = (_of_variant(i, error), *error.args[1:])
             raise
     for warning in caught:
-        warnings.warn(f"variant {i}: {warning.message}", warning.category, stacklevel=5)
+        warnings.warn(_of_variant(i, warning.message), warning.category, stacklevel=5)
     return system
+
+
+def _of_variant(i: int, message: Exception | str) -> str:
+    """A message with the number of the variant in front, if it does not begin with one."""
+    text = str(message)
+    return text if text.startswith("variant ") else f"variant {i}: {text}"
 
 
 def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] | None) -> Equations:

@@ -296,3 +296,12 @@ def test_poses_and_derivatives_that_there_are_none_of_are_refused_by_name():
         model.compile("spring.*", pose="D.rx")
     with pytest.raises(mv.ModelError, match=r"pose = \(\); expected names or patterns"):
         model.compile("spring.*", pose=())
+
+
+def test_a_system_that_cannot_be_reached_is_told_once():
+    model, _ = four_bar(angle=0.8)
+    plant = model.compile([], pose="D.rz", relaxed=True)
+    with pytest.raises(mv.ModelError, match=r"^variant 0: the loops closed by .* no further"):
+        plant.system([1.5])
+    np.testing.assert_allclose(plant.system([-0.1]).M, plant([-0.1]).M, rtol=1e-12, atol=0)
+    assert isinstance(plant.system([-0.1]), mv.System)
