@@ -212,9 +212,7 @@ def entry_values(twist: tuple[Array, Array, Array], rows: Rows, row: Index, colu
     arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
     turned = arm[1:4] * wide[2:]
     turned -= arm[2:] * wide[1:4]
-    turned += moment
-    turned *= angular
-    turned += force * linear
+    turned = (turned + moment) * angular + force * linear  # any of them may be complex
     value: Array = (turned[0] + turned[1] + turned[2]) * sign
     clear_rounding(value, force, moment, linear, angular, point, start)
     return value
@@ -321,7 +319,7 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
     arm = position.take(CYCLE, axis=1)[..., None] - point
     translation = angular[1:4] * arm[:, 2:]
     translation -= angular[2:] * arm[:, 1:4]
-    translation += linear
+    translation = translation + linear
     result = np.empty((len(translation), 6, sign.shape[2]), translation.dtype)
     np.multiply(translation, sign, out=result[:, :3])
     np.multiply(angular[:3], sign, out=result[:, 3:])
