@@ -9,6 +9,8 @@ from functools import cache
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
+
 from mbsvib.common.arguments import rotated
 from mbsvib.common.display import Completed
 from mbsvib.errors import NoWordsError
@@ -37,7 +39,8 @@ class Part(Completed):
 
     _engine = (
         "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
-        "point_fields replaced_coefficients replaced_fields roles signed_fields suspects symbol with_values"
+        "point_fields replaced_coefficients replaced_fields roles signed_fields suspects suspects_among symbol "
+        "with_values"
     )
 
     roles: ClassVar[Mapping[str, Role]] = {}
@@ -88,11 +91,32 @@ class Part(Completed):
         array of bool, shape (variants,), or bool
             Variants to check, or whether all are.
         """
-        if not values.keys() <= self.roles.keys():
+        known = {key: np.array(getattr(self, key), dtype=float)[..., None, None]
+                 for key in (*values, *self.point_fields) if key in self.roles}  # fmt: skip
+        result = self.suspects_among({key: array[..., None, :] for key, array in values.items()}, known)
+        return result if isinstance(result, bool) else result[0]
+
+    @classmethod
+    def suspects_among(cls, values: Mapping[str, Array], nominal: Mapping[str, Array]) -> Mask | bool:
+        """Return which of many such parts have values that they might refuse, by the roles of their fields.
+
+        Parameters
+        ----------
+        values : mapping of str to array, shape (..., parts, variants)
+            New values by field.
+        nominal : mapping of str to array, shape (..., parts, 1)
+            Those of the parts as they are, also of all their points.
+
+        Returns
+        -------
+        array of bool, shape (parts, variants), or bool
+            Variants to check, or whether all are.
+        """
+        if not values.keys() <= cls.roles.keys():
             return True
         result: Mask | bool = False
         for name in values:
-            result = result | self.roles[name].doubtful(self, name, values)
+            result = result | cls.roles[name].doubtful(nominal, name, values)
         return result
 
     def replaced_fields(self, fields: Mapping[str, Array]) -> Mapping[str, Array]:

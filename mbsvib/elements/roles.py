@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
     Mask = NDArray[np.bool_]
+    # Where parts might refuse values (..., parts, variants) of a field, from nominal ones (..., parts, 1) by field.
+    Doubtful = Callable[[Mapping[str, Array], str, Mapping[str, Array]], Mask | bool]
 
 Index = tuple[int, ...]
 Unit = str | Callable[[Index], str]
@@ -68,10 +70,10 @@ def is_unsymmetric(value: Any) -> bool:
     return isinstance(value[0], tuple) and value != tuple(zip(*value, strict=True))
 
 
-def _becomes_zero(part: Any, field: str, values: Mapping[str, Array]) -> Mask:
+def _becomes_zero(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
     """Where an entry is zero that is not so in the part."""
-    zero = (values[field] == 0.0) & (np.array(getattr(part, field))[..., None] != 0.0)
-    return np.asarray(zero.reshape(-1, zero.shape[-1]).any(axis=0))
+    zero = (values[field] == 0.0) & (nominal[field] != 0.0)
+    return np.asarray(zero.any(axis=tuple(range(zero.ndim - 2))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ class Role:
     checked: bool = False
     batched: bool | None = None
     signed: bool = True
-    doubtful: Callable[[Any, str, Mapping[str, Array]], Mask | bool] = _becomes_zero
+    doubtful: Doubtful = _becomes_zero
 
     def field(self, name: str, value: Any) -> ParameterField:
         """Return a field of this role with a value."""
@@ -115,11 +117,11 @@ def point(on: str = "", *, other: str = "", batched: bool | None = None) -> Role
 
     ``other`` is the field of the point at the other end of a line through both.
     """
-    def no_line(part: Any, field: str, values: Mapping[str, Array]) -> Mask | bool:
-        far = values.get(other, getattr(part, other, None) if other else None)
+    def no_line(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask | bool:
+        far = values.get(other, nominal.get(other)) if other else None
         if far is None:
             return False
-        line = np.abs(values[field] - np.array(far).reshape(3, -1))
+        line = np.abs(values[field] - far)
         return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
 
     return Role("m", DIRECTIONS[:3], on=on, moved="point", placed="point", checked=bool(other), batched=batched,
@@ -156,7 +158,7 @@ def six(units: tuple[str, str, str], *, wrench: bool = False) -> Role:
                 placed="local" if wrench else "matrix")  # fmt: skip
 
 
-def _not_positive(_: Any, field: str, values: Mapping[str, Array]) -> Mask:
+def _not_positive(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
     return np.asarray(~(values[field] > 0.0))
 
 

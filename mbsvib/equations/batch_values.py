@@ -12,7 +12,8 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.changes import Slots, fields_in, resolved, variant
+from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.changes import FieldsOf, Slots, resolved, variant
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,10 +69,15 @@ class Values:
         """Values (n,) of the parameters, by name."""
         return dict(zip(self.slots.names, self.numbers[self.slots.rows], strict=True))
 
-    @cached_property
+    @property
     def fields(self) -> Mapping[str, Mapping[str, Array]]:
         """Complete fields by part and name, with the variants on the last axis."""
-        return fields_in(self.numbers, self.index)
+        return FieldsOf(self.numbers, self.index)
+
+    @cached_property
+    def rotations(self) -> Array:
+        """The rotations (n, k, 3, 3) of the parts whose orientations vary, ``slots.turning`` numbers them."""
+        return exponential(self.numbers[self.slots.turns].transpose(2, 1, 0))
 
     @property
     def in_equations(self) -> Values:
@@ -114,10 +120,6 @@ class Values:
         displacements = {name: array[start:stop] for name, array in self.displacements.items()}
         return Values(self.numbers[:, start:stop], self.slots, self.index, displacements)
 
-    def suspects(self, name: str) -> list[int]:
-        """Return the variants whose values a part might refuse."""
-        mask = self.parameters.parts[name].suspects(self.fields[name])
-        return np.flatnonzero(np.broadcast_to(mask, (self.count,))).tolist()
 
 
 def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
@@ -151,8 +153,9 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
 
 def with_checked_parts(values: Values) -> Values:
     """Return the values after every part has accepted its own in all variants."""
-    for part in values.slots.doubtful(values.numbers):
-        _check_part(values, part)
+    for part, suspects in values.slots.suspects(values.numbers).items():
+        for i in suspects:
+            _check(values, part, i)
     return values
 
 
@@ -165,9 +168,10 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     result = np.zeros(len(next(iter(arrays_by_name.values()))), dtype=bool)
     slots = Slots.of(parameters, list(arrays_by_name))
     variants = Values.of(slots, np.array(list(arrays_by_name.values())))
+    suspects = slots.suspects(variants.numbers)
     for name, fields in variants.fields.items():
         result |= fields.get("mass", np.ones(1)) == 0.0
-        for i in variants.suspects(name):
+        for i in suspects.get(name, ()):
             try:
                 variants.of_variant(variants.parameters.parts[name], i)
             except ModelError:
@@ -193,13 +197,12 @@ def _array(name: str, value: Any, unit: str) -> Array:
     return array
 
 
-def _check_part(values: Values, name: str) -> None:
-    """Check every suspect variant of a part by building the part."""
-    for i in values.suspects(name):
-        try:
-            values.of_variant(values.parameters.parts[name], i)
-        except ModelError as error:
-            own_parameters = [p for p in values.by_name if values.parameters.entry(p).part == name]
-            causes = [p for p in own_parameters if values.parameters.entry(p).field == error.field] or own_parameters
-            assignments = ", ".join(f"values['{p}'][{i}] = {values.by_name[p][i]:.6g}" for p in causes)
-            raise ModelError(f"variant {i}: {assignments}. {error}", element=causes[0], field="values") from error
+def _check(values: Values, name: str, i: int) -> None:
+    """Check a suspect variant of a part by building the part."""
+    try:
+        values.of_variant(values.parameters.parts[name], i)
+    except ModelError as error:
+        own_parameters = [p for p in values.by_name if values.parameters.entry(p).part == name]
+        causes = [p for p in own_parameters if values.parameters.entry(p).field == error.field] or own_parameters
+        assignments = ", ".join(f"values['{p}'][{i}] = {values.by_name[p][i]:.6g}" for p in causes)
+        raise ModelError(f"variant {i}: {assignments}. {error}", element=causes[0], field="values") from error

@@ -14,7 +14,6 @@ from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
 from mbsvib.kinematics.shared_rows import shared_rows
-from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import COEFFICIENTS
 from mbsvib.mechanism.topology import FLOATS
 
@@ -42,8 +41,7 @@ class GeometryPlan:
     (3, p). Of ``springs``, ``coefficients`` are the rows of numbers of some columns by name; elements of ``matrices``
     have rows that are made anew; ``replacing`` are connections that vary, one that replaces each in the equations with
     coefficients of its own, and its columns; ``elastic`` are parts whose rows in the ``expansion`` vary. ``masses`` are
-    bodies with the rows of their masses, ``tensors`` those whose tensor varies: number, rows of the six entries, rows
-    of the rotation vector, None where either is constant.
+    bodies with the rows of their masses, ``tensors`` those whose tensor varies.
     """
 
     scene: Scene
@@ -58,7 +56,7 @@ class GeometryPlan:
     coefficients: Mapping[str, tuple[Index, Index]]
     matrices: tuple[int, ...]
     masses: tuple[Index, Index]
-    tensors: tuple[tuple[int, Index | None, Index | None], ...]
+    tensors: tuple[Tensors, ...]
     ports: Index
     port_centres: Index
     inertial_outputs: tuple[Index | None, ...]
@@ -85,10 +83,10 @@ class GeometryPlan:
             position[:, self.bodies] = numbers[self.centres].transpose(2, 1, 0)
             changes["position"] = position
         if self.twists is not None:
-            linear, angular, point = self.twists.at(numbers)
+            linear, angular, point = self.twists.at(values)
             changes["coordinates"] = replace(scene.coordinates, linear=linear, angular=angular, point=point)
         if scene.cuts is not None and (self.cuts is not None or scene.cuts.couplings is not None):
-            rows = scene.cuts.rows if self.cuts is None else _rows(scene.cuts.rows, self.cuts, numbers)
+            rows = scene.cuts.rows if self.cuts is None else _rows(scene.cuts.rows, self.cuts, values)
             changes["cuts"] = replace(scene.cuts, rows=rows, couplings=self._couplings(values))
         if self.springs is not scene.springs or self.elements is not None or self.coefficients or self.matrices or (
                 self.replacing):
@@ -116,7 +114,7 @@ class GeometryPlan:
                     changes[key] = values.repeated(getattr(springs, key))
                 changes[key][:, columns] = array.T
         if self.elements is not None:
-            changes["rows"] = _rows(springs.rows, self.elements, numbers)
+            changes["rows"] = _rows(springs.rows, self.elements, values)
         springs = replace(springs, **changes) if changes else springs
         if not self.matrices:
             return springs
@@ -150,7 +148,7 @@ class GeometryPlan:
                 value[:, couplings.row == i] = part.coefficients_of(fields[part.name]).T
         measured = couplings.measured
         if self.measured is not None:
-            measured = _rows(measured, self.measured, values.numbers)
+            measured = _rows(measured, self.measured, values)
         return replace(couplings, value=value, measured=measured)
 
     def _ports(self, numbers: Array) -> Any:
@@ -169,17 +167,53 @@ class GeometryPlan:
             linear = values.repeated(linear)
             linear[:, bodies] = np.sqrt(numbers[rows].T)
         angular = values.repeated(angular) if self.tensors else angular
-        for body, entries, rotation in self.tensors:
-            part = self.scene.bodies[body]
-            axes = np.array(part.orientation)
-            if rotation is not None:
-                axes = exponential(numbers[rotation].T) @ axes
-            root = tensor_factors(np.array([part.inertia]) if entries is None else numbers[entries].T)
+        for group in self.tensors:
+            root = group.roots(values)
             missing = root.shape[-2] - angular.shape[-2]
             if missing > 0:  # steps have more rows
                 angular = np.pad(angular, ((0, 0), (0, 0), (0, missing), (0, 0)))
-            angular[:, body, : root.shape[-2]] = root @ np.swapaxes(axes, -1, -2)
+            angular[:, group.bodies, : root.shape[-2]] = root
         return SpatialInertia(linear, angular)
+
+
+@dataclass(frozen=True, slots=True)
+class Tensors:
+    """Bodies (k,) whose tensors vary: ``entries`` (k, 6) and ``axes`` (k, 3, 3) of the model, with the rows of the
+    numbers of the entries (6, k), and the numbers of their ``turns`` (k,) among those that vary, None where either is
+    constant.
+    """
+
+    bodies: Index
+    entries: Array
+    axes: Array
+    entry_rows: Index | None
+    turns: Index | None
+
+    @staticmethod
+    def groups(scene: Scene, slots: Slots) -> tuple[Tensors, ...]:
+        """Return the bodies of a scene in up to three groups."""
+        fields = [slots.complete.get(body.name, {}) for body in scene.bodies]
+        result = []
+        for keys in (("inertia", "orientation"), ("inertia",), ("orientation",)):
+            which = [k for k, own in enumerate(fields) if own.keys() & {"inertia", "orientation"} == set(keys)]
+            if which:
+                bodies = [scene.bodies[k] for k in which]
+                result.append(Tensors(
+                    np.array(which), np.array([body.inertia for body in bodies]),
+                    np.array([body.orientation for body in bodies]),
+                    np.stack([fields[k]["inertia"] for k in which], axis=-1) if "inertia" in keys else None,
+                    np.array([slots.turning[body.name] for body in bodies]) if "orientation" in keys else None,
+                ))  # fmt: skip
+        return tuple(result)
+
+    def roots(self, values: Values) -> Array:
+        """Return their square roots in world axes (..., k, rows, 3)."""
+        axes, entries = self.axes, self.entries
+        if self.turns is not None:
+            axes = values.rotations[:, self.turns] @ axes
+        if self.entry_rows is not None:
+            entries = values.numbers[self.entry_rows].transpose(2, 1, 0)
+        return np.asarray(tensor_factors(entries) @ axes.swapaxes(-1, -2))
 
 
 def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
@@ -190,14 +224,12 @@ def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
              if name in number and "position" in fields}  # fmt: skip
     springs, elements, coefficients, matrices = _elements(scene, number, slots)
     masses = [(number[name], fields["mass"]) for name, fields in index.items() if name in number and "mass" in fields]
-    tensors = [(number[name], fields.get("inertia"), fields.get("orientation")) for name, fields in index.items()
-               if name in number and ("inertia" in fields or "orientation" in fields)]  # fmt: skip
     bodies, rows = (np.array([pair[i] for pair in masses], dtype=np.intp) for i in (0, 1))
     ports, inertial = _centred_ports(model, scene, moved, number)
     return GeometryPlan(
         scene, index, np.array(list(moved), dtype=np.intp), _stacked(list(moved.values())),
-        _twists(scene, index, moved), _cuts(scene, index), _measured(scene, index), springs, elements, coefficients,
-        matrices, (bodies, rows), tuple(tensors), np.array([row for row, _ in ports], dtype=np.intp),
+        _twists(scene, slots, moved), _cuts(scene, slots), _measured(scene, slots), springs, elements, coefficients,
+        matrices, (bodies, rows), Tensors.groups(scene, slots), np.array([row for row, _ in ports], dtype=np.intp),
         _stacked([at for _, at in ports]), inertial, _replacing(scene, springs, slots), model.expansion,
         tuple([part for name in slots.index if type(part := slots.parameters.parts[name]) in VARIED]),
     )  # fmt: skip
@@ -208,8 +240,8 @@ def _stacked(rows: Sequence[Index]) -> Index:
     return np.array(rows, dtype=np.intp).reshape(-1, 3).T
 
 
-def _rows(rows: Rows, placing: Placing, numbers: Array) -> Rows:
-    force, moment, point = placing.at(numbers)
+def _rows(rows: Rows, placing: Placing, values: Values) -> Rows:
+    force, moment, point = placing.at(values)
     return Rows(rows.first, rows.second, point, force, moment)
 
 
@@ -219,7 +251,7 @@ def _varying(placing: Placing) -> Placing | None:
     return placing if varies else None
 
 
-def _twists(scene: Scene, index: Places, moved: Mapping[int, Index]) -> Placing | None:
+def _twists(scene: Scene, slots: Slots, moved: Mapping[int, Index]) -> Placing | None:
     twists, start = scene.coordinates, 0
     owners, centres, pitched = [], [], []
     # coordinates come in the order of the joints, those of floating bodies last
@@ -231,13 +263,13 @@ def _twists(scene: Scene, index: Places, moved: Mapping[int, Index]) -> Placing 
             centres.append((moved[branch.body], columns))
         if joint is not None:
             owners.append((joint, columns))
-            pitch = index.get(joint.name, {}).get("pitch")
+            pitch = slots.complete.get(joint.name, {}).get("pitch")
             if pitch is not None:
                 pitched += [(pitch, column, twists.angular[:, column]) for column in columns]
-    return _varying(Placing.of((twists.linear, twists.angular, twists.point), owners, index, centres, pitched))
+    return _varying(Placing.of((twists.linear, twists.angular, twists.point), owners, slots, centres, pitched))
 
 
-def _cuts(scene: Scene, index: Places) -> Placing | None:
+def _cuts(scene: Scene, slots: Slots) -> Placing | None:
     cuts = scene.cuts
     if cuts is None:
         return None
@@ -246,19 +278,19 @@ def _cuts(scene: Scene, index: Places) -> Placing | None:
         joint = scene.topology.joints[k]
         columns = np.flatnonzero(cuts.joint[: len(cuts.rows.first)] == count).tolist()
         owners.append((joint, columns))
-        pitch = index.get(joint.name, {}).get("pitch")
+        pitch = slots.complete.get(joint.name, {}).get("pitch")
         if pitch is not None:
             pitched += [(pitch, column, -cuts.rows.force[:, column])
                         for column, (direction, _) in zip(columns, joint.locked, strict=True) if direction == "z"]
     rows = cuts.rows
-    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, index, (), pitched, pitches_second=True))
+    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, slots, (), pitched, pitches_second=True))
 
 
-def _measured(scene: Scene, index: Places) -> Placing | None:
+def _measured(scene: Scene, slots: Slots) -> Placing | None:
     if scene.cuts is None or scene.cuts.couplings is None:
         return None
     rows, owners = scene.cuts.couplings.measured, [(joint, [k]) for k, (joint, _) in enumerate(scene.measured)]
-    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, index))
+    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, slots))
 
 
 def _elements(
@@ -292,7 +324,7 @@ def _elements(
                           np.array([row for _, row in pairs], dtype=np.intp))
                     for key, pairs in columns_of.items() if pairs}  # fmt: skip
     rows = springs.rows
-    placing = Placing.of((rows.force, rows.moment, rows.point), owners, index)
+    placing = Placing.of((rows.force, rows.moment, rows.point), owners, slots)
     return springs, _varying(placing), coefficients, matrices
 
 
@@ -320,7 +352,7 @@ def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values)
     fields, count = values.fields[part.name], values.count
     axes = np.broadcast_to(np.array(part.orientation), (count, 3, 3))
     if "orientation" in fields:
-        axes = exponential(fields["orientation"].T) @ np.array(part.orientation)
+        axes = values.rotations[:, values.slots.turning[part.name]] @ np.array(part.orientation)
     point = np.broadcast_to(fields.get("position", np.array(part.position)[:, None]), (3, count)).T
     matrices = []
     for key in ("stiffness", "damping"):

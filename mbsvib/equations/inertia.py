@@ -69,22 +69,25 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
 
 
 def tensor_factors(inertia: Array) -> Array:
-    """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3).
+    """Return F with F^T F = the tensors given by their entries (..., 6), upper triangular, shape (..., 3, 3).
 
     Of tensors with small imaginary parts F has three more rows, those of their roots.
     """
     if np.iscomplexobj(inertia):
-        size, rows = np.linalg.eigh(inertia.imag.take(_TENSOR, axis=1).reshape(-1, 3, 3))
+        size, rows = np.linalg.eigh(_symmetric(inertia.imag))
         imaginary = np.sqrt(1j * size)[..., None] * rows.swapaxes(-1, -2)
         return np.concatenate((tensor_factors(inertia.real), imaginary), axis=-2)
     try:
-        root = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3)).astype(float, copy=False)
-        return root.transpose(0, 2, 1)
+        return np.asarray(np.linalg.cholesky(_symmetric(inertia)).astype(float, copy=False).swapaxes(-1, -2))
     except np.linalg.LinAlgError:
         # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
-        values, vectors = np.linalg.eigh(inertia[..., _TENSOR].reshape(*inertia.shape[:-1], 3, 3))
+        values, vectors = np.linalg.eigh(_symmetric(inertia))
         values[values <= 4.0 * EPS * values[..., 2:]] = 0.0
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2), dtype=float)
+
+
+def _symmetric(entries: Array) -> Array:
+    return entries.take(_TENSOR, axis=-1).reshape(*entries.shape[:-1], 3, 3)
 
 
 def check_mass(mass: Array, names: tuple[str, ...]) -> None:

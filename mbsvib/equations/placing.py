@@ -14,16 +14,17 @@ import numpy as np
 
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia
-from mbsvib.linalg.rotations import exponential, frames_along
+from mbsvib.linalg.rotations import frames_along
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.pose import Pose
+    from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.topology import Topology
 
 
@@ -52,9 +53,9 @@ class _Columns:
 class Placing:
     """Two directions, ``first`` and ``second``, and a ``point`` (3, n) of each column, with the columns that vary.
 
-    Columns ``placed`` have their points at the numbers ``place`` (3, k). Those ``turned`` turn with the rotation
-    vectors, or with the lines of rods, whose number among all ``turns`` (3, r) and ``rods`` (start and end (3, q),
-    axes (q, 3, 3)) is in ``turn``. Columns ``lined`` are along the lines from ``start`` to ``end`` (3, k). In columns
+    Columns ``placed`` have their points at the numbers ``place`` (3, k). Those ``turned`` turn with the
+    rotations of parts, or with the lines of ``rods`` (start and end (3, q), axes (q, 3, 3)) behind them, whose number
+    is in ``turn``. Columns ``lined`` are along the lines from ``start`` to ``end`` (3, k). In columns
     ``pitched`` the vector ``along`` (3, k) times the number ``pitch`` (k,) is the first direction, or the second one
     if ``pitches_second``.
     """
@@ -66,7 +67,6 @@ class Placing:
     place: Index
     turned: Index
     turn: Index
-    turns: Index
     rods: tuple[Index, Index, Array]
     lined: Index
     start: Index
@@ -78,30 +78,28 @@ class Placing:
 
     @staticmethod
     def of(
-        vectors: Vectors, owners: Sequence[tuple[Any, Sequence[int]]], index: Mapping[str, Mapping[str, Index]],
+        vectors: Vectors, owners: Sequence[tuple[Any, Sequence[int]]], slots: Slots,
         centres: Sequence[tuple[Index, Sequence[int]]] = (), pitched: Sequence[tuple[Index, int, Array]] = (),
         pitches_second: bool = False,
     ) -> Placing:  # fmt: skip
         """Return how columns follow from the numbers of their owners.
 
-        ``vectors`` (3, n): directions and points of the model. ``owners``: parts and their columns. ``index``: rows of
-        the numbers of each field that varies, by part and field. ``centres``: rows of the positions of bodies with the
+        ``vectors`` (3, n): directions and points of the model. ``owners``: parts and their columns. ``slots``: places
+        of the numbers that vary. ``centres``: rows of the positions of bodies with the
         columns at their centres of mass. ``pitched``: row of a pitch, column, and vector.
         """
         placed, turned, lined, ends = _Columns(), _Columns(), _Columns(), _Columns()
-        turns: list[Index] = []
         rods: list[tuple[Index, Index, Array]] = []
         rod_columns = _Columns()
         for part, columns in owners:
-            fields = index.get(part.name, {})
+            fields = slots.complete.get(part.name, {})
             if getattr(part, "is_rod", False) and fields:
                 rod_columns.add(columns, len(rods))
                 rods.append((fields["position"], fields["end"], np.array(part.axes)))
                 placed.add(columns, fields["end"])
                 continue
             if "orientation" in fields:
-                turned.add(columns, len(turns))
-                turns.append(fields["orientation"])
+                turned.add(columns, slots.turning[part.name])
             if "position" in fields:
                 placed.add(columns, fields["position"])
             if "start" in fields:
@@ -111,18 +109,19 @@ class Placing:
         for rows, columns in centres:
             placed.add(columns, rows)
         turned.columns += rod_columns.columns
-        turned.rows += [len(turns) + k for k in rod_columns.rows]
+        turned.rows += [len(slots.turning) + k for k in rod_columns.rows]
         starts, stops, axes = zip(*rods, strict=True) if rods else ((), (), ())
         along = np.array([vector for _, _, vector in pitched]).reshape(-1, 3).T
         return Placing(
-            *vectors, *placed.arrays(), *turned.arrays(), np.array(turns, dtype=np.intp).reshape(-1, 3).T,
+            *vectors, *placed.arrays(), *turned.arrays(),
             (np.array(starts, dtype=np.intp).T, np.array(stops, dtype=np.intp).T, np.array(axes)),
             *lined.arrays(), ends.arrays()[1], np.array([column for _, column, _ in pitched], dtype=np.intp),
             np.array([row for row, _, _ in pitched], dtype=np.intp), along, pitches_second,
         )  # fmt: skip
 
-    def at(self, numbers: Array) -> Vectors:
-        """Return the vectors for numbers (rows, variants): (3, variants, n) where some vary, else (3, n)."""
+    def at(self, values: Values) -> Vectors:
+        """Return the vectors of variants: (3, variants, n) where some vary, else (3, n)."""
+        numbers = values.numbers
         first, second, point = self.first, self.second, self.point
         if len(self.pitched):
             vectors = self.along[:, None] * numbers[self.pitch].T
@@ -131,7 +130,7 @@ class Placing:
             else:
                 first = with_columns(first, self.pitched, vectors)
         if len(self.turned):
-            rotation = self._rotations(numbers)[:, self.turn]
+            rotation = self._rotations(values).take(self.turn, axis=1)
             first, second = (self._rotated(array, rotation) for array in (first, second))
         if len(self.lined):
             line = numbers[self.end] - numbers[self.start]
@@ -141,15 +140,14 @@ class Placing:
             point = with_columns(point, self.placed, numbers[self.place].swapaxes(1, 2))
         return first, second, point
 
-    def _rotations(self, numbers: Array) -> Array:
+    def _rotations(self, values: Values) -> Array:
         """The rotations (variants, r + q, 3, 3) of parts and of rods from their axes in the model."""
-        parts = [exponential(numbers[self.turns].transpose(2, 1, 0))] if self.turns.size else []
         start, end, axes = self.rods
-        if len(axes):
-            line = numbers[end] - numbers[start]
-            line /= np.sqrt(np.add.reduce(line * line))
-            parts.append(frames_along(line.transpose(2, 1, 0)) @ axes.swapaxes(1, 2))
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if not len(axes):
+            return values.rotations
+        line = values.numbers[end] - values.numbers[start]
+        line /= np.sqrt(np.add.reduce(line * line))
+        return np.concatenate((values.rotations, frames_along(line.transpose(2, 1, 0)) @ axes.swapaxes(1, 2)), axis=1)
 
     def _rotated(self, array: Array, rotation: Array) -> Array:
         """Vectors with the columns that turn; those that are zero stay constant."""
@@ -180,13 +178,16 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
     """Return the axes (variants, 3, 3) and the lengths (variants,), of rods or pitches, of joints by name, where
     variants differ in them.
     """
-    axes, lengths = {}, {}
+    axes, lengths, turning = {}, {}, values.slots.turning
+    turned = [joint for joint in joints if joint.name in turning and not joint.is_rod]
+    if turned:
+        rotations = values.rotations[:, [turning[joint.name] for joint in turned]].swapaxes(0, 1)
+        now = rotations @ np.array([joint.axes for joint in turned])[:, None]
+        axes = dict(zip([joint.name for joint in turned], now, strict=True))
     for joint in joints:
-        fields = values.fields.get(joint.name, {})
-        if "orientation" in fields:
-            axes[joint.name] = exponential(fields["orientation"].T) @ np.array(joint.axes)
+        fields = values.index.get(joint.name, {})
         if "pitch" in fields:
-            lengths[joint.name] = fields["pitch"]
+            lengths[joint.name] = values.numbers[fields["pitch"]]
         if joint.is_rod and fields:
             rod = rod_ends(joint, values)
             line = rod[1] - rod[0]

@@ -15,7 +15,7 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import jacobian
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameters
@@ -38,7 +38,7 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
         expected = f"a finite number [{parameters.entry(name).unit}]"
         arrays[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
     slots = Slots.of(parameters, list(arrays))
-    fields = fields_in(slots.numbers(np.array(list(arrays.values())).reshape(-1, 1)), slots.index)
+    fields = FieldsOf(slots.numbers(np.array(list(arrays.values())).reshape(-1, 1)), slots.index)
     return {name: variant(parameters.parts[name], fields[name], 0) for name in fields}
 
 
@@ -124,34 +124,61 @@ class Slots:
         return {name: {**self._replaced(name, self.others.get(name, {})), **fields}
                 for name, fields in self.replaced.items()}  # fmt: skip
 
+    @cached_property
+    def turning(self) -> Mapping[str, int]:
+        """Numbers of the parts in the equations whose orientations vary, by name."""
+        return {name: k for k, name in enumerate(
+            [name for name, fields in self.replaced.items() if "orientation" in fields])}  # fmt: skip
+
+    @cached_property
+    def turns(self) -> Index:
+        """Rows (3, k) of the rotation vectors of these parts."""
+        rows = [self.replaced[name]["orientation"] for name in self.turning]
+        return np.array(rows, dtype=np.intp).reshape(-1, 3).T
+
     def _replaced(self, name: str, fields: Mapping[str, Index]) -> dict[str, Index]:
         with_axis: Any = {field: np.asarray(rows)[..., None] for field, rows in fields.items()}
         replaced = self.parameters.parts[name].replaced_fields(with_axis)
         return {field: rows[..., 0].astype(np.intp) for field, rows in replaced.items()}
 
     @cached_property
-    def checks(self) -> tuple[Index, tuple[str, ...], tuple[str, ...]]:
-        """Rows (k,) of numbers that the parts (k,), by name, accept with the sign of the model's, and the other parts.
+    def _checks(self) -> tuple[Index, tuple[str, ...], tuple[_Alike, ...], tuple[str, ...]]:
+        """Rows (k,) of numbers that the parts (k,), by name, accept with the sign of the model's, other parts that are
+        checked by their roles, many at once, and those with checks of their own.
 
         What a part accepts of its ``signed_fields`` depends on no more than the signs of their numbers.
         """
         rows: list[int] = []
         owners: list[str] = []
+        alike: dict[Any, list[str]] = {}
         others = []
         for name, fields in self.index.items():
-            if not fields.keys() <= self.parameters.parts[name].signed_fields:
+            part = self.parameters.parts[name]
+            if fields.keys() <= part.signed_fields:
+                for numbers in fields.values():
+                    rows += numbers.reshape(-1).tolist()
+                    owners += [name] * numbers.size
+            elif type(part).suspects is Part.suspects:
+                shapes = [(field, at.shape) for field, at in (fields | self.others.get(name, {})).items()]
+                alike.setdefault((type(part), tuple(shapes)), []).append(name)
+            else:
                 others.append(name)
-                continue
-            for numbers in fields.values():
-                rows += numbers.reshape(-1).tolist()
-                owners += [name] * numbers.size
-        return np.array(rows, dtype=np.intp), tuple(owners), tuple(others)
+        groups = tuple([_Alike.of(self, kind, tuple(names)) for (kind, _), names in alike.items()])
+        return np.array(rows, dtype=np.intp), tuple(owners), groups, tuple(others)
 
-    def doubtful(self, numbers: Array) -> list[str]:
-        """Return the names of the parts that might refuse some of the numbers (rows, n)."""
-        rows, owners, others = self.checks
+    def suspects(self, numbers: Array) -> dict[str, list[int]]:
+        """Return the variants whose numbers (rows, n) a part might refuse, by the names of such parts."""
+        rows, owners, groups, others = self._checks
         other = (np.sign(numbers[rows]) != np.sign(self.nominal[rows, None])).any(axis=1)
-        return [*others, *dict.fromkeys(owners[k] for k in other.nonzero()[0].tolist())]
+        result: dict[str, list[int]] = {}
+        for name in (*others, *dict.fromkeys(owners[k] for k in other.nonzero()[0].tolist())):
+            fields = {field: numbers[at] for field, at in self.index[name].items()}
+            mask = np.broadcast_to(self.parameters.parts[name].suspects(fields), numbers.shape[1:])
+            result[name] = mask.nonzero()[0].tolist()
+        for group in groups:
+            for name, mask in group.suspects(numbers):
+                result[name] = mask.nonzero()[0].tolist()
+        return result
 
     @cached_property
     def rows(self) -> Index:
@@ -168,19 +195,63 @@ class Slots:
         return result
 
 
-def fields_in(numbers: Array, index: Mapping[str, Mapping[str, Index]]) -> dict[str, dict[str, Array]]:
-    """Return the complete fields of parts in which some entries have new values, by part and field.
-
-    ``numbers`` (rows, n). ``index``: their rows, as in ``Slots``. The last axis of fields is that of the values
-    (position: (3, n)); orientations are rotation vectors from the present pose.
+@dataclass(frozen=True, slots=True)
+class _Alike:
+    """Parts of one ``kind``, by ``names`` (k,), in which the same fields vary: the ``rows`` (..., k) of their numbers,
+    and ``nominal`` values (..., k, 1), also of constant fields that go with them.
     """
-    return {part: {field: numbers[rows] for field, rows in fields.items()} for part, fields in index.items()}
+
+    kind: type[Part]
+    names: tuple[str, ...]
+    rows: Mapping[str, Index]
+    nominal: Mapping[str, Array]
+
+    @staticmethod
+    def of(slots: Slots, kind: type[Part], names: tuple[str, ...]) -> _Alike:
+        def stacked(index: Mapping[str, Mapping[str, Index]]) -> dict[str, Index]:
+            fields = index.get(names[0], {})
+            return {field: np.stack([index[name][field] for name in names], axis=-1) for field in fields}
+
+        rows, others = stacked(slots.index), stacked(slots.others)
+        nominal = {field: slots.nominal[at][..., None] for field, at in (rows | others).items()}
+        return _Alike(kind, names, rows, nominal)
+
+    def suspects(self, numbers: Array) -> list[tuple[str, Any]]:
+        """Return masks of the variants whose numbers (rows, n) some of the parts might refuse, by name."""
+        values = {field: numbers[at] for field, at in self.rows.items()}
+        mask = np.broadcast_to(self.kind.suspects_among(values, self.nominal), (len(self.names), numbers.shape[1]))
+        return [(self.names[k], mask[k]) for k in mask.any(axis=1).nonzero()[0].tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class FieldsOf(Mapping[str, Mapping[str, Any]]):
+    """Complete fields of parts in which some entries have new values, by part and field: ``numbers`` (rows, n) in the
+    rows that ``index`` has, as in ``Slots``.
+
+    The last axis of fields is that of the values (position: (3, n)); orientations are rotation vectors from the present
+    pose.
+    """
+
+    numbers: Array
+    index: Mapping[str, Mapping[str, Index]]
+
+    def __getitem__(self, part: str) -> dict[str, Array]:
+        return {field: self.numbers[rows] for field, rows in self.index[part].items()}
+
+    def __contains__(self, part: object) -> bool:
+        return part in self.index
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.index)
+
+    def __len__(self) -> int:
+        return len(self.index)
 
 
 def variant(part: P, fields: Mapping[str, Array], i: int) -> P:
     """Return a part with other values, checked like a new part.
 
-    ``fields`` are those of ``fields_in``, ``i`` is the index along their last axis.
+    ``fields`` are those of ``FieldsOf``, ``i`` is the index along their last axis.
     """
     return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
 

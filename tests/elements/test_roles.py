@@ -69,14 +69,13 @@ def test_batches_find_every_value_that_a_part_refuses():
             names, array = tried(part, rng)
             slots = Slots.of(Parameters([part]), names)
             values = Values.of(slots, array)
-            found = set(values.suspects(part.name))
+            found = set(slots.suspects(values.numbers).get(part.name, ()))
             for i in range(values.count):
                 try:
                     values.of_variant(part, i)
                 except ModelError:
                     refused.add(part.name)
                     assert i in found, (part.name, names, array[:, i])
-                    assert slots.doubtful(values.numbers[:, [i]]), (part.name, names, array[:, i])
     assert refused >= {"a", "rod", "spring", "free", "damper", "slow", "maxwell", "bare", "inerter", "torsion", "rotor",
                        "load", "pad"}  # fmt: skip
 
