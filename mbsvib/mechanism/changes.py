@@ -159,11 +159,12 @@ class Slots:
                     rows += numbers.reshape(-1).tolist()
                     owners += [name] * numbers.size
             elif type(part).suspects is Part.suspects:
-                shapes = [(field, at.shape) for field, at in (fields | self.others.get(name, {})).items()]
-                alike.setdefault((type(part), tuple(shapes)), []).append(name)
+                shapes = [tuple((field, at.shape) for field, at in own.items())
+                          for own in (fields, self.others.get(name, {}))]  # fmt: skip
+                alike.setdefault((type(part), *shapes), []).append(name)
             else:
                 others.append(name)
-        groups = tuple([_Alike.of(self, kind, tuple(names)) for (kind, _), names in alike.items()])
+        groups = tuple([_Alike.of(self, kind, tuple(names)) for (kind, *_), names in alike.items()])
         return np.array(rows, dtype=np.intp), tuple(owners), groups, tuple(others)
 
     def suspects(self, numbers: Array) -> dict[str, list[int]]:
