@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
-from mbsvib.elements.families import EXPANSIONS, VARIED
+from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
@@ -21,7 +21,7 @@ from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.geometry_plan import geometry_plan
-from mbsvib.equations.inertia import check_masses
+from mbsvib.equations.inertia import check_masses, unit_inertia
 from mbsvib.equations.loaded import spins_otherwise
 from mbsvib.equations.matrices import AXES, MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
 from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
@@ -175,7 +175,8 @@ class BatchPlan:
         varied = set(self.slots.target.tolist())
         rows = {int(row) for name in names for array in self.slots.index[name].values() for row in array.reshape(-1)}
         absent = not self.slots.nominal[list(rows & varied)].all()
-        follows = self.with_forces and any(type(owner) not in VARIED for owner, _, _ in self.geometry.replacing)
+        follows = self.with_forces and any(getattr(owner, "free_length", None) is not None
+                                           for owner, _, _ in self.geometry.replacing)  # fmt: skip
         return bool(names) and (absent or follows or self.posed is not None)
 
     def chunk_size(self, count: int) -> int:
@@ -263,16 +264,19 @@ class BatchPlan:
 
 def batch_plan(
     model: Mechanism, slots: Slots, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
-    form: type[Equations] = Equations,
+    form: type[Equations] = Equations, forces_alone: bool = False,
 ) -> BatchPlan:  # fmt: skip
     """Return what all variants of a model share, in the minimal coordinates of its pose.
 
-    ``slots``: places of the parameters that vary.
+    ``slots``: places of the parameters that vary. ``forces_alone``: nobody asks for the inertia, so that motions
+    without mass stay.
     """
     user_model, model = model, expanded(model)
     with_nodes = with_maxwell_nodes(model)
     cut = with_drives_in_tree(model, cut)
     scene = scene_of(with_nodes, cut)
+    if forces_alone:
+        scene = replace(scene, inertia=unit_inertia(len(scene.bodies)))
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
     if (stated := prestress(with_nodes, scene)) is not None:
         with_nodes, scene = stated[0].model, stated[1]

@@ -68,6 +68,11 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     return SpatialInertia(np.sqrt(entries[0]), root, regular)
 
 
+def unit_inertia(count: int) -> SpatialInertia:
+    """Return square roots of inertia that are one, of ``count`` bodies."""
+    return SpatialInertia(np.ones(count), np.broadcast_to(np.eye(3), (count, 3, 3)))
+
+
 def tensor_factors(inertia: Array) -> Array:
     """Return F with F^T F = the tensors given by their entries (..., 6), upper triangular, shape (..., 3, 3).
 

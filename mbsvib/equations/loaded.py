@@ -177,14 +177,20 @@ def spins_otherwise(model: Mechanism, values: Values) -> bool:
     """Return whether variants differ in more than speeds and momenta, so that each is to be checked by itself.
 
     Bodies that themselves spin must stay symmetric about their axis, and so must all that acts on them; they spin at
-    one speed. Elements with cross-coupling stay as they are.
+    one speed. Their mass may vary, and coefficients that are not zero of what holds them to bodies that do not spin.
+    Elements with cross-coupling stay as they are.
     """
     spinning = {rotor.body for rotor in model.rotors.values() if rotor.inertia is None}
-    touched = spinning | {part.name for parts in (model.joints, model.springs) for part in parts.values()
-                          if spinning & {part.first, part.second}}  # fmt: skip
-    touched |= {part.name for part in model.springs.values() if part.cross_coupling is not None}
-    if touched & values.index.keys():
-        return True
+    for name, fields in values.index.items():
+        if name in spinning and not fields.keys() <= {"mass"}:
+            return True
+        part = model.joints.get(name) or model.springs.get(name)
+        if part is None:
+            continue
+        ends = len(spinning & {part.first, part.second})
+        scaled = ends == 1 and fields.keys() <= {"stiffness", "damping"} and values.slots.rescales(name)
+        if getattr(part, "cross_coupling", None) is not None or (ends and not scaled):
+            return True
     speeds = list(spin_velocities(model, values.fields).values())
     sizes = [np.linalg.norm(speed, axis=-1) for speed in speeds]
     return any(rotor in values.index for rotor in model.rotors) and any((size != sizes[0]).any() for size in sizes)

@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.batch_assembly import assembled_variants, joined
-from mbsvib.equations.batch_values import STEP, checked
+from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.matrices import MATRICES, Terms
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import ZERO_ALONG
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.changes import Slots
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,11 +36,32 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_assembly import AssembledVariants, BatchPlan
     from mbsvib.equations.batch_equations import BatchEquations
-    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Draft
 
 
 RESULTS = (*MATRICES, "gyroscopic", "circulatory", "residual")
+
+
+def among(plan: BatchPlan, names: Sequence[str]) -> tuple[BatchPlan, Values]:
+    """Return the plan of those parameters that many variants can have at once, with their values."""
+    parameters = plan.slots.parameters
+
+    def of(which: list[str]) -> tuple[BatchPlan, Values]:
+        slots, values = Slots.of(parameters, which), np.array([parameters[name] for name in which])
+        return replace(plan, slots=slots), Values.of(slots, values.reshape(-1, 1))
+
+    def taken(which: list[str]) -> bool:
+        narrowed, values = of(which)
+        return narrowed.at_once(values)
+
+    if taken(list(names)):
+        return of(list(names))
+    parts: dict[str, list[str]] = {}
+    for name in names:
+        parts.setdefault(parameters.entry(name).part, []).append(name)
+    kept = [own if taken(own) else [name for name in own if taken([name])] for own in parts.values()]
+    together = [name for own in kept for name in own]
+    return of(together if taken(together) else [])
 
 
 def along_parameters(
@@ -70,6 +92,22 @@ def along_parameters(
             array[lost] = np.nan
         result[key] = array
     return result
+
+
+def forces_along_parameters(plan: BatchPlan, values: Values, directions: Mapping[str, Array]) -> Array | None:
+    """Return the derivatives (k, coordinates of the plan) of what is left of the forces on the model along directions,
+    as of ``along_parameters``; None without forces.
+    """
+    steps = values.stepping(directions)
+    width = plan.chunk_size(steps.count)
+    chunks = [assembled_variants(plan, steps.slice(start, start + width), start)
+              for start in range(0, steps.count, width)]  # fmt: skip
+    result = joined([chunk.residual for chunk in chunks], "residual", steps.count, width)
+    if result is None:
+        return None
+    result = result.imag / STEP
+    result[np.concatenate([chunk.lost for chunk in chunks])] = np.nan
+    return np.asarray(result)
 
 
 def along_poses(plan: BatchPlan, names: Sequence[str]) -> dict[str, Array] | None:

@@ -181,6 +181,12 @@ class Slots:
                 result[name] = mask.nonzero()[0].tolist()
         return result
 
+    def rescales(self, name: str) -> bool:
+        """Tell whether numbers of a part vary that are not zero, and are no entries of matrices."""
+        fields = self.index[name].values()
+        varied = [rows[np.isin(rows, self.target)] for rows in fields]
+        return all(rows.ndim < 2 for rows in fields) and all(self.nominal[rows].all() for rows in varied)
+
     @cached_property
     def rows(self) -> Index:
         """A row (p,) of each parameter."""

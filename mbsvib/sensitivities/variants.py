@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,18 +23,18 @@ from mbsvib.common.selection import port_numbers
 from mbsvib.equations.assembly import assembled, linearized
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_equations import BatchEquations
-from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.matrices import MATRICES
-from mbsvib.equations.plan_tangents import along_parameters, along_poses
+from mbsvib.equations.plan_tangents import along_parameters, along_poses, among, forces_along_parameters
 from mbsvib.equations.scene import scene, with_maxwell_nodes
 from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.differences import slope
-from mbsvib.mechanism.changes import scale_of
+from mbsvib.mechanism.changes import Slots, scale_of
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
 from mbsvib.sensitivities.network_assembly import may_move
 from mbsvib.sensitivities.pose_motion import VariantPoses
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.batch_assembly import BatchPlan
+    from mbsvib.equations.batch_values import Values
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.variables import Direction
     from mbsvib.sparse.equations import SparseEquations
@@ -70,6 +72,7 @@ class Variants:
         self._entries = MatrixEntries(system)
         self._slopes: dict[Rates, Array] = {}
         self._tangents: dict[Rates, Array] = {}
+        self._force_tangents: dict[Rates, Array] = {}
         self._slopes_along: dict[int, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
         self._stuck: dict[int, MbsvibError] = {}
@@ -99,34 +102,45 @@ class Variants:
 
     def _add_tangents(self, directions: Sequence[Direction]) -> None:
         """Compute the derivatives in the pose as it is along directions for which the parts are those of a batch."""
-        system, names = self.system, list(dict.fromkeys(name for one in directions for name, _ in one.rates))
-        if not names or system.provenance.origin is None or system.provenance.moved_to_equilibrium:
+        system, poses = self.system, self._poses
+        if not directions or system.provenance.origin is None or system.provenance.moved_to_equilibrium:
             return
-        model, rates = self._model, [dict(direction.rates) for direction in directions]
-        values = checked(model.parameters, {name: np.array([model.parameters[name]]) for name in names})
-        along = () if self._poses is None else self._poses.names
+        along = () if poses is None else poses.names
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            plan = batch_plan(model, values.slots, system.coordinates, self._cut)
-            if along and plan.prestress is not None:  # the pose moves as if beams were rigid, forces do not
+            plan, values, kept = _plan_along(self._model, system.coordinates, self._cut, directions)
+            if not kept or plan.nominal.coordinates != system.coordinates:
                 return
-            if not plan.at_once(values) or plan.nominal.coordinates != system.coordinates or not {*along} <= {
-                    *plan.names}:  # fmt: skip
-                return
-            slopes = along_parameters(plan, plan.equations(values, BatchEquations), {
-                name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names})  # fmt: skip
-            moving = along_poses(plan, along) if along and not self._slopes_along else None
-        known: Any = slopes
-        parts = {key: known[key][0] for key in MATRICES}
-        left = slopes["residual"]
-        for k, direction in enumerate(directions):
-            flat = self._in_one_row({key: part[k] for key, part in parts.items()}, plan.nominal)
-            if along and left is not None:
-                flat = np.concatenate((flat, left[0, k, [*map(plan.names.index, along)]]))
-            self._tangents[direction.rates] = flat
-        if moving is not None:
-            self._slopes_along |= {k: self._in_one_row({key: moving[key][k] for key in MATRICES}, plan.nominal)
-                                   for k in range(len(along))}  # fmt: skip
+            known = along_parameters(plan, plan.equations(values, BatchEquations), _rates(kept))
+            slopes = {key: array[0] for key, array in known.items() if array is not None}
+            if {*along} <= {*plan.names} and along and not self._slopes_along:
+                moving = along_poses(plan, along) or {}
+                self._slopes_along |= {k: self._in_one_row({key: moving[key][k] for key in MATRICES}, plan.nominal)
+                                       for k in range(len(along) if moving else 0)}  # fmt: skip
+            self._tangents |= {one.rates: self._in_one_row({key: slopes[key][k] for key in MATRICES}, plan.nominal)
+                               for k, one in enumerate(kept)}  # fmt: skip
+            forces = slopes.get("residual")
+            if along and plan.prestress is not None:  # the pose moves as if beams were rigid
+                plan, forces, kept = self._forces_on_rigid_parts(kept)
+        if poses is not None and {*along} <= {*plan.names}:
+            forces = np.zeros((len(kept), len(plan.names))) if forces is None else forces
+            forces = forces[:, [*map(plan.names.index, along)]]
+            self._force_tangents |= {one.rates: force for one, force in zip(kept, forces, strict=True)}
+
+    def _forces_on_rigid_parts(
+        self, directions: Sequence[Direction]
+    ) -> tuple[BatchPlan, Array | None, Sequence[Direction]]:
+        """Steps of what is left of the forces where beams are rigid, with their plan, and the directions of other parts
+        along which they are.
+        """
+        assert self._poses is not None
+        still = static_model(with_rigid_parts(self._model))
+        known, there = ({part.name: part for part in model.declared_parts} for model in (self._model, still))
+        entry = self._model.parameters.entry
+        directions = [one for one in directions if all(
+            known[part] == there.get(part) for part in [entry(name).part for name, _ in one.rates])]  # fmt: skip
+        plan, values, kept = _plan_along(still, self._poses.names, self._poses.posed_model.cut, directions, True)
+        return plan, forces_along_parameters(plan, values, _rates(kept)) if kept else None, kept
 
     @cached_property
     def unreduced(self) -> Equations | None:
@@ -148,19 +162,33 @@ class Variants:
                          for direction in directions])  # fmt: skip
 
     def _slope(self, direction: Direction) -> Array:
-        values = {name: self._model.parameters[name] for name, _ in direction.rates}
         scale = min(self._scale(name) / abs(rate) for name, rate in direction.rates)
 
         def at(change: float) -> Array:
-            return self._equations({name: values[name] + change * rate for name, rate in direction.rates})
+            return self._equations(self._varied(direction, change))
 
         try:
-            slopes = self._tangents.get(direction.rates)
-            if slopes is None:
-                slopes = self._extrapolated(at, scale, f"'{direction.name}'")
-            return self._through_equilibrium(slopes, scale, direction.name)
+            return self._through_equilibrium(self._in_pose(direction, scale, at), scale, direction.name)
         except _OtherMobility:
             return np.full(self._entries.count, np.nan)
+
+    def _in_pose(self, direction: Direction, scale: float, at: Callable[[float], Array]) -> Array:
+        """Derivatives of the matrices in the pose as it is, then of the forces left over; ``at`` returns all of them.
+        """
+        name, slopes = f"'{direction.name}'", self._tangents.get(direction.rates)
+        if slopes is None:
+            return self._extrapolated(at, scale, name)
+        if (poses := self._poses) is None:
+            return slopes
+        force, count = self._force_tangents.get(direction.rates), self._entries.count
+        if force is None:
+            force = self._extrapolated(lambda change: np.concatenate((
+                np.zeros(count), poses.residual(self._varied(direction, change)))), scale, name)[count:]  # fmt: skip
+        return np.concatenate((slopes, force))
+
+    def _varied(self, direction: Direction, change: float) -> Mechanism:
+        known = self._model.parameters
+        return self._model.with_values({name: known[name] + change * rate for name, rate in direction.rates})
 
     def _through_equilibrium(self, slopes: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
@@ -275,9 +303,9 @@ class Variants:
             f"Compare variants by model.with_values, or name other parameters.", element=self.system.name,
         )  # fmt: skip
 
-    def _equations(self, values: Mapping[str, float]) -> Array:
+    def _equations(self, model: Mechanism) -> Array:
         """All matrices of a variant in the pose of the system, then the forces that are left over."""
-        model, poses = self._model.with_values(values), self._poses
+        poses = self._poses
         entries = self._matrices(model)
         return entries if poses is None else np.concatenate((entries, poses.residual(model)))
 
@@ -311,6 +339,24 @@ class Variants:
         o, i = port_numbers(list(system.outputs), list(system.inputs), (whole.outputs, whole.inputs), system.name)
         picked = {"B": (slice(None), i), "D": np.ix_(o, i)} | dict.fromkeys(("Cq", "Cv", "Ca"), (o, slice(None)))
         return np.concatenate([matrices[key][picked.get(key, ...)].reshape(-1) for key in MATRICES])
+
+
+def _plan_along(
+    model: Mechanism, independent: Sequence[str], cut: Sequence[str], directions: Sequence[Direction],
+    forces_alone: bool = False,
+) -> tuple[BatchPlan, Values, Sequence[Direction]]:  # fmt: skip
+    """The plan of a model, its values, and those directions whose parts are those of a batch."""
+    names = list(dict.fromkeys(name for one in directions for name, _ in one.rates))
+    slots = Slots.of(model.parameters, names)
+    plan, values = among(batch_plan(model, slots, independent, cut, forces_alone=forces_alone), names)
+    return plan, values, [one for one in directions if {name for name, _ in one.rates} <= {*values.slots.names}]
+
+
+def _rates(directions: Sequence[Direction]) -> dict[str, Array]:
+    """The rates (k,) of parameters along directions, by name."""
+    rates = [dict(one.rates) for one in directions]
+    names = dict.fromkeys(name for one in rates for name in one)
+    return {name: np.array([rate.get(name, 0.0) for rate in rates]) for name in names}
 
 
 def not_held(name: str, system: str) -> ModelError:
