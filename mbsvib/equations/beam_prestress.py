@@ -121,11 +121,23 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     ``rows`` (..., n, m): deformations of the elements per coordinate. ``open_rows`` (..., n, joint coordinates): the
     same per joint coordinate of the open tree. ``root`` (..., n): square roots of their stiffness. ``needed`` (..., m):
     forces along the coordinates. Returns (..., n): one force for each row. Leading axes are those of variants, also of
-    complex steps.
+    complex steps; the imaginary part is not a number where a coordinate begins to deform an element along a step, as
+    that element then takes a force at once.
     """
     energy, largest = (np.sqrt(np.square((part * root[..., None]).real).sum(axis=-2)) for part in (rows, open_rows))
     limit = STRAINED * np.maximum(energy.max(axis=-1, initial=0.0), largest.max(axis=-1, initial=0.0))
-    rows = rows * (energy > limit[..., None])[..., None, :]
+    deforms = energy > limit[..., None]
+    forces = _of_patterns(rows * deforms[..., None, :], root, needed)
+    if np.iscomplexobj(rows):
+        change = np.sqrt(np.square(rows.imag * root.real[..., None]).sum(axis=-2))
+        begins = (np.where(deforms, 0.0, change) > STRAINED * change.max(axis=-1, keepdims=True)).any(axis=-1)
+        forces = forces.astype(complex)
+        forces.imag[np.broadcast_to(begins, forces.shape[:-1])] = np.nan
+    return forces
+
+
+def _of_patterns(rows: Array, root: Array, needed: Array) -> Array:
+    """Forces (..., n), of the variants whose rows have the same nonzero entries at once."""
     if rows.ndim == 2 and root.ndim == needed.ndim == 1:
         return _of_pattern(rows, root, needed, rows != 0.0)
     lead = np.broadcast_shapes(rows.shape[:-2], root.shape[:-1], needed.shape[:-1])
@@ -150,8 +162,9 @@ def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
         scaled = rows[..., deformed] * root[..., None]
         size = np.sqrt(np.square(scaled).sum(axis=-2))
         energy = least_norm((scaled / size[..., None, :]).swapaxes(-1, -2), needed[..., deformed] / size, 1e-12)
-        least = ZERO_PRESTRESS * np.abs(energy).max(axis=-1, keepdims=True, initial=0.0)
-        return np.where(np.abs(energy) > least, root * energy, 0.0)
+        forces, size = root * energy, np.abs(energy.real)
+        none = size <= ZERO_PRESTRESS * size.max(axis=-1, keepdims=True, initial=0.0)
+        return np.where(none, forces - forces.real, forces)  # forces that are rounding keep their slopes
     # each coordinate is a deformation: forces of the other rows determine those of the tree exactly
     tree = np.array([row_of[j] for j in deformed.tolist()], dtype=np.intp)
     others = np.setdiff1d(np.arange(len(acts)), tree)

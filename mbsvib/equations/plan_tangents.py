@@ -43,15 +43,18 @@ RESULTS = (*MATRICES, "gyroscopic", "circulatory", "residual")
 
 
 def among(plan: BatchPlan, names: Sequence[str]) -> tuple[BatchPlan, Values]:
-    """Return the plan of those parameters that many variants can have at once, with their values."""
+    """Return the plan of those parameters that variants, each with another one of them, can have at once, with their
+    values.
+    """
     parameters = plan.slots.parameters
 
-    def of(which: list[str]) -> tuple[BatchPlan, Values]:
-        slots, values = Slots.of(parameters, which), np.array([parameters[name] for name in which])
-        return replace(plan, slots=slots), Values.of(slots, values.reshape(-1, 1))
+    def of(which: list[str], alone: float = 0.0) -> tuple[BatchPlan, Values]:
+        slots, values = Slots.of(parameters, which), np.array([parameters[name] for name in which]).reshape(-1, 1)
+        values = np.concatenate((values, values + alone * np.eye(len(which))), axis=1) if alone else values
+        return replace(plan, slots=slots), Values.of(slots, values)
 
     def taken(which: list[str]) -> bool:
-        narrowed, values = of(which)
+        narrowed, values = of(which, 1.0)
         return narrowed.at_once(values)
 
     if taken(list(names)):

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_ALONG
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 def least_norm(a: Array, b: Array, least: float) -> Array:
     """Return x = A+ b, which minimizes |A x - b| and, among these, |x|.
 
-    The imaginary part of a complex step is the derivative at constant rank,
+    The imaginary part of a complex step is the derivative at constant rank, not a number where the rank grows along it,
 
     dx = A+ (db - dA x) + A+ A+^T dA^T (b - A x) + (1 - A+ A) dA^T A+^T x
 
@@ -39,7 +41,14 @@ def least_norm(a: Array, b: Array, least: float) -> Array:
     rest = _times(change.swapaxes(-1, -2), back(x))
     rest = rest - _times(right.swapaxes(-1, -2), kept * _times(right, rest))
     dx: Array = solved(b.imag - _times(change, x) + back(_times(change.swapaxes(-1, -2), open_by))) + rest
-    return np.asarray(x + 1j * dx)
+    if not kept.all():
+        along = left.swapaxes(-1, -2) @ change
+        along = along - (along @ right.swapaxes(-1, -2) * kept[..., None, :]) @ right
+        grown, size = (np.sqrt(np.square(array).sum(axis=(-1, -2))) for array in (along * ~kept[..., None], change))
+        dx[grown > ZERO_ALONG * size] = np.nan
+    result = x.astype(complex)
+    result.imag = dx
+    return result
 
 
 def _times(matrix: Array, vector: Array) -> Array:

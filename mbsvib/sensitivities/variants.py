@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.selection import port_numbers
+from mbsvib.elements.load import Gravity
 from mbsvib.equations.assembly import assembled, linearized
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_equations import BatchEquations
@@ -117,8 +118,11 @@ class Variants:
                 moving = along_poses(plan, along) or {}
                 self._slopes_along |= {k: self._in_one_row({key: moving[key][k] for key in MATRICES}, plan.nominal)
                                        for k in range(len(along) if moving else 0)}  # fmt: skip
-            self._tangents |= {one.rates: self._in_one_row({key: slopes[key][k] for key in MATRICES}, plan.nominal)
-                               for k, one in enumerate(kept)}  # fmt: skip
+            rows = {one.rates: self._in_one_row({key: slopes[key][k] for key in MATRICES}, plan.nominal)
+                    for k, one in enumerate(kept)}  # fmt: skip
+            # steps that start motions of nodes, or strains of elements, have no derivative, differences may
+            lasting = plan.prestress is None and plan.nominal.provenance.separation is None
+            self._tangents |= {key: row for key, row in rows.items() if lasting or not np.isnan(row).any()}
             forces = slopes.get("residual")
             if along and plan.prestress is not None:  # the pose moves as if beams were rigid
                 plan, forces, kept = self._forces_on_rigid_parts(kept)
@@ -138,7 +142,8 @@ class Variants:
         known, there = ({part.name: part for part in model.declared_parts} for model in (self._model, still))
         entry = self._model.parameters.entry
         directions = [one for one in directions if all(
-            known[part] == there.get(part) for part in [entry(name).part for name, _ in one.rates])]  # fmt: skip
+            known[part] == there.get(part) and not isinstance(known[part], Gravity)  # weights of beams are constant
+            for part in [entry(name).part for name, _ in one.rates])]  # fmt: skip
         plan, values, kept = _plan_along(still, self._poses.names, self._poses.posed_model.cut, directions, True)
         return plan, forces_along_parameters(plan, values, _rates(kept)) if kept else None, kept
 

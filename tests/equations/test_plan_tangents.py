@@ -9,10 +9,12 @@ import mbsvib as mv
 from mbsvib.elements import bushing
 from mbsvib.equations.batch_assembly import batch_plan
 from mbsvib.equations.batch_values import checked
+from mbsvib.equations.beam_prestress import least_energy_forces
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_poses
 from mbsvib.linalg.products import signed_rows
 from mbsvib.sensitivities.pose_motion import VariantPoses
+from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import Variants
 from tests.golden.answers import linearized
 from tests.golden.store import scenes
@@ -97,3 +99,66 @@ def test_bushings_about_poses_next_to_their_own():
     for k in range(3):
         expected = (either[0][k] - either[1][k]) / 2e-5
         assert found[k].imag / step == pytest.approx(expected, rel=0.0, abs=1e-8)
+
+
+def test_forces_of_elements_that_are_zero_keep_their_slopes():
+    rows = np.array([[1.0, 1.0], [1.0, -1.0]])
+    forces = least_energy_forces(rows[None], rows[None], np.ones((1, 2)), np.array([[1.0 + 1e-30j, 1.0]]))[0]
+    assert forces.real.tolist() == pytest.approx([1.0, 0.0], abs=1e-15)
+    assert (forces.imag / 1e-30).tolist() == pytest.approx([0.5, 0.5])
+
+
+def test_steps_that_let_an_element_take_a_force_at_once_have_no_derivative():
+    rows, step = np.array([[1.0, 1.0], [1.0, -1.0], [0.0, 0.0]]), np.zeros((3, 2))
+    step[2, 0] = 1.0  # along the rows: their number stays
+    needed, root = np.ones((1, 2)) + 0j, np.ones((1, 3))
+    assert np.isfinite(least_energy_forces((rows + 1e-30j * step)[None], rows[None], root, needed)).all()
+    begins = np.c_[rows, 1e-30j * np.array([0.0, 0.0, 1.0])][None]
+    forces = least_energy_forces(begins, begins.real, root, np.c_[needed, 0.0])
+    assert np.isnan(forces.imag).all()
+    assert forces.real[0].tolist() == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+
+
+def suspended(**spin):
+    """A shaft on two bushings; it turns against the ground if it spins."""
+    model = mv.Model("shaft", gravity=(0, 0, -9.81))
+    model.add_body("shaft", 2.0, (0.02, 0.02, 0.01), position=(0, 0, 0))
+    for end, z in (("top", 0.3), ("foot", -0.3)):
+        model.add_bushing(end, "ground", "shaft", (0, 0, z), stiffness=(1e5, 2e5, 3e5, 40, 50, 0),
+                          damping=(20, 30, 40, 0, 0, 0), preload=(0, 0, 9.81, 0, 0, 0))  # fmt: skip
+    model.add_rotor("spin", "shaft", 100.0, (0, 0, 1), **spin)
+    return model
+
+
+def test_bearings_of_spinning_bodies_vary_at_once_where_the_spin_does_not_wind_them_up():
+    model = suspended()
+    names = ["top.stiffness.x", "foot.damping.y", "shaft.mass"]
+    plant = model.compile(parameters=names)
+    values = np.outer([1.0, 1.1, 0.7], plant.nominal)
+    values[:, 2] = plant.nominal[2]  # its weight is balanced
+    batch = plant(values)
+    assert plant._plan.at_once(batch.values)
+    for i, row in enumerate(values):
+        single = model.with_values(dict(zip(names, row, strict=True))).linearize()
+        for key in ("M", "C", "K"):
+            np.testing.assert_allclose(getattr(batch, key)[i], getattr(single, key), rtol=1e-14, atol=1e-9)
+    wound = model.compile(parameters=["top.stiffness.rz"])
+    with pytest.raises(mv.ModelError, match="wound up"):
+        wound([1.0])
+
+
+def test_differences_are_for_parameters_that_batches_do_not_take(monkeypatch):
+    model = suspended(inertia=0.005)
+    model.add_maxwell("strut", "ground", "shaft", (0.5, 0, 0), (0.1, 0, 0), stiffness=1e4, damping=20.0)
+    system, differenced = model.linearize(), []
+    extrapolated = Variants._extrapolated
+    monkeypatch.setattr(Variants, "_extrapolated", lambda self, at, scale, name: (
+        differenced.append(name), extrapolated(self, at, scale, name))[1])  # fmt: skip
+    names = ["strut.end.x", "shaft.mass", "top.stiffness.x", "strut.stiffness"]
+    directions = [Direction(name, ((name, 1.0),)) for name in names]
+    stepped = Variants(system, moves=False).slopes(directions)
+    assert differenced == ["'strut.end.x'"]
+    monkeypatch.setattr(Variants, "_add_tangents", lambda *_: None)
+    slopes = Variants(system, moves=False).slopes(directions)
+    for key in ("M", "C", "K"):
+        np.testing.assert_allclose(stepped[key], slopes[key], rtol=1e-7, atol=1e-7 * np.abs(slopes[key]).max())
