@@ -227,7 +227,7 @@ class _Alike:
         """Return masks of the variants whose numbers (rows, n) some of the parts might refuse, by name."""
         values = {field: numbers[at] for field, at in self.rows.items()}
         mask = np.broadcast_to(self.kind.suspects_among(values, self.nominal), (len(self.names), numbers.shape[1]))
-        return [(self.names[k], mask[k]) for k in mask.any(axis=1).nonzero()[0].tolist()]
+        return [(self.names[k], mask[k]) for k in np.flatnonzero(mask.any(axis=1)).tolist()]
 
 
 @dataclass(frozen=True, slots=True)
