@@ -397,7 +397,8 @@ def assembled_variants(plan: BatchPlan, values: Values, first: int, closure: Arr
     if rows is None:
         rows = minimal_rows(scene, relative, reduction)
     if plan.prestress is not None:
-        scene = plan.prestress.loaded(scene, relative, rows, plan.element_columns, values)
+        scene, begins = plan.prestress.loaded(scene, relative, rows, plan.element_columns, values)
+        lost |= begins
     terms = matrices(scene, rows, closed=reduction.matrix is not None)
     draft = Draft(plan.model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
                   nominal.coordinates, not stepped, pivots.kept, variants=variants)  # fmt: skip

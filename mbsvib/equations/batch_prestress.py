@@ -16,7 +16,7 @@ from mbsvib.kinematics.shared_rows import in_order, shared_rows
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.rows import ElementRows
     from mbsvib.elements.shared_rows import SharedRows
     from mbsvib.equations.batch_values import Values
@@ -67,8 +67,9 @@ class Prestress:
 
     def loaded(
         self, scene: Scene, relative: Triplets, minimal: MinimalRows, columns: Index, values: Values
-    ) -> Scene:
-        """Return the arrays of variants with the forces in elements, and the stiffness of bent lines.
+    ) -> tuple[Scene, Bools]:
+        """Return the arrays of variants with the forces in elements, and the stiffness of bent lines, and which complex
+        steps (n,) have no derivative, as an element takes a force at once.
 
         ``relative``: the relative displacements of the scene; ``minimal``: its rows in minimal coordinates;
         ``columns``: those of the elements.
@@ -81,12 +82,16 @@ class Prestress:
         axes = np.array([self.model.springs[name].orientation for name in names])
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
+        lost = np.isnan(preload.imag).any(axis=(-1, -2))
+        if lost.any():
+            preload.imag[lost] = 0.0
         turned = np.concatenate([(axes @ half[..., None])[..., 0] for half in (preload[..., :3], preload[..., 3:])], -1)
         stiffness = elastic.stiffness if elastic.stiffness.ndim == 2 else values.repeated(elastic.stiffness)
         stiffness[:, self.lines] = np.concatenate([rows.stiffness for rows in self._lines(preload, values)], axis=-1)
         elastic = replace(elastic, stiffness=stiffness)
-        return replace(scene, loads=(_with_wrenches(applied, at, turned), {}),
-                       shared=replace(scene.shared, elastic=elastic))  # fmt: skip
+        scene = replace(scene, loads=(_with_wrenches(applied, at, turned), {}),
+                        shared=replace(scene.shared, elastic=elastic))  # fmt: skip
+        return scene, lost
 
     def _forces(
         self, scene: Scene, relative: Triplets, minimal: MinimalRows, columns: Index, values: Values
