@@ -29,9 +29,9 @@ from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.kinematics.relative_motion import body_motion
-from mbsvib.linalg.least_norm import least_norm
+from mbsvib.linalg.least_norm import least_norm, rank_grows
 from mbsvib.linalg.products import concatenated
-from mbsvib.linalg.rank import EPS, STRAINED, ZERO_PRESTRESS
+from mbsvib.linalg.rank import DEPENDENT, EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -131,6 +131,8 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     if np.iscomplexobj(rows):
         change = np.sqrt(np.square(rows.imag * root.real[..., None]).sum(axis=-2))
         begins = (np.where(deforms, 0.0, change) > STRAINED * change.max(axis=-1, keepdims=True)).any(axis=-1)
+        unit = rows * root[..., None] / np.where(deforms, energy, 1.0)[..., None, :] * deforms[..., None, :]
+        begins |= rank_grows(unit.swapaxes(-1, -2), DEPENDENT)
         forces = forces.astype(complex)
         forces.imag[np.broadcast_to(begins, forces.shape[:-1])] = np.nan
     return forces
@@ -161,7 +163,8 @@ def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
     if len(row_of) < len(deformed):
         scaled = rows[..., deformed] * root[..., None]
         size = np.sqrt(np.square(scaled).sum(axis=-2))
-        energy = least_norm((scaled / size[..., None, :]).swapaxes(-1, -2), needed[..., deformed] / size, 1e-12)
+        unit = (scaled / size[..., None, :]).swapaxes(-1, -2)
+        energy = least_norm(unit, needed[..., deformed] / size, DEPENDENT)
         forces, size = root * energy, np.abs(energy.real)
         none = size <= ZERO_PRESTRESS * size.max(axis=-1, keepdims=True, initial=0.0)
         return np.where(none, forces - forces.real, forces)  # forces that are rounding keep their slopes

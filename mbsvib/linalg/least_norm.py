@@ -9,13 +9,13 @@ import numpy as np
 from mbsvib.linalg.rank import ZERO_ALONG
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
 
 
 def least_norm(a: Array, b: Array, least: float) -> Array:
     """Return x = A+ b, which minimizes |A x - b| and, among these, |x|.
 
-    The imaginary part of a complex step is the derivative at constant rank, not a number where the rank grows along it,
+    The imaginary part of a complex step is the derivative at constant rank,
 
     dx = A+ (db - dA x) + A+ A+^T dA^T (b - A x) + (1 - A+ A) dA^T A+^T x
 
@@ -41,14 +41,17 @@ def least_norm(a: Array, b: Array, least: float) -> Array:
     rest = _times(change.swapaxes(-1, -2), back(x))
     rest = rest - _times(right.swapaxes(-1, -2), kept * _times(right, rest))
     dx: Array = solved(b.imag - _times(change, x) + back(_times(change.swapaxes(-1, -2), open_by))) + rest
-    if not kept.all():
-        along = left.swapaxes(-1, -2) @ change
-        along = along - (along @ right.swapaxes(-1, -2) * kept[..., None, :]) @ right
-        grown, size = (np.sqrt(np.square(array).sum(axis=(-1, -2))) for array in (along * ~kept[..., None], change))
-        dx[grown > ZERO_ALONG * size] = np.nan
-    result = x.astype(complex)
-    result.imag = dx
-    return result
+    return np.asarray(x + 1j * dx)
+
+
+def rank_grows(a: Array, least: float) -> Bools:
+    """Return of which matrices (..., n, m) the rank grows along their complex step; ``least`` as of ``least_norm``."""
+    left, values, right = np.linalg.svd(a.real, full_matrices=False)
+    kept = values > least * values[..., :1]
+    along = left.swapaxes(-1, -2) @ a.imag
+    along = (along - (along @ right.swapaxes(-1, -2) * kept[..., None, :]) @ right) * ~kept[..., None]
+    grown, size = (np.square(array).sum(axis=(-1, -2)) for array in (along, a.imag))
+    return np.asarray(grown > ZERO_ALONG**2 * size)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

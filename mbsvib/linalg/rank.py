@@ -84,6 +84,8 @@ ZERO_PRESTRESS = 1e-14
 # Coordinates that strain elements by less than this share of the one that strains them most, or than joints would with
 # open loops (energies, as roots), do so by the rounding of loops; stiffnesses and lengths of one beam span far less.
 STRAINED = 1e-11
+# Deformations of elements that coordinates give depend on each other below this share of the largest singular value.
+DEPENDENT = 1e-12
 # Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that
 # are redundant as a whole the largest value is rounding too, and what they are open by then moves nothing.
 REDUNDANT_LOOPS = 1e-9
