@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
-from mbsvib.equations.batch_equations import FACTORS, BatchEquations
+from mbsvib.equations.batch_equations import FACTORS, BatchEquations, joined
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, linearized_variant, one_by_one, stacked
 from mbsvib.equations.batch_prestress import prestress
@@ -23,7 +23,7 @@ from mbsvib.equations.expansion import expanded
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_masses, unit_inertia
 from mbsvib.equations.loaded import spins_otherwise
-from mbsvib.equations.matrices import AXES, MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
+from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
 from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.scene import scene as scene_of
@@ -282,21 +282,6 @@ def batch_plan(
         with_nodes, scene = stated[0].model, stated[1]
     return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots,
                      prestress=None if stated is None else stated[0])  # fmt: skip
-
-
-def joined(parts: list[Any], key: str, count: int, size: int) -> Any:
-    """Return an array of all variants, from those of chunks; those that are constant have no axis of variants there."""
-    present = [part for part in parts if part is not None]
-    if not present:
-        return None
-    axes = 1 if key == "residual" else AXES.get(key, 2)
-    if len(parts) == 1 and present[0].ndim > axes:
-        return present[0]
-    array = next((part for part in present if part.ndim > axes), present[0])
-    if len(parts) > 1 and array.ndim > axes:
-        none = np.zeros((size, *array.shape[1:]))
-        array = np.concatenate([none[: count - size * k] if part is None else part for k, part in enumerate(parts)])
-    return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
 def _displacements(scene: Scene) -> tuple[Triplets, Array]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from mbsvib.equations.equations import Equations, Provenance
-from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices
+from mbsvib.equations.matrices import AXES, MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -227,3 +227,18 @@ def _provenance(batch: BatchEquations, k: int, parts: bool) -> Provenance:
 
     return replace(nominal, topology=replace(topology, joints=at(topology.joints)), parts=at(nominal.parts),
                    reduction=reduction, origin=None if origin is None else origin.with_changed(changed))  # fmt: skip
+
+
+def joined(parts: list[Any], key: str, count: int, size: int) -> Any:
+    """Return an array of all variants, from those of chunks; those that are constant have no axis of variants there."""
+    present = [part for part in parts if part is not None]
+    if not present:
+        return None
+    axes = 1 if key == "residual" else AXES.get(key, 2)
+    if len(parts) == 1 and present[0].ndim > axes:
+        return present[0]
+    array = next((part for part in present if part.ndim > axes), present[0])
+    if len(parts) > 1 and array.ndim > axes:
+        none = np.zeros((size, *array.shape[1:]))
+        array = np.concatenate([none[: count - size * k] if part is None else part for k, part in enumerate(parts)])
+    return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))

@@ -82,7 +82,7 @@ class Prestress:
         axes = np.array([self.model.springs[name].orientation for name in names])
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
-        lost = np.isnan(preload.imag).any(axis=(-1, -2))
+        lost: Bools = np.asarray(np.isnan(preload.imag).any(axis=(-1, -2)))
         if lost.any():
             preload.imag[lost] = 0.0
         turned = np.concatenate([(axes @ half[..., None])[..., 0] for half in (preload[..., :3], preload[..., 3:])], -1)

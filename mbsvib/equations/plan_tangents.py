@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_assembly import assembled_variants, joined
+from mbsvib.equations.batch_assembly import assembled_variants
+from mbsvib.equations.batch_equations import joined
 from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.matrices import MATRICES, Terms
 from mbsvib.equations.posed_scene import posed_scene
