@@ -32,11 +32,17 @@ CLEARLY_VALID = 1e-6
 SAFETY = 0.9
 
 
+_TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
+
+
+def tensors(entries: Array) -> Array:
+    """Return the inertia tensors (..., 3, 3) that are given by their entries (..., 6)."""
+    return entries.take(_TENSOR, axis=-1).reshape(*entries.shape[:-1], 3, 3)
+
+
 def _is_doubtful(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
     """Whether no body might have these inertias (6, bodies, variants)."""
-    entries = np.moveaxis(values[field], 0, -1)
-    tensor = entries[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*entries.shape[:-1], 3, 3)
-    low, middle, high = np.moveaxis(np.linalg.eigvalsh(tensor), -1, 0)
+    low, middle, high = np.moveaxis(np.linalg.eigvalsh(tensors(np.moveaxis(values[field], 0, -1))), -1, 0)
     slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)
     # diagonal entries must not be negative, even by rounding
     return np.asarray((low < -slack) | (low + middle < high - slack) | (values[field][:3] < 0.0).any(axis=0))

@@ -10,6 +10,7 @@ from scipy.linalg import lapack
 
 from mbsvib.common.arguments import IDENTITY
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements.body import tensors
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, MASSLESS
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 # Variants with smaller pivots of the scaled mass matrix are checked as single systems, with a lower limit.
 SUSPECT_MASS = 1e-12
-_TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
 @fast_init
@@ -50,7 +50,7 @@ class SpatialInertia:
 def inertia_tensor(body: Body) -> Array:
     """Return the inertia tensor (3, 3) of a body about its centre of mass, world axes."""
     axes = np.array(body.orientation)
-    return np.asarray(axes @ np.array(body.inertia)[_TENSOR].reshape(3, 3) @ axes.T)
+    return np.asarray(axes @ tensors(np.array(body.inertia)) @ axes.T)
 
 
 def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
@@ -79,20 +79,16 @@ def tensor_factors(inertia: Array) -> Array:
     Of tensors with small imaginary parts F has three more rows, those of their roots.
     """
     if np.iscomplexobj(inertia):
-        size, rows = np.linalg.eigh(_symmetric(inertia.imag))
+        size, rows = np.linalg.eigh(tensors(inertia.imag))
         imaginary = np.sqrt(1j * size)[..., None] * rows.swapaxes(-1, -2)
         return np.concatenate((tensor_factors(inertia.real), imaginary), axis=-2)
     try:
-        return np.asarray(np.linalg.cholesky(_symmetric(inertia)).astype(float, copy=False).swapaxes(-1, -2))
+        return np.asarray(np.linalg.cholesky(tensors(inertia)).astype(float, copy=False).swapaxes(-1, -2))
     except np.linalg.LinAlgError:
         # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
-        values, vectors = np.linalg.eigh(_symmetric(inertia))
+        values, vectors = np.linalg.eigh(tensors(inertia))
         values[values <= 4.0 * EPS * values[..., 2:]] = 0.0
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2), dtype=float)
-
-
-def _symmetric(entries: Array) -> Array:
-    return entries.take(_TENSOR, axis=-1).reshape(*entries.shape[:-1], 3, 3)
 
 
 def check_mass(mass: Array, names: tuple[str, ...]) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.elements.body import tensors
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.families import has_rows
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
 
 # Kinds of parts that are springs of the network; others are made of these.
 SPRINGS = ("spring", "element")
-_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
 # Factors of stiffness, damping and inertia of which one is 1.
 _POWERS = tuple([(one[0], one[1], one[2]) for one in np.eye(3)])
@@ -174,7 +174,7 @@ def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> N
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
     position, axes = np.array([body.position for body in bodies]), np.array([body.orientation for body in bodies])
-    tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
+    tensor = tensors(np.array([body.inertia for body in bodies]))
     every = np.concatenate((point, position))
     centre = 0.5 * (every.min(axis=0) + every.max(axis=0))
     six = np.tile(_SIX, (len(first), 1)).T
@@ -186,7 +186,7 @@ def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> N
         np.array(topology.floating, dtype=np.intp), kinematics.constraints(bodies, number, centre), centre,
     )  # fmt: skip
     matrices = Coefficients(
-        np.array([body.mass for body in bodies]), axes @ tensors @ axes.transpose(0, 2, 1),
+        np.array([body.mass for body in bodies]), axes @ tensor @ axes.transpose(0, 2, 1),
         *element_matrices(springs, point[len(joints) :]),
         None if plain is None else shared_forces(plain, bodies, number, kinematics),
     )  # fmt: skip
