@@ -54,16 +54,17 @@ def matrix_subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     """Return vectors that span the k lowest modes, or the k nearest to a frequency ``near`` [Hz], and some more."""
     quadratic, dof = quadratic_of(system), system.dof
     centre, requested = 2.0 * np.pi * near, k + GUARDS
-    t = _operator(system, -BELOW * quadratic.speed**2)
-    if k < dof and (growing := t.factor.negative(system.layout)):
+    below = -BELOW * quadratic.speed**2
+    if centre <= SLOW * quadratic.speed:
+        t, centre = _operator(system, below), 0.0
+        growing = t.factor.negative(system.layout)
+    else:
+        t, growing = _apart(system, centre), count_below(system, below)  # which keeps no factors
+        requested += k // 2
+    if growing and k < dof:
         warnings.warn(f"modes: the stiffness of '{system.name}' is negative for {counted(growing, 'mode')}, which may "
                       f"not be among the {k} asked for: they grow. Check the matrices, or give dense ones for all "
                       f"modes.", UnstableWarning, stacklevel=2)  # fmt: skip
-    if centre <= SLOW * quadratic.speed:
-        centre = 0.0
-    else:
-        t = _apart(system, centre)
-        requested += k // 2
     if dof <= max(FEW, 2 * requested):
         return _all_modes(t, centre)
     missed = None
