@@ -131,7 +131,9 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     if np.iscomplexobj(rows):
         change = np.sqrt(np.square(rows.imag * root.real[..., None]).sum(axis=-2))
         begins = (np.where(deforms, 0.0, change) > STRAINED * change.max(axis=-1, keepdims=True)).any(axis=-1)
-        unit = rows * root[..., None] / np.where(deforms, energy, 1.0)[..., None, :] * deforms[..., None, :]
+        used = deforms.reshape(-1, deforms.shape[-1]).any(axis=0)
+        per_energy = deforms / np.where(deforms, energy, 1.0)
+        unit = (rows * root[..., None])[..., used] * per_energy[..., None, used]
         begins |= rank_grows(unit.swapaxes(-1, -2), DEPENDENT)
         forces = forces.astype(complex)
         forces.imag[np.broadcast_to(begins, forces.shape[:-1])] = np.nan
