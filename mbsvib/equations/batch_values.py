@@ -121,7 +121,6 @@ class Values:
         return Values(self.numbers[:, start:stop], self.slots, self.index, displacements)
 
 
-
 def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
     """Return the values of a batch, checked as those of a model.
 

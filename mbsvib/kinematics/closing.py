@@ -77,7 +77,7 @@ class Reached:
                        self.doubtful[which])  # fmt: skip
 
     def with_some(self, which: Index | Mask, others: Reached) -> Reached:
-        """Return the same with some of them replaced, in place."""
+        """Replace some of them, in place, and return all, without what the poses before had cached."""
         for name in ("q", "opening", "rounding", "closure", "error", "travel", "doubtful"):
             getattr(self, name)[which] = getattr(others, name)
         for mine, inverse in zip(self.inverses, others.inverses, strict=True):

@@ -35,7 +35,6 @@ from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
 
