@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.cycles.expressions import Statement, statement
 from mbsvib.cycles.following import ACCEPTED, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
+from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_block import elastic_blocks
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
@@ -31,6 +32,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
+
+# Motions are looked at in steps of at most this [rad] for angles that are passed between samples; it is less than the
+# angles beyond the limit, from 3 rad to 2 pi - 3 rad.
+LOOK = 0.25
 
 
 @dataclass(frozen=True)
@@ -156,6 +161,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     loops = DrivenLoops(kinematics.names, driven, closures, max(ACCEPTED, plant.rounding),
                         kinematics.no_turns)  # fmt: skip
     q = followed(loops, motion)
+    _check_angles(plant, expressions, q)
     matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent
     inverse = np.linalg.pinv(matrix[:, :, depends]) if len(depends) else np.zeros((len(q), 0, len(row_units)))
@@ -168,3 +174,27 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     qdd = np.einsum("snm,sm->sn", coefficients, motion.accelerations)
     qdd[:, depends] -= (inverse @ (bias / row_units)[:, :, None])[:, :, 0] * units[depends]
     return Solved(q, qd, qdd, coefficients, driven)
+
+
+def _check_angles(plant: Machine, expressions: Statement, q: Array) -> None:
+    """Refuse springs that the motion q (samples, n) from the described pose on turns beyond where moments are defined.
+    """
+    angles = {name: part.angle for name, part in expressions.motion.connections.items() if part.angle is not None}
+    if not angles:
+        return
+    kinematics = expressions.motion.motion
+    way = np.concatenate((np.zeros((1, q.shape[1])), q))
+    counts = 1 + (np.abs(np.diff(way[:, kinematics.turns], axis=0)).sum(axis=1) / LOOK).astype(int)
+    poses = np.concatenate([np.linspace(a, b, n + 1)[1:] for a, b, n in zip(way[:-1], q, counts, strict=True)])
+    function = expressions.compiled("angles", lambda: (ca.vertcat(*angles.values()),))
+    zero = np.zeros(q.shape[1])
+    beyond = np.argwhere(~(evaluated(function, poses, zero, zero, plant.values(expressions), plant.about)[0]
+                           <= LARGEST_ANGLE))  # fmt: skip
+    if len(beyond):
+        at, which = beyond[0]
+        name = list(angles)[which]
+        driven = poses[at][[kinematics.names.index(drive) for drive in plant.motion.names]]
+        raise ModelError(f"cycle: at {plant.motion.words(driven)} '{name}' is turned so far from the pose as described "
+                         f"that its moment is no longer defined (limit {np.degrees(LARGEST_ANGLE):.0f} degrees). "
+                         f"Describe the model in the middle of the motion, or ask for less of it.",
+                         element=name, field="motion")  # fmt: skip

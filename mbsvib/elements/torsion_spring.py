@@ -124,7 +124,7 @@ def about(
     x, y, z = np.moveaxis(vector, -1, 0)
     square, swing = w * w + z * z, np.hypot(x.real, y.real)
     angle = 2.0 * arctan2(z, w)
-    lost = np.argwhere((square < LARGEST_SWING) | (np.abs(angle) > bushing.LARGEST_ANGLE))
+    lost = np.argwhere((square < LARGEST_SWING) | (np.abs(angle) > bushing.LARGEST_ANGLE) & (stiffness != 0.0))
     if len(lost):
         at = tuple(lost[0].tolist())
         who, across = f"torsion spring '{parts[at[-1]].name}'", degrees(2.0 * atan2(swing[at], sqrt(square[at])))

@@ -6,12 +6,13 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
+from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
@@ -37,6 +38,9 @@ M = TypeVar("M", bound=Mechanism)
 
 # Frames from the warning up to the call of the user.
 USER = 6
+# Motions that turn bodies by more than springs allow are looked at in steps of at most this [rad], less than the angles
+# beyond the limit of springs, from 3 rad to 2 pi - 3 rad.
+LOOK = 0.25
 
 
 def moved(
@@ -79,7 +83,8 @@ def moved(
     stiff = with_rigid_parts(model)
     cut_joints = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
     try:
-        return model_in_pose(model, rigid_pose(stiff, displacements, cut_joints), relaxed)
+        pose = rigid_pose(stiff, displacements, cut_joints, {} if relaxed else model.springs)
+        return model_in_pose(model, pose, relaxed)
     except ModelError:
         if relaxed or not model.composed or not set(displacements) <= _all_coordinates(stiff):
             raise
@@ -89,10 +94,14 @@ def moved(
         return bent
 
 
-def rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: Sequence[str] | None) -> Pose:
-    """Return the pose of a mechanism whose parts are rigid, by displacements of joint coordinates [m, rad]."""
+def rigid_pose(
+    stiff: Mechanism, displacements: Mapping[str, float], cut: Sequence[str] | None, springs: Mapping[str, Any]
+) -> Pose:
+    """Return the pose of a mechanism whose parts are rigid, by displacements of joint coordinates [m, rad]; ``springs``
+    as of ``Poses.at``.
+    """
     poses = stiff.derived(Poses.of, tuple(displacements), None if cut is None else tuple(cut))
-    return poses.at(np.array([list(displacements.values())]))[0]
+    return poses.at(np.array([list(displacements.values())]), springs=springs)[0]
 
 
 @dataclass(frozen=True)
@@ -142,11 +151,14 @@ class Poses:
         """Return the same for many poses: the first guess of each is of second order."""
         return replace(self, closing=replace(self.closing, curved=self.places))
 
-    def at(self, values: Array, caller: str = "moved", first: int | None = None) -> Pose:
+    def at(
+        self, values: Array, caller: str = "moved", first: int | None = None, springs: Mapping[str, Any] | None = None
+    ) -> Pose:  # fmt: skip
         """Return the poses for displacements (v, p) [m, rad], of which all are reached, or a ``ModelError``.
 
         ``caller`` is named in messages, with the number of the pose from ``first``, if given. Complex displacements are
-        steps from those that their real parts are.
+        steps from those that their real parts are. ``springs`` are refused where the way to a pose turns them beyond
+        where their moment is defined; default: none take a moment from the motion.
         """
         if np.iscomplexobj(values):
             return self._along(values)
@@ -159,7 +171,24 @@ class Poses:
                                     caller if first is None else f"{caller} {first + i}")  # fmt: skip
         for i in np.flatnonzero(reached.doubtful).tolist():
             self._warn_of_dead_point(reached, i, values[i], caller if first is None else f"{caller} {first + i}")
+        families: dict[type[Any], list[Any]] = {}
+        for part in (springs or {}).values():
+            if part.law is not None and part.law.rotations is not None:
+                families.setdefault(type(part), []).append(part)
+        if families:
+            self._check_turns(target, reached.q, families)
         return reached.pose
+
+    def _check_turns(self, target: Array, q: Array, families: Mapping[type[Any], list[Any]]) -> None:
+        """Let springs refuse poses on the way to others, with the values q (v, n), that turn them too far."""
+        turns = [name.rpartition(".")[2][0] == "r" for name in self.closing.kinematics.coordinates.names]
+        turned = np.abs(q[:, turns]).sum(axis=1)
+        for i in np.flatnonzero(turned > LARGEST_ANGLE).tolist():
+            count = int(turned[i] / LOOK) + 1
+            way = self.closing.poses(np.arange(1, count)[:, None] / count * target[i])[0].pose
+            for k in range(count - 1):
+                for family, parts in families.items():
+                    family.all_in_pose(parts, way[k], False)
 
     def _warn_of_dead_point(self, reached: Reached, i: int, values: Array, caller: str) -> None:
         """Warn if the loops that rounding leaves open hide where the dependent coordinates of a pose are."""

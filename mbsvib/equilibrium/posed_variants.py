@@ -60,8 +60,12 @@ class PosedVariants:
 
     def poses_of(self, values: Values, first: int) -> Pose:
         """Return the poses of some variants, ``first`` the number of the first of them."""
+        return self.at(np.array([values.displacements[name] for name in self.names]).T, first)
+
+    def at(self, displacements: Array, first: int) -> Pose:
+        """Return the poses for displacements (v, r), ``first`` the number of the first of them."""
         assert self.poses is not None
-        return self.poses.at(np.array([values.displacements[name] for name in self.names]).T, "variant", first)
+        return self.poses.at(displacements, "variant", first, {} if self.relaxed else self.model.springs)
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ class _Variants:
             self.chunks[first] = None
             try:
                 if posed.poses is not None:
-                    self.chunks[first] = posed.poses.at(self.displacements[first : first + CHUNK], "variant", first)
+                    self.chunks[first] = posed.at(self.displacements[first : first + CHUNK], first)
             except ModelError:
                 if posed.relaxed or not posed.model.composed:
                     raise  # parts that bend may reach poses that rigid ones do not

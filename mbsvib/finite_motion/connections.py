@@ -59,7 +59,8 @@ def connected(part: Any, motion: Kinematics) -> Connected:
     x, described = deformed(part, columns, motion)
     k, c, b = (_coefficients(part, field, numbers) for field in (law.stiffness, law.damping, law.inertance))
     rest = _force_at_rest(part, law, numbers, k, described)
-    angle = _largest_angle(x, law.rotations, [k, c, rest])
+    # a damper about one axis needs the rate of its angle alone, which has no limit
+    angle = _largest_angle(x, law.rotations, [k, rest] if x.shape[0] == 1 else [k, c, rest])
     if angle is not None:  # beyond the limit the moment is no number, so that nothing goes on with it
         defined = ca.if_else(angle < LARGEST_ANGLE, 1.0, ca.SX(np.nan))
         k, c = k * defined, c * defined
@@ -141,5 +142,5 @@ def _largest_angle(x: Expression, rotations: slice | None, moments: list[Express
     """The size of the rotation among a deformation, None where no moment acts on it."""
     if rotations is None:
         return None
-    acting = [value for value in moments if (value[rotations, :] if value.shape[0] == x.shape[0] else value).nnz()]
+    acting = [value for value in moments if ca.sparsify(ca.SX(value))[rotations, :].nnz()]
     return ca.norm_2(x[rotations]) if acting else None

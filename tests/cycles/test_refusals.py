@@ -154,3 +154,38 @@ def test_drives_that_push_have_forces():
     assert model.cycle(motion=motion).table()["rows"] == [
         ("shaking force [N]", "4", "4"), ("shaking moment [N m]", "3", "3"), ("force at j.z [N]", "24", "24"),
         ("torque at j.rz [N m]", "3", "3")]  # fmt: skip
+
+
+@pytest.mark.parametrize("samples", [7, 2])
+def test_springs_that_are_turned_beyond_their_limit(samples):
+    """Also between samples, and on the way from the described pose: a spring that is wound up does not come back."""
+    model = disk()
+    model.add_torsion_spring("coil", "ground", "disk", (0, 0, 1), 0.3)
+    with pytest.raises(mv.ModelError, match="'coil' is turned so far") as error:
+        model.cycle("hinge.rz", 4.5 * np.arange(1, samples + 1) / samples, speed=1.0)
+    assert 3.0 < angle_in(error) < TURN - 3.0
+    assert model.cycle("hinge.rz", [2.9, -2.9], speed=1.0).torque == pytest.approx([0.87, -0.87], rel=1e-12)
+
+
+def test_dampers_and_bushings_of_forces_alone_turn_without_limit():
+    model = disk()
+    model.add_torsion_spring("bearing", "ground", "disk", (0, 0, 1), damping=0.1)
+    model.add_bushing("mount", "ground", "disk", (0, 0, 0), (1e5, 1e5, 1e5, 0, 0, 0))
+    torque = model.cycle("hinge.rz", TURN * np.arange(8) / 8, speed=5.0).torque
+    assert torque == pytest.approx(np.full(8, 0.5), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_dampers_and_bushings_of_forces_alone_turn_without_limit_in_runs():
+    model = disk()
+    model.add_torsion_spring("bearing", "ground", "disk", (0, 0, 1), damping=0.1)
+    model.add_bushing("mount", "ground", "disk", (0, 0, 0), (1e5, 1e5, 1e5, 0, 0, 0))
+    run = model.simulate([0.0, 1.0, 2.0], initial={"hinge.rz": (0.0, 9.0)})
+    assert run.coordinates["hinge.rz"] == pytest.approx(9.0 * (1.0 - np.exp(-run.time)), rel=1e-7)
+
+
+def disk():
+    model = mv.Model("disk")
+    model.add_body("disk", 1.0, (0.1, 0.1, 0.1))
+    model.add_joint("hinge", "revolute", "ground", "disk", (0, 0, 0), axis=(0, 0, 1))
+    return model

@@ -330,3 +330,46 @@ def test_axes_of_joints_turn_with_their_first_bodies():
     np.testing.assert_allclose(there.linearize().D[:, 0], [np.cos(0.7), -np.sin(0.7)], rtol=0, atol=1e-12)
     plant = model.compile("b.mass", pose=["j1.rz", "j2.rz"], relaxed=True)
     np.testing.assert_allclose(plant([1.0, 0.7, 0.2]).D[:, 0], [np.cos(0.7), -np.sin(0.7)], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("bushing", [False, True])
+@pytest.mark.parametrize("angle", [4.0, -7.0])
+def test_springs_that_are_wound_beyond_their_limit_on_the_way_are_refused(bushing, angle):
+    """The angle between two poses does not tell how often a spring was turned: 4 rad are not -2.28 rad."""
+    model = wound(4.0, bushing=bushing)
+    with pytest.raises(mv.ModelError, match=r"'coil'.* turned by 1[78]\d degrees"):
+        model.moved({"hinge.rz": angle})
+    with pytest.raises(mv.ModelError, match=r"'coil'.* turned by 1[78]\d degrees"):
+        model.compile("disk.mass", pose="hinge.rz")([1.0, angle])
+    assert model.moved({"hinge.rz": angle}, relaxed=True).springs["coil"].preload is None
+    half = model.moved({"hinge.rz": 0.4 * angle}).springs["coil"].preload
+    twice = model.moved({"hinge.rz": 0.4 * angle}).moved({"hinge.rz": 0.4 * angle}).springs["coil"].preload
+    assert_allclose(np.ravel(twice)[-1], 2 * np.ravel(half)[-1], rtol=1e-12)
+
+
+def test_springs_behind_a_gear_are_wound_by_its_ratio():
+    model = wound(4.0, gear=5.0)
+    assert_allclose(model.moved({"shaft.rz": 0.3}).springs["coil"].preload, -4.0 * 1.5, rtol=1e-12)
+    with pytest.raises(mv.ModelError, match="'coil'"):
+        model.moved({"shaft.rz": 0.9})
+
+
+def test_dampers_about_an_axis_turn_without_limit():
+    model = wound(0.0, damping=0.1)
+    assert model.moved({"hinge.rz": 3.1}).moved({"hinge.rz": 9.0}).springs["coil"] == model.springs["coil"]
+
+
+def wound(stiffness, damping=0.0, gear=None, bushing=False):
+    """A disk on a hinge with a spring about it, and a shaft that drives it."""
+    model = mv.Model("wound")
+    model.add_body("disk", 1.0, (0.1, 0.1, 0.1))
+    model.add_joint("hinge", "revolute", "ground", "disk", (0, 0, 0), axis=(0, 0, 1))
+    if bushing:
+        model.add_bushing("coil", "ground", "disk", (0, 0, 0), (0, 0, 0, 0, 0, stiffness))
+    else:
+        model.add_torsion_spring("coil", "ground", "disk", (0, 0, 1), stiffness, damping)
+    if gear is not None:
+        model.add_body("pinion", 1.0, (0.1, 0.1, 0.1))
+        model.add_joint("shaft", "revolute", "ground", "pinion", (1, 0, 0), axis=(0, 0, 1))
+        model.add_gear("mesh", "shaft", "hinge", gear)
+    return model
