@@ -262,14 +262,15 @@ class Model(
         ModelError
             If a parameter or value is unknown or refused, or there are fewer numbers than values.
         ResponseError
-            If a channel has no partner in the model, or a line is at a pole.
+            If a channel has no partner in the model, or a unit of unknown scale and no gain, or a line is at a pole.
         EquilibriumError, SingularPoseError
             If a value at the start is no mechanism.
 
         Warns
         -----
         AccuracyWarning
-            If the data are modes alone, and one without a shape is so far from those of the model that it may be any.
+            If the data are modes alone, and one without a shape is so far from those of the model that it may be any;
+            if the phases of responses turn against those of the model, as those of complex conjugates do.
 
         Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012), section 9.
         """

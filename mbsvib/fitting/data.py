@@ -50,7 +50,8 @@ def response_data(
     number of the first of these values; ``known``: names of values
     that there are.
     """
-    match, outputs, inputs = measurement.matched(scene.model), scene.plant.outputs, scene.plant.inputs
+    match = _scaled(measurement.matched(scene.model), kinds, name)
+    outputs, inputs = scene.plant.outputs, scene.plant.inputs
     rows = np.array([outputs.index(one) for one in match.output_names], dtype=np.intp)
     columns = np.array([inputs.index(one) for one in match.input_names], dtype=np.intp)
     responses = np.moveaxis(measurement.responses, 2, 0)
@@ -71,6 +72,16 @@ def response_data(
         name, number, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
         whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, is_known,
     ), added  # fmt: skip
+
+
+def _scaled(match: Matching, kinds: Sequence[str], name: str) -> Matching:
+    """The same; channels in volts or unknown units are refused unless their gains are fitted."""
+    for partner in () if "gain" in kinds else (*match.outputs, *match.inputs):
+        if not partner.scale_known:
+            raise ResponseError(f"fit: the channel '{partner.measured}' of {name} is in {partner.measured_unit}, that "
+                                f"of the model in {partner.unit}, and the factor between them is not known; fit it, "
+                                f"channels=['gain'], or convert the data to SI units: m, rad, N, N m, m/s, m/s^2.")
+    return match
 
 
 def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Complex, Array]:
@@ -130,7 +141,8 @@ def record_data(
     records: Records, name: str, number: int, scene: Any, kinds: Sequence[str], first: int, known: Sequence[str]
 ) -> tuple[RecordData, list[Channel]]:
     """Return time records as data, and the values of their channels, as ``response_data`` does."""
-    match, outputs, inputs = records.matched(scene.model), scene.plant.outputs, scene.plant.inputs
+    match = _scaled(records.matched(scene.model), kinds, name)
+    outputs, inputs = scene.plant.outputs, scene.plant.inputs
     for partner in match.inputs:
         if partner.derivatives:
             raise ResponseError(f"fit: the input '{partner.measured}' of {name} is in {partner.measured_unit}, that of "

@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
+from warnings import warn
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
-from mbsvib.fitting.channels import Channels, values_of
+from mbsvib.errors import AccuracyWarning, ResponseError
+from mbsvib.fitting.channels import HELD, Channels, values_of
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
 
 if TYPE_CHECKING:
@@ -158,9 +159,14 @@ def _slopes(changes: list[Any], left: Complex, right: Complex, s: Complex) -> Co
 LOG_DEVIATION = 0.2
 # With fewer averages than MANY a line counts no more than so many times as much as so many lines to both sides.
 MANY, MOST_WEIGHT, AROUND = 10, 10.0, 7
+# Mean sine of the phase of a model over some lines from which its sign is that of a measurement, too.
+TURNED = 0.05
 # Delays are looked for up to so many periods of the highest line, in steps of this share of one.
 PERIODS, STEP = 5, 0.05
 
+# Noise that is not known: constant parts tried in its variance, over the median of |H|^2 beside |H|^2, and the gain of
+# log-likelihood beyond which chance does not make it depend on the response.
+FLOORS, LIKELIER = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0
 # Residuals below this share of what was measured are rounding of exact data.
 EXACT = 1e-10
 
@@ -250,14 +256,25 @@ class ResponseData:
         return 2 * int((self.weight > 0.0).sum())
 
     def reweighted(self, residual: Complex, share: float) -> ResponseData:
-        """Return the same with the noise of each output as large as its residuals (n, outputs, inputs) tell.
+        """Return the same with the noise of each output that its residuals (n, outputs, inputs) tell: a constant, or
+        sigma^2 = s (c + |H|^2) where that is likelier by more than chance.
 
         ``share``: numbers over numbers less fitted values.
         """
-        counts = (self.weight > 0.0).sum(axis=(0, 2))
-        power = (np.abs(residual) ** 2).sum(axis=(0, 2)) * share / np.maximum(1, 2 * counts)
-        scale = np.where(power > 0.0, 1.0 / np.sqrt(np.where(power > 0.0, power, 1.0)), 1.0)
-        return replace(self, weight=self.weight * scale[:, None])
+        counts, weight = self.weight > 0.0, self.weight.copy()
+        off = residual / np.where(counts, weight, 1.0)
+        power, size = np.abs(off) ** 2, np.abs(self.measured + off) ** 2
+        for o in range(weight.shape[1]):
+            p, h, known = power[:, o], size[:, o], counts[:, o]
+            if not p[known].any():
+                continue
+            shapes = [np.ones_like(h), *(c * np.median(h[known]) + h for c in FLOORS if h[known].any())]
+            scales = [(p / v)[known].mean() for v in shapes]
+            likely = [-np.log(s * v[known]).sum() for s, v in zip(scales, shapes, strict=True)]
+            k = int(np.argmax(likely))
+            k = k if likely[k] - likely[0] > LIKELIER else 0
+            weight[:, o] = np.where(known, np.sqrt(2.0 / (share * scales[k] * shapes[k])), 0.0)
+        return replace(self, weight=weight)
 
     def fitted(self, equations: Any, values: Array) -> Complex:
         """Return what the model says (n, outputs, inputs), NaN where nothing was measured."""
@@ -271,6 +288,8 @@ class ResponseData:
         counts = (self.weight > 0.0) & (model != 0.0) & (self.measured != 0.0)
         ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
         turn = np.where(counts, ratio / np.abs(ratio), 0.0)
+        if (channels.delay == HELD).all():
+            self._check_phases(np.where(counts, model, 0.0))
         for o in np.flatnonzero(channels.delay >= 0).tolist():
             delays = np.arange(-1.0, PERIODS, STEP) * (2.0 * np.pi / self.omega.max())
             fits = np.abs((np.exp(1j * np.outer(delays, self.omega)) @ turn[:, o]).real).sum(axis=1)
@@ -288,6 +307,23 @@ class ResponseData:
         for i in np.flatnonzero(channels.input_gain >= 0).tolist():
             values[channels.input_gain[i]] = _gain(size[:, :, i], turn[:, :, i], counts[:, :, i])
         return values
+
+
+    def _check_phases(self, model: Complex) -> None:
+        """Warn if phases turn against those of the model, over steps of 1, 2, 4, ... lines."""
+        steps = [2**k for k in range((len(model) - 1).bit_length())]
+        expected, turn = np.array([(_turn(model, step), _turn(self.measured, step)) for step in steps] or [(0, 0)]).T
+        if np.abs(expected).max() > TURNED and expected @ turn < -0.5 * (expected @ expected):
+            warn(f"fit: the phases of {self.name} turn against those of the model over the frequency. If its responses "
+                 f"are those of exp(-i w t), give their complex conjugates, np.conj(responses).", AccuracyWarning,
+                 stacklevel=6)  # fmt: skip
+
+
+def _turn(responses: Complex, step: int) -> float:
+    """Mean over pairs of the sine of the phase over some lines, weighted with the size of responses."""
+    product = responses[step:] * responses[:-step].conj()
+    size = np.abs(product).sum(axis=0)
+    return float((product.imag.sum(axis=0) / np.where(size > 0.0, size, 1.0)).mean())
 
 
 def _gain(size: Array, turn: Complex, counts: Bools) -> float:

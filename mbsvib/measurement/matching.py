@@ -66,6 +66,11 @@ class Partner:
     distance: float | None
     angle: float | None
 
+    @property
+    def scale_known(self) -> bool:
+        """Whether the measured unit is an SI unit or not stated; volts and unknown units have any scale."""
+        return self.unit not in _KINDS or self.measured_unit in {"", *_KINDS}
+
 
 @dataclass(frozen=True, repr=False)
 class Matching(Columnar, Displayed):

@@ -1,12 +1,14 @@
 """Fits of models to simulated measurements: values, intervals, channels, and what the data do not tell."""
 
 import pickle
+from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.errors import ModelError, ResponseError
+from mbsvib.errors import AccuracyWarning, ModelError, ResponseError
 from mbsvib.fitting.knowledge import combinations
 from tests.fitting.scenes import away, chain, measured
 
@@ -402,3 +404,35 @@ def test_a_wrong_structure_shows_without_stated_noise(change):
     test = chain().fit(data, ["k0.stiffness"]).residual_test
     assert not test.passed
     assert test.correlation > 0.4
+
+
+def test_noise_in_proportion_to_responses_is_told_by_residuals():
+    """Intervals are those of noise that is stated, and residuals are noise."""
+    model = chain()
+    known = measured(model, OMEGA, 0.02, 5, ["z2"], ["F"])
+    fit, stated = (model.fit(data, "k*.stiffness") for data in (replace(known, variance=None), known))
+    assert fit.residual_test.passed
+    widths = [[np.log(high / low) for low, high in one.intervals.values()] for one in (fit, stated)]
+    np.testing.assert_allclose(widths[0], widths[1], rtol=0.2)
+
+
+def test_channels_of_unknown_scale_take_a_gain():
+    model = chain()
+    data = measured(model, OMEGA[::4], 0.0, 0, ["z1", "z2"], ["F"])
+    volts = replace(data, responses=50.0 * data.responses, output_units=["V", "V"], input_units=["N"])
+    with pytest.raises(ResponseError, match=r"'z1' of data 1 is in V, that of the model in m.*channels=\['gain'\]"):
+        model.fit(volts, "k1.stiffness")
+    fit = model.fit(volts, "k1.stiffness", channels="gain")
+    assert fit.values["z1.gain"] == pytest.approx(50.0)
+    t = np.arange(40.0)
+    with pytest.raises(ResponseError, match="'z1' of data 1 is in EU"):
+        model.fit(mv.Records(t, {"F": t**2 % 5.0}, {"z1": t**2 % 7.0}, output_units=["EU"]), "k1.stiffness")
+
+
+@pytest.mark.parametrize(("seed", "turn"), [(1, np.asarray), (2, np.asarray), (1, np.conj), (2, np.conj)])
+def test_conjugated_responses_are_told(seed, turn):
+    model = chain()
+    data = measured(model, OMEGA, 0.05, seed, ["z0", "z2"], ["F"])
+    data = replace(data, responses=turn(data.responses))
+    with pytest.warns(AccuracyWarning, match="phases of data 1 turn") if turn is np.conj else nullcontext():
+        away(model, FREE, 0.2, 1).fit(data, "k1.stiffness")
