@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
-from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arguments import DIRECTIONS, refuse
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.superelement_files import Reduced, read_abaqus, read_mat, read_op4, read_punch
 from mbsvib.errors import ModelError
@@ -48,6 +48,8 @@ def system(reduced: Reduced, nodes: Iterable[int], name: str = "part") -> System
     for k, (node, component) in enumerate(reduced.labels):
         if component:
             of.setdefault(node, []).append(k)
+    if not hasattr(nodes, "__iter__"):
+        raise refuse("system", "nodes", nodes, "a list of grid points")
     for node in nodes:
         if node not in of:
             raise ModelError(f"system: there is no node {node} among the {len(of)} of the labels of '{name}'.",

@@ -115,6 +115,15 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     return float(array)
 
 
+def limits(low: Any, high: Any, caller: str) -> tuple[float, float]:
+    """Return two limits as floats, the lower one first; infinite ones are none."""
+    expected = "two numbers, the lower one first"
+    ends = reals([low, high], caller, "limits", expected)
+    if ends.shape != (2,) or not ends[0] <= ends[1]:
+        raise ResponseError(f"{caller}: limits = {shown([low, high])}; expected {expected}.")
+    return float(ends[0]), float(ends[1])
+
+
 def positive(caller: str, field: str, value: Any, expected: str) -> float:
     """Return a finite number above 0."""
     if (number := real(value, caller, field, f"{expected}, above 0")) <= 0.0:

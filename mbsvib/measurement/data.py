@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common.arguments import shown
 from mbsvib.common.columnar import Columnar, by_pair
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import limits, reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted, nearest
@@ -271,9 +271,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         Raises
         ------
         ResponseError
-            If there is no line between them.
+            If there is no line between them, or they are not two numbers, the lower one first.
         """
-        f = self.frequencies
+        f, (low, high) = self.frequencies, limits(low, high, "within")
         if not (lines := (f >= low) & (f <= high)).any():
             known = f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {known}.")

@@ -13,7 +13,7 @@ from mbsvib.api.batch import Batch
 from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_model
+from mbsvib.common.expected import a_model, limits
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import resolved
@@ -190,8 +190,13 @@ class Tolerances(Columnar, Displayed):
         -------
         float
             From 0 to 1; samples that failed are not within.
+
+        Raises
+        ------
+        ModelError, ResponseError
+            If there is no such number, or the limits are not two numbers, the lower one first.
         """
-        values = self.sampled[:, self.index(label)]
+        values, (low, high) = self.sampled[:, self.index(label)], limits(low, high, "within")
         return float(((values >= low) & (values <= high)).mean())
 
     def index(self, label: str) -> int:

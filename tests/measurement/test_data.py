@@ -80,6 +80,12 @@ def test_parts_of_the_data():
         data.within(1.0, 2.0)
 
 
+@pytest.mark.parametrize("ends", [("a", 10), ((1.0, 2.0), (3.0, 4.0)), (0.5, 0.3), (np.nan, 1.0)])
+def test_limits_are_two_ascending_numbers(ends):
+    with pytest.raises(mv.ResponseError, match=r"within: limits = .*; expected two numbers, the lower one first"):
+        roved().within(*ends)
+
+
 def test_parts_keep_all_that_belongs_to_channels_and_lines():
     """Each array and each text of some channels, in their order, and of some lines, both ends among them."""
     rng = np.random.default_rng(0)

@@ -106,6 +106,8 @@ def test_samples_that_fail_are_not_within():
     failed = int(result.sweep.failed.sum())
     assert 0 < failed < 60
     assert result.within(result.labels[0]) == pytest.approx(1.0 - failed / 200)
+    with pytest.raises(mv.ResponseError, match=r"within: limits = .*expected two numbers"):
+        result.within(result.labels[0], "low")
     assert f"{failed} failures" in str(result)
     assert np.isfinite(result.std).all()
 

@@ -67,6 +67,8 @@ def test_ports_at_nodes(tmp_path):
     assert held.dof == 8
     with pytest.raises(ModelError, match="there is no node 8 among the 2 of the labels of 'part'"):
         system(Reduced(M, None, K, LABELS), [8])
+    with pytest.raises(mv.ModelError, match="nodes = 7; expected a list of grid points"):
+        system(Reduced(M, None, K, LABELS), 7)
 
 
 @pytest.mark.parametrize(("stiffness", "said"), [
