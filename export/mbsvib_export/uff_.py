@@ -181,7 +181,8 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     Raises
     ------
     ExportError
-        If the file cannot be read or is damaged, or its responses have different frequencies.
+        If the file cannot be read or is damaged, its responses have different frequencies, or a unit beside them, such
+        as g, stands against those of the file, such as mm.
     """
     result, modes = _read(path, "from_uff", measurement_of)
     if modes:

@@ -7,6 +7,7 @@ Testing.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from mbsvib.common.file_content import ContentError, check_shape
 from mbsvib.common.number_text import nastran_integer, nastran_real
+from mbsvib.measurement.matching import is_si, unit_of
 from mbsvib.measurement.points import Point
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ HEAD = 11
 # Types of functions that are read.
 RECORD, AUTO_SPECTRUM, RESPONSE, COHERENCE, DENSITY = 1, 2, 4, 6, 9
 _SQUARES = (AUTO_SPECTRUM, DENSITY)
+# Units of squares, (m/s^2)^2/Hz, and of accelerations in parts of that of gravity.
+_SQUARED, _GRAVITY = re.compile(r"\(?([^()]+?)\)?(\^2)?(/Hz)?"), ("g", "G", "gn", "g_n", "g0")
 MARK = "written by mbsvib"
 # Specific data types: of the abscissa, and of motions and forces, with their exponents of length and force.
 _ABSCISSA = {RECORD: (0, 17)}
@@ -150,7 +154,11 @@ class _Source:
             raise ContentError("it ends within a data set")
         end = self._raw.find(b"\n", self._at)
         end = len(self._raw) if end < 0 else end
-        text = self._raw[self._at : end].decode("latin-1").rstrip("\r")
+        raw = self._raw[self._at : end]
+        try:
+            text = raw.decode().rstrip("\r")
+        except UnicodeDecodeError:
+            text = raw.decode("latin-1").rstrip("\r")
         self._at, self.number = min(end + 1, len(self._raw)), self.number + 1
         return text
 
@@ -216,12 +224,24 @@ def function_of(
     ends = 0 if function == COHERENCE else 2 if function == RESPONSE else 1
     scale = [_unit_factor(t, p, length, force, data.start) if k < ends else 1.0
              for k, (t, p) in enumerate(zip(types[1:], points, strict=True))]  # fmt: skip
+    for k in range(ends):
+        _check_label(data.line(8 + k)[47:67].strip(), scale[k], function in _SQUARES, data.start)
     if length != 1.0 or force != 1.0:
         units = [_SI[t][abs(p.direction) > 3] if k < ends else unit
                  for k, (t, p, unit) in enumerate(zip(types[1:], points, units, strict=True))]  # fmt: skip
     output, source = (Axis(names[k], units[k], points[k], types[1 + k]) for k in (0, 1))
     factor = scale[1] / scale[0] ** (2 if function in _SQUARES else 1)
     return Function(function, frequency, values * factor, output, source)
+
+
+def _check_label(label: str, scale: float, squared: bool, line: int) -> None:
+    """Refuse a unit beside numbers that is not that of the file, or of squares, whose units are not kept, not of SI."""
+    parts = _SQUARED.fullmatch(unit_of(label)) if squared else None
+    unit = unit_of(label) if parts is None else parts[1]
+    known = is_si(unit)
+    if (known if scale != 1.0 else squared and known is False) or (scale != 1.0 and unit in _GRAVITY):
+        raise ContentError(f"data set 58 at line {line} has the unit {label!r}, where data set 164 has {scale:g} units "
+                           f"of the file per unit of SI; correct one of both, or convert the data to SI units")
 
 
 def _direction(number: int) -> int:

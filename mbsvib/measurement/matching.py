@@ -48,6 +48,11 @@ def unit_of(given: str) -> str:
     return unit
 
 
+def is_si(unit: str) -> bool | None:
+    """Return whether a unit is that of a model, or needs a factor, as mm and g do; None: others, such as V."""
+    return True if unit in _KINDS else False if _NOT_SI.fullmatch(unit) else None
+
+
 @dataclass(frozen=True, slots=True)
 class Partner:
     """The channel ``name`` of a model that is the measured channel ``measured``.
@@ -69,7 +74,7 @@ class Partner:
     @property
     def scale_known(self) -> bool:
         """Whether the measured unit is an SI unit or not stated; volts and unknown units have any scale."""
-        return self.unit not in _KINDS or self.measured_unit in {"", *_KINDS}
+        return self.unit not in _KINDS or not self.measured_unit or is_si(self.measured_unit) is True
 
 
 @dataclass(frozen=True, repr=False)
@@ -307,7 +312,7 @@ def _fits(a: Place | None, b: Place, limits: tuple[float, float]) -> bool:
 
 def _derivatives(unit: str, quantity: str, other: str, other_quantity: str = "") -> int | None:
     """Time derivatives from the model's unit to what was measured; None where the two measure different things."""
-    if other in _KINDS and (_KINDS[unit] != _KINDS[other] if unit in _KINDS else _NOT_SI.fullmatch(unit)):
+    if other in _KINDS and (_KINDS[unit] != _KINDS[other] if unit in _KINDS else is_si(unit) is False):
         return None
     known = ORDERS[other][1] if other in ORDERS else _QUANTITIES.get(other_quantity)
     if known is None:

@@ -1,5 +1,6 @@
 """Universal files of other programs: written by pyuff or line by line, read here."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -234,3 +235,23 @@ def test_what_is_no_response_is_told(tmp_path):
     file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 7.0, 2.0)), "add")
     with pytest.raises(mv.ExportError, match="different frequencies; expected one list"):
         mx.from_uff(path)
+
+
+@pytest.mark.parametrize(("millimetres", "kind", "unit", "refused"), [
+    (True, 4, "g", True), (True, 4, "m/s\u00b2", True), (True, 4, "mm/s^2", False), (True, 4, "EU", False),
+    (False, 4, "g", False), (False, 9, "g^2/Hz", True), (False, 9, "(mm/s\u00b2)\u00b2/Hz", True),
+    (True, 9, "(m/s^2)^2/Hz", True), (True, 9, "(mm/s^2)^2/Hz", False), (False, 9, "(m/s^2)^2/Hz", False),
+])  # fmt: skip
+def test_units_beside_numbers_that_stand_against_those_of_the_file(millimetres, kind, unit, refused, tmp_path):
+    """Geometry in mm and accelerations in g: of one of both the numbers would be off by a factor without a word."""
+    path = tmp_path / "x.uff"
+    file = pyuff.UFF(str(path))
+    if millimetres:
+        in_millimetres(file)
+    value = np.ones(3) if kind == 9 else np.ones(3, dtype=complex)
+    ends = ((1, 3), (0, 0) if kind == 9 else (1, 3))
+    file._write_set(function(*ends, value, np.arange(1.0, 4.0), func_type=kind, ordinate_axis_units_lab=unit,
+                             **({"orddenom_spec_data_type": 0} if kind == 9 else {})), "add")  # fmt: skip
+    read = mx.densities_from_uff if kind == 9 else mx.from_uff
+    with pytest.raises(mv.ExportError, match="has the unit '") if refused else nullcontext():
+        read(path)
