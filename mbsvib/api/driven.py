@@ -1,4 +1,4 @@
-"""Systems with motions as inputs."""
+"""Systems with motions as inputs, of one model and of many variants."""
 
 from __future__ import annotations
 
@@ -126,28 +126,11 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         return self.state_space().D
 
     def modes(self, *args: Any, **kwargs: Any) -> Any:
-        """Return the modes of the mechanism, as if its ends stood still.
-
-        Parameters
-        ----------
-        *args, **kwargs
-            Those of ``modes`` of the system, such as ``rtol``, or the number of modes of a sparse one.
-
-        Returns
-        -------
-        Modes
-            Printed as a table.
-        """
+        """Return the modes of the mechanism, as if its ends stood still, with the arguments of ``System.modes``."""
         return self.ends.modes(*args, **kwargs)
 
     def poles(self) -> Complex:
-        """Return the eigenvalues [1/s] of the mechanism; those of its inputs' integrators are not among them.
-
-        Returns
-        -------
-        array, shape (2m,)
-            Poles in ascending magnitude.
-        """
+        """Return the eigenvalues (2m,) [1/s] of the mechanism; those of its inputs' integrators are not among them."""
         poles: Complex = self.ends.poles()
         return poles
 
@@ -159,28 +142,11 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         return replace(self, ends=part, drives=drives)
 
     def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the frequency response from inputs to outputs; it exists where no proper state space does.
+        """Return the frequency response as ``System.frequency_response``; it exists where no proper state space does.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 (B0 + i w B1) / (i w)^n + D
 
-        with n = 1 for a velocity and 2 for an acceleration as the input.
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses [output unit / input unit].
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or a pole, or 0 with a velocity or acceleration, or a name is unknown.
+        with n = 1 for a velocity and 2 for an acceleration as the input, which have no response at 0 rad/s.
         """
         w = angular(omega)
         part = self.with_ports(outputs, inputs)
@@ -190,25 +156,10 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
 
     def reduced(self, order: int | None = None, error: float | None = None, method: str = "balanced",
                 keep: Names = None, **kwargs: Any) -> Any:  # fmt: skip
-        """Return a model with fewer states or coordinates.
+        """Return a model with fewer states (a StateSpace, "balanced") or coordinates, as ``System.reduced``.
 
-        Parameters
-        ----------
-        order, error, method, keep
-            Those of ``System.reduced``. Of other methods than "balanced" errors and bounds are those of ``ends``, by
-            the displacement and velocity of each end.
-        **kwargs
-            More of those of ``SparseSystem.reduced``.
-
-        Returns
-        -------
-        StateSpace or DrivenSystem
-            A state space of balanced states; else equations of motion.
-
-        Raises
-        ------
-        ResponseError
-            As of ``System.reduced`` and ``state_space``.
+        Of other methods than "balanced" errors and bounds are those of ``ends``, by the displacement and velocity of
+        each end. ``kwargs``: more of those of ``SparseSystem.reduced``.
         """
         part = self if keep is None else self.with_ports(keep)
         if getattr(self.ends, "kind", "") != "system":
@@ -218,25 +169,10 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         return replace(part, ends=part.ends.reduced(order, error, method))
 
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the invariant zeros from some inputs to some outputs, also where no proper state space exists.
+        """Return the invariant zeros [1/s] as ``System.transmission_zeros``, also where no proper state space exists.
 
         Where an output needs the derivative of a displacement they are those by its velocity or acceleration, G / s^n,
         whose finite zeros are the same.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Their numbers may differ.
-
-        Returns
-        -------
-        array, shape (zeros,)
-            Zeros [1/s] in ascending magnitude.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown.
         """
         from mbsvib.responses.finite_zeros import first_order_zeros
 
@@ -254,25 +190,7 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         return first_order_zeros(space.A, space.B, space.C, space.D)
 
     def uncertain(self, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
-        """Return the system with parameters that lie within limits; see ``System.uncertain``.
-
-        Parameters
-        ----------
-        limits : mapping of str to float or (float, float)
-            By name or pattern, half the width relative to the nominal value, or (lower, upper).
-        order : int
-            Of polynomials in parameters in which the equations are not affine.
-
-        Returns
-        -------
-        UncertainPlant
-            With the same inputs.
-
-        Raises
-        ------
-        ModelError
-            As of ``System.uncertain``.
-        """
+        """Return the system with parameters that lie within limits and the same inputs; see ``System.uncertain``."""
         plant = self.ends.uncertain(limits, order)
         count = sum(plant.blocks.values())
         added = zip(plant.linear.inputs[:count], plant.linear.input_units[:count], strict=True)
@@ -287,27 +205,11 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
         return getattr(driven_slopes, question)(self, *arguments)
 
     def state_space(self, realization: str | None = None, **kwargs: Any) -> StateSpace:
-        """Return proper first-order equations; no derivative of an input is needed.
+        """Return proper first-order equations; an output that needs the derivative of an input is refused.
 
         x = (q, q' - M^-1 B1 u) where inputs are displacements; a velocity has the state ``NAME.displacement``, an
-        acceleration also ``NAME.velocity``.
-
-        Parameters
-        ----------
-        realization : str, optional
-            "physical" (default), "modal" or "balanced" states of the mechanism.
-        **kwargs
-            Those of a sparse system, ``modes=k``.
-
-        Returns
-        -------
-        StateSpace
-            Matrices, names and units.
-
-        Raises
-        ------
-        ResponseError
-            If an output needs the derivative of an input, or the realization is unknown.
+        acceleration also ``NAME.velocity``. ``realization`` is that of the mechanism ("physical", "modal" or
+        "balanced"), ``kwargs`` are those of a sparse system, ``modes=k``.
         """
         space: StateSpace = self.ends.state_space(*(() if realization is None else (realization,)), **kwargs)
         return driven_space(space, self.drives, feedthrough_of(self.ends, space), self.name)
@@ -319,3 +221,47 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
             if len(drive.columns) > order:
                 result[:, k] = matrix[:, inputs.index(drive.columns[order])]
         return result
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DrivenBatch(Driven):
+    """Systems with motions as inputs of n variants, as ``Batch``; ``batch[i]`` is the ``DrivenSystem`` of variant i."""
+
+    ends: Any
+    """The batch with the motions of all ends as inputs."""
+    drives: tuple[Drive, ...]
+    """The inputs and how they act."""
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    def __getitem__(self, index: int) -> DrivenSystem:
+        return DrivenSystem(self.ends[index], self.drives)
+
+    @property
+    def nominal(self) -> DrivenSystem:
+        """The system of the model itself."""
+        return DrivenSystem(self.ends.nominal, self.drives)
+
+    @property
+    def values(self) -> Any:
+        """The values that vary."""
+        return self.ends.values
+
+    def modes(self, rtol: float | None = None) -> Any:
+        """Return the modes of all variants, as ``Batch.modes``."""
+        return self.ends.modes(rtol)
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency responses (n, outputs, inputs, k) of all variants at ``omega`` (k,) [rad/s]."""
+        batch = self.ends
+        result: Complex = driven_response(batch.frequency_response(omega), batch.nominal.inputs, self.drives, omega)
+        return result
+
+    def state_space(self, realization: str = "physical") -> tuple[StateSpace, ...]:
+        """Return proper first-order equations of each variant, as ``DrivenSystem.state_space``."""
+        return tuple([self[i].state_space(realization) for i in range(len(self))])
+
+    def time_response(self, t: ArrayLike, u: ArrayLike, hold: str = "first") -> Array:
+        """Return the time responses (n, outputs, k) of all variants to the same inputs, from rest."""
+        return np.array([space.time_response(t, u, hold) for space in self.state_space()])

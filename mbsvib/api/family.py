@@ -74,18 +74,7 @@ class Family(Batch):
         return tuple(map(self.variant, range(len(self))))
 
     def pose(self, i: int) -> dict[str, float]:
-        """Return the displacements of the coordinates in one of the poses.
-
-        Parameters
-        ----------
-        i : int
-            Its number, from 0.
-
-        Returns
-        -------
-        dict of str to float
-            Displacements [m, rad] by name, as ``Model.moved`` takes them.
-        """
+        """Return the displacements [m, rad] of the coordinates in pose i, from 0, as ``Model.moved`` takes them."""
         return {name: float(column[i]) for name, column in self.parameters.items()}
 
     def worst(self, quantity: Callable[[System], Any], largest: bool = True) -> Worst:

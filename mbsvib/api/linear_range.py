@@ -63,12 +63,8 @@ class LinearRange(Columnar, Displayed):
                 **dict(zip(self.outputs, self.values.T, strict=True))}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the table of amplitudes as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows, and notes on what is no finite amplitude.
+        """Return the table of amplitudes, and notes on what is no finite one, as arguments of
+        ``mbsvib.common.tables.show``.
         """
         notes = ["With a margin for terms of third and higher order, which are left out; it is not a proven bound."
                  if self.conservative else "Estimates, no lower bounds: terms of third and higher order are left out; "
@@ -87,19 +83,11 @@ class LinearRange(Columnar, Displayed):
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def sentences(self, below: float = SMALL) -> tuple[str, ...]:
-        """Return a sentence for each output whose range is small, for reports.
+        """Return a sentence for each output whose ``travel`` [rad, mechanism sizes] is small, for reports.
 
-        Parameters
-        ----------
-        below : float
-            ``travel`` [rad, mechanism sizes] below which a range is small.
-
-        Returns
-        -------
-        tuple of str
-            The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode hardly
-            moves to first order, are left out. Of modes that coincide the one with the largest range counts, because
-            there is always a combination of them that hardly moves the output.
+        It names the output, its smallest range and the mode. Rigid-body modes, and outputs that a mode hardly moves to
+        first order, are left out. Of modes that coincide the one with the largest range counts, because there is always
+        a combination of them that hardly moves the output.
         """
         result = []
         travel = participating(self)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
@@ -12,21 +12,15 @@ from mbsvib.equations.self_stress import warn
 from mbsvib.responses.driven import differ, drives
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
-    from mbsvib.api.driven import DrivenSystem
-    from mbsvib.api.driven_batch import DrivenBatch
+    from mbsvib.api.driven import DrivenBatch, DrivenSystem
     from mbsvib.api.rolling_system import RollingSystem
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.responses.driven import Drive
-
-
-E = TypeVar("E")
-D = TypeVar("D")
 
 
 @overload
@@ -62,41 +56,27 @@ def linearize(
     ----------
     model : Model
         The mechanism.
-    independent : sequence of str, optional
-        Joint coordinates (``"hip1.rx"``) that are to be among the minimal ones.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
-    values : mapping of str to array-like, shape (n,) or (), optional
-        Values of parameters, by name or pattern, for n variants in one pass.
-    method : str, optional
-        "dense" or "sparse"; default: dense up to some hundred coordinates, sparse beyond.
-    align : float, optional
-        Tolerance [rad, share of the size of loops] within which axes are taken as meant to be aligned, as of
-        ``Model.aligned``; default: axes are as given.
+    independent, cut, values, method, align : optional
+        As of ``Model.linearize``.
 
     Returns
     -------
     System, Batch or SparseSystem
-        Matrices, names and the way back to the bodies; of all variants where ``values`` is given; sparse, under the
-        same names, where there are many bodies. A ``DrivenSystem`` or ``DrivenBatch`` where inputs are motions. Of a
-        model on rolling wheels, a ``RollingSystem`` of first-order equations.
+        Matrices, names and the way back to the bodies, as of ``Model.linearize``. A ``DrivenSystem`` or ``DrivenBatch``
+        where inputs are motions.
 
     Raises
     ------
-    ModelError
-        If a name is unknown, a cut leaves bodies hanging, a coordinate cannot be independent or has no inertia, or
-        a variant has a value that is refused.
-    SingularPoseError
-        If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
+    ModelError, SingularPoseError
+        As of ``Model.linearize``.
     EquilibriumError
         If the loads do not balance in this pose.
 
     Warns
     -----
-    UndeterminedForceWarning
-        If an output is a force in joints that redundant constraints leave open.
-    LargeDisplacementWarning
-        If beams or superelements are bent, as described, further than small displacements hold.
+    UndeterminedForceWarning, LargeDisplacementWarning
+        If an output is a force in joints that redundant constraints leave open; if beams or superelements are bent, as
+        described, further than small displacements hold.
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
@@ -108,8 +88,7 @@ def linearize(
     if model.rolling:
         from mbsvib.api.rolling_system import rolling_system
 
-        rolling: RollingSystem = rolling_system(model, independent, cut, values, method)
-        return rolling
+        return rolling_system(model, independent, cut, values, method)  # type: ignore[no-any-return]
     if model.composed:
         from mbsvib.equilibrium.search import check_displacements
 
@@ -124,32 +103,26 @@ def linearize(
             wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
-        return _with_motions(model, batch, _driven_batch)
+        return _with_motions(model, batch, batch=True)
     if method is None and is_small(model):
         system = dense_equations(model, independent, cut, System)
         warn(model.name, system.provenance.undetermined)
-        return _with_motions(model, system, _driven)
+        return _with_motions(model, system)
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.sparse.choice import linearized
 
     large = linearized(model, independent, cut, method, System, SparseSystem)
     warn(model.name, large.undetermined if isinstance(large, SparseSystem) else large.provenance.undetermined)
-    return _with_motions(model, large, _driven)
+    return _with_motions(model, large)
 
 
-def _with_motions(model: Mechanism, equations: E, form: Callable[[E, tuple[Drive, ...]], D]) -> E | D:
+def _with_motions(
+    model: Mechanism, equations: System | Batch | SparseSystem, batch: bool = False
+) -> System | Batch | SparseSystem | DrivenSystem | DrivenBatch:
     """The equations, or those with motions as inputs where the model has such inputs."""
     known = drives(model)
-    return form(equations, known) if differ(known) else equations
+    if not differ(known):
+        return equations
+    from mbsvib.api.driven import DrivenBatch, DrivenSystem
 
-
-def _driven(equations: System | SparseSystem, known: tuple[Drive, ...]) -> DrivenSystem:
-    from mbsvib.api.driven import DrivenSystem
-
-    return DrivenSystem(equations, known)
-
-
-def _driven_batch(equations: Batch, known: tuple[Drive, ...]) -> DrivenBatch:
-    from mbsvib.api.driven_batch import DrivenBatch
-
-    return DrivenBatch(equations, known)
+    return DrivenBatch(equations, known) if batch else DrivenSystem(equations, known)

@@ -118,35 +118,17 @@ class LPVSystem(Displayed):
                                   for kind in ("coordinate", "input", "output")})  # fmt: skip
 
     def matrices(self, poses: Array) -> dict[str, Array]:
-        """Return the matrices in poses, also outside the box, where no bound holds.
+        """Return the matrices in poses (n, p), in the order of ``names`` [m, rad], also outside the box, where no bound
+        holds.
 
-        Parameters
-        ----------
-        poses : array, shape (n, p)
-            Displacements in the order of ``names`` [m, rad].
-
-        Returns
-        -------
-        dict of str to array
-            M, C, K (n, m, m), B (n, m, inputs), Cq, Cv, Ca (n, outputs, m), D (n, outputs, inputs).
+        M, C, K (n, m, m), B (n, m, inputs), Cq, Cv, Ca (n, outputs, m), D (n, outputs, inputs).
         """
         values = self.polynomial(self.scaled(np.asarray(poses, dtype=float)))
         arrays = _split(values, self.nominal)
         return arrays | {"M": 0.5 * (arrays["M"] + arrays["M"].swapaxes(1, 2))}
 
     def scaled(self, poses: Any) -> Any:
-        """Return poses (n, p) as points of the cube from -1 to 1, in which the polynomial is stated.
-
-        Parameters
-        ----------
-        poses : array, shape (n, p)
-            Displacements [m, rad].
-
-        Returns
-        -------
-        array, shape (n, p)
-            (2 x - low - high) / (high - low).
-        """
+        """Return poses (n, p) [m, rad] as points of the cube from -1 to 1, in which the polynomial is stated."""
         return (2.0 * poses - self.low - self.high) / (self.high - self.low)
 
     def to_mat(self, path: str | PathLike[str], points: int = 5) -> Path:

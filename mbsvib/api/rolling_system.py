@@ -83,33 +83,11 @@ class RollingSystem(StateSpace):
         return sensitivities(model, self.states, independent, self.modes(), wanted)
 
     def eigenvalue_sensitivities(self, parameters: str | Iterable[str]) -> Complex:
-        """Return the derivatives of the eigenvalues to parameters of the model.
-
-        Parameters
-        ----------
-        parameters : str or iterable of str
-            As for ``mode_sensitivities``.
-
-        Returns
-        -------
-        array, shape (parameters, states)
-            Derivatives [1/s per unit of the parameter], in the order of ``modes().eigenvalues``.
-
-        Raises
-        ------
-        ModelError, EquilibriumError
-            As ``mode_sensitivities``.
-        """
+        """Return the derivatives (parameters, states) of the eigenvalues, those of ``mode_sensitivities``."""
         return self.mode_sensitivities(parameters).eigenvalues
 
     def explain(self) -> str:
-        """Return in words what the states are, what follows from them, and the steady motion.
-
-        Returns
-        -------
-        str
-            Several lines.
-        """
+        """Return in words what the states are, what follows from them, and the steady motion."""
         lines = [super().explain()]
         for name, force in self.contact_forces.items():
             lines.append(f"  wheel '{name}': spins at {self.spins[name]:.6g} rad/s; the ground's force on it is "

@@ -11,7 +11,6 @@ import numpy as np
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.of_mechanism import OfMechanism
-from mbsvib.api.operating import Operating
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
 @fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class System(OfMechanism, Connecting, Operating, ReducibleSystem, RandomVerbs, Sensitive):
+class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
