@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, OUTPUTS, Argument, Command, ModelFile, file_argument, number, option
 from mbsvib.cli._controllers import DELAY, RATE, check_delay, read_controller
-from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver
 from mbsvib.cli._lookup import system_of
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
@@ -37,18 +37,12 @@ def budget(
         raise shell.UsageProblem("--rate and --delay are those of a controller; give it by --controller FILE.")
     filters: Any = weighting if weighting is None or weighting in ("Wk", "Wd") else _gains_of(weighting)
     result = plant.budget(densities_of(noise, plant), outputs or None, band, weighting=filters)
-    if as_json:
-        shell.say_json({
-            "name": result.name, "rms": dict(result.rms), "units": dict(result.units), "band": result.band,
-            "error": result.error, "contributions": {key: dict(parts) for key, parts in result.contributions.items()},
-        })  # fmt: skip
-    else:
-        shell.say(str(result))
-    if file is not None and is_table(file):
-        deliver_table(result.columns(), file, as_json)
-    elif file is not None:
-        remark = f"Drawn: {result.outputs[0]}. Others by --output." if len(result.outputs) > 1 else ""
-        deliver(result.plot(), file, as_json, remark)
+    shell.answer(as_json, {
+        "name": result.name, "rms": dict(result.rms), "units": dict(result.units), "band": result.band,
+        "error": result.error, "contributions": {key: dict(parts) for key, parts in result.contributions.items()},
+    }, result)  # fmt: skip
+    remark = f"Drawn: {result.outputs[0]}. Others by --output." if len(result.outputs) > 1 else ""
+    deliver(file, as_json, result.plot, result.columns, remark)
 
 
 def closed(plant: Any, controllers: list[Path], rate: float | None) -> tuple[Any, float | None]:

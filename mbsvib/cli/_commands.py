@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 HOMES = {
     "demo": "_demo", "models": "_looking", "modes": "_looking", "bode": "_drawing", "nyquist": "_drawing",
     "sigma": "_drawing", "step": "_drawing", "draw": "_drawing", "animate": "_drawing", "check": "_looking",
-    "certify": "_certifying",
+    "certify": "_looking",
     "compare": "_comparing", "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying",
     "path": "_studying", "isolation": "_studying",
     "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",

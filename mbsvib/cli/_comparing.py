@@ -23,8 +23,7 @@ def compare(first: ModelFile, second: ModelFile, file: Path | None = None, as_js
         from mbsvib.common import tables
 
         tables.show(**result.table())
-    if file is not None:
-        deliver(result.plot(), file, as_json)
+    deliver(file, as_json, result.plot)
 
 
 def report(

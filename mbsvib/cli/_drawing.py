@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
     Names = list[str] | None
     Limit = float | None
+    # names of a column, alone and in JSON, its points (n,), and responses (outputs, inputs, n)
+    Computed = tuple[tuple[str, str], NDArray[Any], NDArray[Any]]
 
 
 FORMATS, TABLE = (".png", ".pdf", ".svg"), ".csv"
@@ -47,25 +49,41 @@ def write_figure(figure: Figure, path: Path) -> Path:
     return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
 
 
-def deliver(figure: Figure, path: Path, as_json: bool, remark: str = "") -> None:
-    """Write a figure, and say so below a ``remark`` where standard output does not have numbers."""
-    write_figure(figure, path)
+def deliver(
+    path: Path | None, as_json: bool, figure: Callable[[], Figure],
+    columns: Callable[[], Mapping[str, Any]] | None = None, remark: str = "",
+) -> None:  # fmt: skip
+    """Write a figure or, where the path is that of a table, columns as comma-separated values; none without a path.
+
+    Where standard output does not have numbers it says so, below a ``remark`` on the figure.
+    """
+    if path is None:
+        return
+    if columns is not None and is_table(path):
+        from mbsvib.common.columnar import write_csv
+
+        write_csv(path, columns())
+        remark = ""
+    else:
+        write_figure(figure(), path)
     if not as_json:
         shell.say("\n".join(filter(None, [remark, f"Written: {shell.shown(path)}"])))
+
+
+def plotted(name: str, *arguments: Any, **options: Any) -> Callable[[], Figure]:
+    """Return a function that draws by a function of ``plots``, which is imported when a figure is asked for."""
+    def draw() -> Figure:
+        from mbsvib import plots
+
+        figure: Figure = getattr(plots, name)(*arguments, **options)
+        return figure
+
+    return draw
 
 
 def is_table(path: Path | None) -> bool:
     """Whether a path is that of a table."""
     return path is not None and path.suffix.lower() == TABLE
-
-
-def deliver_table(columns: Mapping[str, Any], path: Path, as_json: bool) -> None:
-    """Write columns as comma-separated values, and say so where standard output does not have numbers."""
-    from mbsvib.common.columnar import write_csv
-
-    write_csv(path, columns)
-    if not as_json:
-        shell.say(f"Written: {shell.shown(path)}")
 
 
 def check_format(path: Path | None, *, table: bool = False) -> None:
@@ -88,10 +106,8 @@ def bode(
     decibels: bool = False, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
-    from mbsvib import plots
-
-    plot = partial(plots.bode, decibels=decibels)
-    _frequency_curves("bode", plot, model, inputs, outputs, (first, last), file, as_json)
+    options = {"span": (first, last), "decibels": decibels}
+    _curves("bode", options, partial(_over_frequency, first, last), model, inputs, outputs, file, as_json)
 
 
 def nyquist(
@@ -99,9 +115,8 @@ def nyquist(
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw frequency responses in the complex plane into a file (default: NAME-nyquist.png)."""
-    from mbsvib import plots
-
-    _frequency_curves("nyquist", plots.nyquist, model, inputs, outputs, (first, last), file, as_json)
+    options = {"span": (first, last)}
+    _curves("nyquist", options, partial(_over_frequency, first, last), model, inputs, outputs, file, as_json)
 
 
 def sigma(
@@ -126,15 +141,12 @@ def sigma(
             groups.append({**group._asdict(), "singular_values": sigma.tolist()})
         if as_json:
             shell.say_json({"name": part.name, "frequencies_hz": (omega / (2.0 * np.pi)).tolist(), "groups": groups})
-    if file is not None and is_table(file):
-        values = {f"singular_value_{k}_{group['unit']}": row for group in groups
-                  for k, row in enumerate(group["singular_values"], 1)}  # fmt: skip
-        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **values}, file, as_json)
-    elif file is not None or not as_json:
-        from mbsvib import plots
-
-        figure = plots.singular_values(system, outputs, inputs, span=(first, last))
-        deliver(figure, file or default_path(system.name, "sigma.png"), as_json)
+    if file is not None or not as_json:
+        deliver(file or default_path(system.name, "sigma.png"), as_json,
+                plotted("singular_values", system, outputs, inputs, span=(first, last)),
+                lambda: {"frequency_hz": omega / (2.0 * np.pi)} | {
+                    f"singular_value_{k}_{group['unit']}": row for group in groups
+                    for k, row in enumerate(group["singular_values"], 1)})  # fmt: skip
 
 
 def step(
@@ -142,28 +154,7 @@ def step(
     as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
-    check_format(file, table=True)
-    system = system_of(model)
-    if as_json or is_table(file):
-        import numpy as np
-
-        from mbsvib.common.columnar import by_pair
-        from mbsvib.plots import time_grid
-
-        part = system.with_ports(outputs, inputs)
-        t = time_grid(part, duration)
-        units = np.eye(len(part.inputs))
-        responses = np.stack([part.time_response(t, np.outer(unit, np.ones_like(t))) for unit in units], axis=1)
-        if as_json:
-            shell.say_json({**_signals(part), "times_s": t.tolist(), "responses": _by_names(part, responses, _real)})
-    if file is not None and is_table(file):
-        deliver_table({"time_s": t, **by_pair(part.outputs, part.inputs, responses)}, file, as_json)
-    elif file is not None or not as_json:
-        from mbsvib import plots
-
-        sources, results, remark = ports(system, inputs, outputs)
-        figure = plots.step(system, results, sources, duration)
-        deliver(figure, file or default_path(system.name, "step.png"), as_json, remark)
+    _curves("step", {"duration": duration}, partial(_over_time, duration), model, inputs, outputs, file, as_json)
 
 
 def draw(model: ModelFile, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
@@ -190,31 +181,46 @@ def animate(
     shell.say_written(path, as_json, title=motion.title)
 
 
-def _frequency_curves(
-    name: str, plot: Callable[..., Figure], model: ModelFile, inputs: Names, outputs: Names, span: tuple[Limit, Limit],
-    file: Path | None, as_json: bool,
+def _curves(
+    name: str, options: dict[str, Any], compute: Callable[[System], Computed], model: ModelFile, inputs: Names,
+    outputs: Names, file: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Draw responses over frequency, or print them."""
+    """Draw responses by a function of ``plots`` with ``options``, or print them."""
     check_format(file, table=True)
     system = system_of(model)
     if as_json or is_table(file):
-        import numpy as np
-
         from mbsvib.common.columnar import by_pair
 
         part = system.with_ports(outputs, inputs)
-        omega = part.frequency_grid(f_min=span[0], f_max=span[1])
-        response = part.frequency_response(omega)
+        (column, plural), points, responses = compute(part)
         if as_json:
-            shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
-                            "responses": _by_names(part, response, _complex)})  # fmt: skip
-    if file is not None and is_table(file):
-        pairs = by_pair(part.outputs, part.inputs, response)
-        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **pairs}, file, as_json)
+            shell.say_json({**_signals(part), plural: points.tolist(), "responses": {
+                output: {source: _numbers(responses[i, j]) for j, source in enumerate(part.inputs)}
+                for i, output in enumerate(part.outputs)}})  # fmt: skip
+    if is_table(file):
+        deliver(file, as_json, plotted(name), lambda: {column: points} | by_pair(part.outputs, part.inputs, responses))
     elif file is not None or not as_json:
         sources, results, remark = ports(system, inputs, outputs)
-        figure = plot(system, results, sources, span=span)
-        deliver(figure, file or default_path(system.name, f"{name}.png"), as_json, remark)
+        deliver(file or default_path(system.name, f"{name}.png"), as_json,
+                plotted(name, system, results, sources, **options), remark=remark)  # fmt: skip
+
+
+def _over_frequency(first: Limit, last: Limit, part: System) -> Computed:
+    from math import pi
+
+    omega = part.frequency_grid(f_min=first, f_max=last)
+    return ("frequency_hz", "frequencies_hz"), omega / (2.0 * pi), part.frequency_response(omega)
+
+
+def _over_time(duration: Limit, part: System) -> Computed:
+    """Responses to unit steps."""
+    import numpy as np
+
+    from mbsvib.plots import time_grid
+
+    t = time_grid(part, duration)
+    responses = [part.time_response(t, np.outer(unit, np.ones_like(t))) for unit in np.eye(len(part.inputs))]
+    return ("time_s", "times_s"), t, np.stack(responses, axis=1)
 
 
 def _signals(system: System) -> dict[str, Any]:
@@ -222,19 +228,9 @@ def _signals(system: System) -> dict[str, Any]:
             "outputs": system.outputs, "output_units": system.output_units}  # fmt: skip
 
 
-def _real(values: NDArray[Any]) -> list[float]:
-    numbers: list[float] = values.tolist()
-    return numbers
-
-
-def _complex(values: NDArray[Any]) -> dict[str, list[float]]:
-    return {"real": values.real.tolist(), "imag": values.imag.tolist()}
-
-
-def _by_names(system: System, values: NDArray[Any], record: Callable[[Any], Any]) -> dict[str, dict[str, Any]]:
-    """{output: {input: values}} of an array (outputs, inputs, n)."""
-    return {output: {source: record(values[i, j]) for j, source in enumerate(system.inputs)}
-            for i, output in enumerate(system.outputs)}  # fmt: skip
+def _numbers(values: NDArray[Any]) -> Any:
+    """Values as JSON has them."""
+    return {"real": values.real.tolist(), "imag": values.imag.tolist()} if values.dtype.kind == "c" else values.tolist()
 
 
 VIEW = option("--view", to="view", metavar="VIEW", default="3-D", completes=("3-D", "x", "y", "z"),

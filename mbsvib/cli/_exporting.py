@@ -121,12 +121,10 @@ def check_export(
     import mbsvib_export as mx
 
     result = mx.check_export(file, None if model is None else system_of(model), limit, run=run)
-    if as_json:
-        rows = [{key: getattr(row, key) for key in ("quantity", "against", "error", "limit", "passed")}
-                for row in result.comparisons]  # fmt: skip
-        shell.say_json({"file": str(file), "passed": result.passed, "comparisons": rows, "remarks": result.remarks})
-    else:
-        shell.say(str(result))
+    rows = [{key: getattr(row, key) for key in ("quantity", "against", "error", "limit", "passed")}
+            for row in result.comparisons]  # fmt: skip
+    record = {"file": str(file), "passed": result.passed, "comparisons": rows, "remarks": result.remarks}
+    shell.answer(as_json, record, result)
     if not result.passed:
         raise shell.CheckFailed
 
@@ -146,12 +144,8 @@ def cosim(
         pairs[name] = source or None
     check_format(file)
     result = mx.check_cosimulation(plant, controller, step, masters=master, connections=pairs, duration=duration)
-    if as_json:
-        shell.say_json(_record(result))
-    else:
-        shell.say(str(result))
-    if file is not None:
-        deliver(result.plot(), file, as_json)
+    shell.answer(as_json, _record(result), result)
+    deliver(file, as_json, result.plot)
     if not result.passed:
         raise shell.CheckFailed
 

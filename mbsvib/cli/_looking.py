@@ -1,14 +1,16 @@
-"""Commands that print: models, modes, check, schema."""
+"""Commands that print: models, modes, check, certify, schema."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, flag, number, option, whole_number
-from mbsvib.cli._lookup import system_of
+from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, number, option, whole_number
+from mbsvib.cli._lookup import model_of, system_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mbsvib.modes import Modes
 
 
@@ -97,6 +99,18 @@ def check(model: ModelFile, as_json: bool = False) -> None:
         shell.say(f"  {remark}")
 
 
+def certify(model: ModelFile, file: Path | None = None, as_json: bool = False) -> None:
+    """Check balance, ranks, digits and units of a model, and ask another engine; exit status 1 if a check fails."""
+    from mbsvib.certificate import certify as certified
+
+    result = certified(model_of(model))
+    if file is not None:
+        result.to_json(file)
+    shell.answer(as_json, result.content(), result, *([] if file is None else [f"Written: {shell.shown(file)}"]))
+    if not result.passed:
+        raise shell.CheckFailed
+
+
 def schema(as_json: bool = True) -> None:
     """Print the JSON schema of model files, for editors that check and complete them."""
     import json
@@ -118,5 +132,6 @@ COMMANDS = {
         CSV, JSON,
     )),
     "check": Command(check, (MODEL, JSON)),
+    "certify": Command(certify, (MODEL, file_argument("The certificate as JSON."), JSON)),
     "schema": Command(schema, (JSON,)),
 }

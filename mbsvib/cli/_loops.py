@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option, positional
 from mbsvib.cli._controllers import DELAY, FORMATS, RATE, check_delay, read_controller
-from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver, is_table, plotted
 from mbsvib.cli._lookup import ports, system_of
 
 if TYPE_CHECKING:
@@ -22,10 +22,6 @@ def loop(
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Close a loop, u = w + K y: poles, damping and stability margins; exit status 1 if it is unstable."""
-    import numpy as np
-
-    from mbsvib.common.columnar import by_pair
-
     check_format(file, table=True)
     law, rate = read_controller(controller, sensors, actuators, rate)
     check_delay(delay, rate)
@@ -33,32 +29,35 @@ def loop(
     loop = plant.feedback(law, sensors, actuators, controller.stem)
     closed: ClosedLoop | SampledLoop = loop if rate is None else loop.sampled(rate, delay)
     margins = closed.margins() if closed.stable else None
-    if as_json:
-        poles = closed.poles()
-        shell.say_json({
-            "name": closed.name, "stable": closed.stable, "discrete": rate is not None,
-            "poles": {"real": poles.real.tolist(), "imag": poles.imag.tolist()},
-            "damping_ratios": closed.damping_ratios.tolist(), "margins": None if margins is None else {
-                "gain": margins.all_gains, "phase_deg": margins.all_phases, "table": margins.table()["rows"],
-            },
-        })  # fmt: skip
-    else:
-        shell.say(str(closed))
-        shell.say(str(margins) if margins is not None else f"Unstable: {', '.join(closed.growing)}.")
-    if file is not None and is_table(file):
-        both: dict[str, Any] = {"open": plant, "closed": closed}
-        parts = {label: one.with_ports(outputs, inputs) for label, one in both.items()}
-        omega = parts["closed"].frequency_grid()
-        columns = {f"{label}:{name}": values for label, part in parts.items()
-                   for name, values in by_pair(part.outputs, part.inputs, part.frequency_response(omega)).items()}
-        deliver_table({"frequency_hz": omega / (2.0 * np.pi), **columns}, file, as_json)
+    poles = closed.poles()
+    shell.answer(as_json, {
+        "name": closed.name, "stable": closed.stable, "discrete": rate is not None,
+        "poles": {"real": poles.real.tolist(), "imag": poles.imag.tolist()},
+        "damping_ratios": closed.damping_ratios.tolist(), "margins": None if margins is None else {
+            "gain": margins.all_gains, "phase_deg": margins.all_phases, "table": margins.table()["rows"],
+        },
+    }, closed, margins if margins is not None else f"Unstable: {', '.join(closed.growing)}.")  # fmt: skip
+    if is_table(file):
+        deliver(file, as_json, plotted("bode"), lambda: _columns(plant, closed, inputs, outputs))
     elif file is not None:
-        from mbsvib import plots
-
         sources, results, remark = ports(plant, inputs, outputs)
-        deliver(plots.bode([plant, closed], results, sources, labels=["open", "closed"]), file, as_json, remark)
+        figure = plotted("bode", [plant, closed], results, sources, labels=["open", "closed"])
+        deliver(file, as_json, figure, remark=remark)
     if not closed.stable:
         raise shell.CheckFailed
+
+
+def _columns(plant: Any, closed: Any, inputs: list[str] | None, outputs: list[str] | None) -> dict[str, Any]:
+    """Frequency responses of open and closed loop."""
+    from math import pi
+
+    from mbsvib.common.columnar import by_pair
+
+    parts = {label: one.with_ports(outputs, inputs) for label, one in (("open", plant), ("closed", closed))}
+    omega = parts["closed"].frequency_grid()
+    return {"frequency_hz": omega / (2.0 * pi)} | {
+        f"{label}:{name}": values for label, part in parts.items()
+        for name, values in by_pair(part.outputs, part.inputs, part.frequency_response(omega)).items()}  # fmt: skip
 
 
 COMMANDS = {"loop": Command(loop, (

@@ -38,7 +38,7 @@ def sweep(
 ) -> None:  # fmt: skip
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
-    from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
+    from mbsvib.cli._drawing import check_format, deliver
 
     check_format(file, table=True)
     if modes < 1:
@@ -60,10 +60,7 @@ def sweep(
         from mbsvib.common import tables
 
         tables.show(**result.table())
-    if file is not None and is_table(file):
-        deliver_table(result.columns(), file, as_json)
-    elif file is not None:
-        deliver(_over_ranges(result), file, as_json)
+    deliver(file, as_json, lambda: _over_ranges(result), result.columns)
 
 
 def _over_ranges(result: Sweep) -> Figure:

@@ -34,20 +34,16 @@ def robust(
     stable = plant.robust_stability()
     results = [plant, stable, *[plant.worst_gain(output, source) for output, source in gains or []]]
     worst = plant.worst_rms(outputs or None, densities_of(noise, plant.nominal)) if noise else None
-    if as_json:
-        shell.say_json({
-            "name": plant.name, "parameters": {one.name: {
-                "unit": one.unit, "low": one.low, "nominal": one.nominal, "high": one.high,
-                "repetitions": one.repetitions} for one in plant.parameters},
-            "stable": stable.lower >= 1.0, "stability": _bounds(stable),
-            "gains": [{"output": output, "input": source, **_bounds(result)}
-                      for (output, source), result in zip(gains or [], results[2:], strict=True)],
-            "rms": None if worst is None else {"lower": dict(worst.lower), "upper": dict(worst.upper), "values": {
-                name: dict(values) for name, values in worst.values.items()}},
-        })  # fmt: skip
-    else:
-        for result in (*results, *([] if worst is None else [worst])):
-            shell.say(str(result))
+    shell.answer(as_json, {
+        "name": plant.name, "parameters": {one.name: {
+            "unit": one.unit, "low": one.low, "nominal": one.nominal, "high": one.high,
+            "repetitions": one.repetitions} for one in plant.parameters},
+        "stable": stable.lower >= 1.0, "stability": _bounds(stable),
+        "gains": [{"output": output, "input": source, **_bounds(result)}
+                  for (output, source), result in zip(gains or [], results[2:], strict=True)],
+        "rms": None if worst is None else {"lower": dict(worst.lower), "upper": dict(worst.upper), "values": {
+            name: dict(values) for name, values in worst.values.items()}},
+    }, *results, *([] if worst is None else [worst]))  # fmt: skip
     if stable.lower < 1.0:
         raise shell.CheckFailed
 

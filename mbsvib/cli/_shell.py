@@ -159,8 +159,17 @@ def say_json(content: Any) -> None:
     print(json.dumps(_finite(content), indent=1, allow_nan=False))
 
 
+def answer(as_json: bool, record: Any, *results: object) -> None:
+    """Print a record as JSON, or results as text."""
+    if as_json:
+        say_json(record)
+    else:
+        for result in results:
+            say(str(result))
+
+
 def say_written(path: Path, as_json: bool, **more: Any) -> None:
-    """Print which file was written."""
+    """Print which file was written, as JSON or in words."""
     if as_json:
         say_json({"file": str(path), **more})
     else:

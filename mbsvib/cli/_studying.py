@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, number, option, positional
-from mbsvib.cli._drawing import check_format, deliver, deliver_table, is_table
+from mbsvib.cli._drawing import check_format, deliver, plotted
 from mbsvib.cli._lookup import as_misuse, model_of, range_of
 
 if TYPE_CHECKING:
@@ -26,14 +26,11 @@ def equilibrium(
         from mbsvib.files import save
 
         save(result.model, file)
-    if as_json:
-        shell.say_json({
-            "name": result.model.name, "stable": result.stable, "unstable_modes": list(result.unstable_modes),
-            "iterations": result.iterations, "residual": result.residuals[-1], "units": ["m"] * 3 + ["rad"] * 3,
-            "displacements": {name: motion.tolist() for name, motion in result.displacements.items()},
-        })  # fmt: skip
-    else:
-        shell.say(str(result))
+    shell.answer(as_json, {
+        "name": result.model.name, "stable": result.stable, "unstable_modes": list(result.unstable_modes),
+        "iterations": result.iterations, "residual": result.residuals[-1], "units": ["m"] * 3 + ["rad"] * 3,
+        "displacements": {name: motion.tolist() for name, motion in result.displacements.items()},
+    }, result)  # fmt: skip
     if file is not None and not as_json:
         shell.say(f"Written: {shell.shown(file)}")
 
@@ -47,23 +44,15 @@ def path(
     source = model_of(model)
     with as_misuse(coordinate):
         result = source.path(coordinate, requested, switch)
-    if as_json:
-        shell.say_json({
-            "coordinate": coordinate, "unit": result.unit, "values": result.values.tolist(),
-            "forces": result.forces.tolist(), "stable": result.stable.tolist(),
-            "stable_held": result.stable_held.tolist(),
-            "natural_hz": [[value for value in row if value == value] for row in result.frequencies.tolist()],
-            "points": [{"kind": point.kind, "value": point.value, "force": point.force, "before": point.before}
-                       for point in result.points],
-        })  # fmt: skip
-    else:
-        shell.say(str(result))
-    if file is not None and is_table(file):
-        deliver_table(result.columns(), file, as_json)
-    elif file is not None:
-        from mbsvib import plots
-
-        deliver(plots.path(result), file, as_json)
+    shell.answer(as_json, {
+        "coordinate": coordinate, "unit": result.unit, "values": result.values.tolist(),
+        "forces": result.forces.tolist(), "stable": result.stable.tolist(),
+        "stable_held": result.stable_held.tolist(),
+        "natural_hz": [[value for value in row if value == value] for row in result.frequencies.tolist()],
+        "points": [{"kind": point.kind, "value": point.value, "force": point.force, "before": point.before}
+                   for point in result.points],
+    }, result)  # fmt: skip
+    deliver(file, as_json, plotted("path", result), result.columns)
 
 
 def isolation(
@@ -100,13 +89,8 @@ def isolation(
         if loop is not None:
             for table in (loop, loop.margins(), results[1]):
                 tables.show(**table.table())
-    if file is not None and is_table(file):
-        deliver_table(results[-1].columns(), file, as_json)
-    elif file is not None:
-        from mbsvib import plots
-
-        labels = ["open loop", f"{feedback} feedback"] if len(results) == 2 else [results[0].name]
-        deliver(plots.isolation(results, labels), file, as_json)
+    labels = ["open loop", f"{feedback} feedback"] if len(results) == 2 else [results[0].name]
+    deliver(file, as_json, plotted("isolation", results, labels), results[-1].columns)
 
 
 def _closed(plant: Active, feedback: str, gain: float, leak: float) -> ClosedLoop:
