@@ -40,8 +40,8 @@ class Cycle(Columnar, CycleData):
         [N m], arrays (n, 6) in world axes by joint, without the torques of drives. Of a joint without a point it is
         about the centre of mass of its second body, or of the first where that is the ground.
 
-        Where redundant constraints leave forces open, the smallest ones that balance are taken; ``undetermined`` names
-        them.
+        Where redundant constraints leave forces open, those of least norm are taken in each pose, as by
+        ``System.reactions``; ``undetermined`` names them.
         """
         return self._reactions.wrenches
 

@@ -1,8 +1,8 @@
 """Reactions in joints over a cycle: what joints carry by constraint, along virtual displacements.
 
 Forces along the free directions of a joint are those of drives and couplers, and are taken out. Where constraints are
-redundant, the wrenches are the smallest in the sense of the sum of |force|^2 + |moment / L|^2, L the size of the
-mechanism.
+redundant, the wrenches are those of least norm of ``equations.self_stress``, in each pose: the sum of |force|^2 +
+|moment / L|^2 over joints, with what couplers transmit in them.
 """
 
 from __future__ import annotations
@@ -14,15 +14,20 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.cycles.prescribed import turns
 from mbsvib.errors import MbsvibError
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.joints import place_of
 from mbsvib.finite_motion.reactions import multipliers, opened
 from mbsvib.finite_motion.rotations import axial
+from mbsvib.kinematics.pose import length_of
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
@@ -50,16 +55,14 @@ def reactions(cycle: CycleData) -> Reactions:
     """
     plant, motion = cycle.machine, cycle.machine.solved
     model, expressions = plant.model, plant.statement
-    function = expressions.compiled("reactions", lambda: list(map(ca.densify, wrench_terms(model, expressions))))
-    required, jacobian, wrenches, effects = matrices(
+    function = expressions.compiled("reactions", lambda: list(map(ca.densify, (
+        *wrench_terms(model, expressions), _points(model, expressions)))))  # fmt: skip
+    required, jacobian, wrenches, effects, points = matrices(
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     scale, row_units = expressions.motion.motion.scales(plant.size)
-    # wrenches, and multipliers of couplers, with moments over the size
-    couplers = np.eye(len(row_units))[len(row_units) - len(model.couplers) :]
-    units = np.append(np.tile([1.0, 1.0, 1.0, plant.size, plant.size, plant.size], len(model.joints)), couplers.any(1))
-    fixed = np.pad(wrenches[:, :, 0], ((0, 0), (0, len(couplers)))) / units
-    loads = np.concatenate((-effects, np.broadcast_to(couplers, (len(effects), *couplers.shape))), axis=1)
-    loads = loads / row_units / units[:, None]
+    units, couplers = _units(model, points[:, :, 0].reshape(len(points), -1, 3), np.abs(effects).max(axis=0))
+    fixed = np.pad(wrenches[:, :, 0], ((0, 0), (0, couplers.shape[1]))) / units
+    loads = np.concatenate((-effects, couplers), axis=1) / row_units / units[:, :, None]
     torques = np.zeros(required.shape[:2])
     torques[:, motion.driven] = np.column_stack([cycle.torques[name] for name in cycle.drives])
     matrix, right = jacobian / row_units[:, None] * scale, (required[:, :, 0] - torques) * scale
@@ -85,6 +88,39 @@ def reactions(cycle: CycleData) -> Reactions:
         loose = tuple([d for d, size in zip(DIRECTIONS, indeterminacy[own], strict=True) if size > DETERMINED])
         undetermined |= {name: loose} if loose else {}
     return Reactions(found, undetermined)
+
+
+def _points(model: Mechanism, expressions: Statement) -> Expression:
+    """The points (3 joints,) of all joints [m], world axes."""
+    motion = expressions.motion.motion
+    return ca.vertcat(*(motion.frames[joint.first].point(
+        place_of(joint, motion.numbers, model.bodies, motion.relative(joint.first, joint.second)))
+        for joint in model.joints.values()))  # fmt: skip
+
+
+def _units(model: Mechanism, points: Array, effects: Array) -> tuple[Array, Array]:
+    """Units (samples, 6 joints + couplers) of wrenches, 1 and the length L of moments, and what couplers transmit in
+    joints per multiplier (samples, couplers, rows), moments over L.
+
+    L is that of ``points`` (samples, joints, 3) of loops that have joints or couplers in common. ``effects``
+    (6 joints, rows): the largest wrenches that multipliers make.
+    """
+    names, rows = list(model.joints), effects.shape[1]
+    in_loop: NDArray[np.bool_] = effects.reshape(len(names), 6, rows).max(axis=1) > 0.0
+    terms = [(rows - len(model.couplers) + k, names.index(name.rpartition(".")[0]), turns(name), value)
+             for k, part in enumerate(model.couplers.values()) for name, value in part.terms]  # fmt: skip
+    for row, joint, _, _ in terms:
+        in_loop[joint, row] = True
+    joint_of, row_of = np.nonzero(in_loop)
+    part, _ = connected_parts(joint_of, row_of, (len(names), rows))
+    length = np.ones(points.shape[:2])
+    for number in np.unique(part).tolist():
+        length[:, part == number] = length_of(points[:, part == number])[:, None]
+    couplers = np.zeros((len(points), len(model.couplers), rows))
+    for row, joint, rotates, value in terms:
+        couplers[:, row - rows, row] += (value / (length[:, joint] if rotates else 1.0)) ** 2
+    units = np.repeat(np.stack((np.ones_like(length), length), axis=2), 3, axis=2).reshape(len(points), -1)
+    return np.concatenate((units, np.ones(couplers.shape[:2])), axis=1), np.sqrt(couplers)
 
 
 def wrench_terms(model: Mechanism, expressions: Statement) -> tuple[Expression, Expression, Expression, Expression]:
@@ -122,8 +158,8 @@ def _constraints(joint: Joint, expressions: Statement, has_coordinates: bool) ->
     names = [direction for direction, _ in joint.freedom]
     columns = [motion.names.index(f"{joint.name}.{direction}") for direction in names]
     twists, forces = ca.densify(ca.jacobian(rates, expressions.qd)[:, columns]), ca.SX.zeros(6, len(names))
-    for rows, turns in ((slice(0, 3), False), (slice(3, 6), True)):
-        some = [k for k, direction in enumerate(names) if (direction[0] == "r") is turns]
+    for rows, rotates in ((slice(0, 3), False), (slice(3, 6), True)):
+        some = [k for k, direction in enumerate(names) if turns(direction) is rotates]
         if some:
             own = twists[rows, some]
             forces[rows, some] = own @ ca.inv(own.T @ own)

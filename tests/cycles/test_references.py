@@ -343,3 +343,32 @@ def test_a_joint_without_a_point_has_its_moment_at_the_centre_of_mass():
         cycle = model.cycle(motion={"slide.z": ([0.0, 0.1], 0.0, 5.0)})
         assert_allclose(cycle.reactions["slide"], [[0.0, 0.0, 2.0 * 9.81, 0.0, 0.0, 0.0]] * 2, atol=1e-12)
         assert_allclose(cycle.torque, 10.0, rtol=1e-13)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [1.0, 1e6])
+@pytest.mark.parametrize("gear", [False, True])
+def test_redundant_joints_and_gears_at_rest_share_forces_as_in_linear_models(gear, unit):
+    """A parallelogram off its plane, whose rockers a gear couples once more; lengths in metres and in micrometres.
+
+    The least norm is that of ``linearize().reactions``, over joints with what the gear transmits in them.
+    """
+    model = mv.Model("parallelogram", gravity=(0, -9.81 * unit, 4.0 * unit))
+    for name, mass, position in (("a", 2.0, (0.05, 0.1, 0)), ("b", 3.0, (0.3, 0.2, 0.07)), ("c", 1.0, (0.55, 0.1, 0))):
+        model.add_body(name, mass, unit**2 * np.array([0.01, 0.02, 0.025]), unit * np.array(position))
+    joints = {"A": ("ground", "a", (0, 0)), "B": ("a", "b", (0.1, 0.2)), "C": ("b", "c", (0.6, 0.2)),
+              "D": ("ground", "c", (0.5, 0))}  # fmt: skip
+    for name, (first, second, (x, y)) in joints.items():
+        model.add_joint(name, "revolute", first, second, (unit * x, unit * y, 0), axis=(0, 0, 1))
+    model.add_torsion_spring("coil", "ground", "a", (0, 0, 1), 50.0 * unit**2)
+    if gear:
+        model.add_gear("mesh", "A", "D", 1.0)
+    pose = model.moved({"A.rz": 0.3}).equilibrium(preload="coil")
+    for other, angle in ((pose, 0.0), (model.with_parts(springs=pose.moved({"A.rz": -0.3}).springs), 0.3)):
+        cycle = other.cycle("A.rz", [angle], speed=0.0)
+        assert abs(cycle.torque[0]) < 1e-12 * unit**2
+        for name, wrench in pose.linearize().reactions.items():
+            expected = np.concatenate((wrench[:5], [0.0]))  # what drives and gears transmit is taken out
+            assert_allclose(cycle.reactions[name][0] / unit ** np.repeat((1, 2), 3),
+                            expected / unit ** np.repeat((1, 2), 3), rtol=0, atol=1e-10)  # fmt: skip
+        assert ("x" in cycle.undetermined["A"]) is gear
