@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mbsvib.common import arguments as check
 from mbsvib.elements import beam as _beam
 from mbsvib.elements import flexure as _flexure
 from mbsvib.elements import superelement as _superelement
@@ -11,8 +13,6 @@ from mbsvib.elements.part import Composed
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import Body
@@ -220,6 +220,8 @@ class FlexibleMechanism(Mechanism):
             If a matrix is not symmetric or has negative eigenvalues, shapes do not match, or K resists rigid motion.
         """
         self._check_name(name, "superelement")
+        if not isinstance(bodies, Mapping | None):
+            raise check.refuse(f"superelement '{name}'", "bodies", bodies, "{'NODE': 'BODY', ...}")
         holds = {}
         for node, body in (bodies or {}).items():
             holds[node] = self._body_name(body, "superelement", name, "bodies")

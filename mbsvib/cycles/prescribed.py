@@ -75,6 +75,7 @@ def prescribed(
         if speed is None:
             raise check.refuse(WHO, "speed", None, "the rate of the drive [rad/s, m/s], such as 2 * np.pi")
         rate = check.number(speed, WHO, "speed", "the rate of the drive [rad/s, m/s]")
+        _check_drive(model, drive)
         motion = {drive: (angles, rate, 0.0)}
     elif angles is not None or speed is not None:
         raise ModelError("cycle: angles and speed go with a drive; motion= says the rates itself.", field="angles")

@@ -100,6 +100,7 @@ def test_freedoms_that_no_drive_has():
     ("words", "said"),
     [({}, "give either a drive"), ({"drive": "crank.rz"}, "speed = None; expected the rate"),
      ({"drive": "crank.z", "angles": [0], "speed": 1}, "'crank.z' is not a joint coordinate.*Did you mean 'crank.rz'"),
+     ({"drive": ["crank.rz"], "angles": [0], "speed": 1}, r"\['crank.rz'\] is not a joint coordinate"),
      ({"drive": "crank.rz", "angles": [0, np.nan], "speed": 1}, "angles = .*all finite"),
      ({"drive": "crank.rz", "angles": "fast", "speed": 1}, "angles = 'fast'"),
      ({"drive": "crank.rz", "angles": [0.0], "speed": "fast"}, "speed = 'fast'"),

@@ -127,6 +127,7 @@ def test_refusals():
         with pytest.raises(mv.ModelError, match=message):
             mv.Model("refused").add_superelement("pipe", m, c, k, nodes, **words)
 
+    add(r"superelement 'pipe': bodies = \['hub'\]; expected", bodies=["hub"])
     skew = k.copy()
     skew[0, 7] *= 1.01
     add(r"superelement 'pipe': K is not symmetric: entries \[0, 7\]", k=skew)
