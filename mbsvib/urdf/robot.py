@@ -11,15 +11,18 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
+from mbsvib.elements.ports import Input
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.unit_warnings import with_angles
+from mbsvib.urdf.closing import coupled, ends
 from mbsvib.urdf.extended import beside, extended
 from mbsvib.urdf.extensions import in_words
 from mbsvib.urdf.groups import Group
-from mbsvib.urdf.joining import add_loops, add_motors
+from mbsvib.urdf.loops import WITH_AXIS
 from mbsvib.urdf.posing import KINDS, frames_in_pose
 from mbsvib.urdf.reading import Robot, read
+from mbsvib.urdf.wheels import add_wheel, fresh
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -141,8 +144,8 @@ def load_urdf(
         if joint.mimic is not None:
             follower, leader = labels[joint.name], labels[joint.mimic.joint]
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
-    within = add_loops(model, robot, groups, frames, labels)
-    add_motors(model, robot, labels, frames)
+    within = _add_loops(model, robot, groups, frames, labels)
+    _add_motors(model, robot, labels, frames)
     for link in [tip] if isinstance(tip, str) else tip or ():
         _add_tip(model, link, groups, frames)
     if robot.taken:
@@ -156,6 +159,55 @@ def load_urdf(
     if left := {**robot.left, **_left_of_joints(robot, damping), **within}:
         warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model
+
+
+def _add_loops(
+    model: Model, robot: Robot, groups: Mapping[str, Group], frames: Frames, labels: Mapping[str, str]
+) -> dict[str, list[str]]:
+    """Add the joints that close loops, each at the mean of its two frames, and couplings; return loops within one body.
+
+    ``labels`` are the names in the model of the joints of the tree.
+    """
+    within: dict[str, list[str]] = {}
+    for loop in robot.loops:
+        first, second = (groups[link].name for link in loop.links)
+        if first == second:
+            within.setdefault("joints within one body:", []).append(f"'{loop.name}'")
+            continue
+        (p1, a1), (p2, a2) = ends(loop, frames)
+        axes: dict[str, Any] = {}
+        if loop.kind == "universal":
+            axes = {"axis": a1 @ loop.axis, "axis2": a2 @ loop.axis2}
+        elif loop.kind in WITH_AXIS:
+            axes = {"axis": a1 @ loop.axis + a2 @ loop.axis}
+        model.add_joint(fresh(model, loop.name, "joint"), loop.kind, first, second, 0.5 * (p1 + p2), **axes)
+    for part in robot.couplings:
+        terms = coupled(robot, part.links, part.ratio)
+        if len(terms) < 2 or any(robot.joints[name].kind not in KINDS for name in terms):
+            raise ModelError(f"coupling '{part.name}' of '{part.links[0]}' and '{part.links[1]}' ties "
+                             f"{', '.join(terms) or 'no joint'}; expected two or more revolute or prismatic joints.",
+                             element=part.name, field="links")  # fmt: skip
+        model.add_coupler(part.name, {labels[name]: ratio for name, ratio in terms.items()})
+    return within
+
+
+def _add_motors(model: Model, robot: Robot, labels: Mapping[str, str], frames: Frames) -> None:
+    """Add reflected inertia of rotors, which moves with its joint alone, and the inputs of motors with a ratio."""
+    points = np.array([frame[0] for frame in frames.values()])
+    size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+    for name, joint in robot.joints.items():
+        if joint.armature and joint.kind in KINDS:
+            part = model.joints[labels[name]]
+            coordinate = f"{part.name}.{'rz' if KINDS[joint.kind][1] == 5 else 'z'}"
+            add_wheel(model, f"{part.name}.armature", {coordinate: 1.0}, joint.armature, frames[joint.child][0],
+                      part.axes, size)  # fmt: skip
+    for motor in robot.motors:
+        effort = "force" if robot.joints[motor.joint].kind == "prismatic" else "torque"
+        source = model.inputs.get(f"{labels[motor.joint]}.{effort}")
+        own = f"{motor.name}.{effort}"
+        if isinstance(source, Input) and motor.ratio != 1.0 and motor.name and own not in model.inputs:
+            model.add_input(own, source.body, motor.ratio * np.array(source.direction), source.position,
+                            relative_to=source.relative_to)  # fmt: skip
 
 
 def _left_of_joints(robot: Robot, damping: Any) -> dict[str, list[str]]:
