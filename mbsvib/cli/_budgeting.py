@@ -30,7 +30,7 @@ def budget(
     check_format(file, table=True)
     plant = system_of(model)
     if controllers:
-        loop, rate = closed(plant, controllers, rate)
+        loop, rate = closed_by(plant, controllers, rate)
         check_delay(delay, rate)
         plant = loop if rate is None else loop.sampled(rate, delay)
     elif rate is not None or delay:
@@ -45,7 +45,7 @@ def budget(
     deliver(file, as_json, result.plot, result.columns, remark)
 
 
-def closed(plant: Any, controllers: list[Path], rate: float | None) -> tuple[Any, float | None]:
+def closed_by(plant: Any, controllers: list[Path], rate: float | None) -> tuple[Any, float | None]:
     """Return the loop that controllers of files close around a system or an uncertain plant, with their noise, and the
     rate [Hz] at which they run, None in continuous time.
     """

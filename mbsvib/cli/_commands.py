@@ -18,7 +18,7 @@ HOMES = {
     "certify": "_looking",
     "compare": "_comparing", "params": "_parameters", "sweep": "_parameters", "equilibrium": "_studying",
     "path": "_studying", "isolation": "_studying",
-    "loop": "_loops", "budget": "_budgeting", "robust": "_robustness", "tune": "_tuning",
+    "loop": "_loops", "budget": "_budgeting", "robust": "_loops", "tune": "_tuning",
     "export": "_exporting", "check-export": "_exporting",
     "cosim": "_exporting", "report": "_comparing", "schema": "_looking",
 }  # fmt: skip

@@ -9,7 +9,7 @@ from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, number, option, whole_number
 from mbsvib.cli._budgeting import densities_of, noise_argument, pairs, rows_of
 from mbsvib.cli._lookup import as_misuse, model_of
-from mbsvib.cli._robustness import limits_of
+from mbsvib.cli._loops import limits_of
 from mbsvib.common.number_text import integer, real
 
 if TYPE_CHECKING:
