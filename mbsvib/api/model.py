@@ -11,7 +11,6 @@ from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_models import NestedMechanism
 from mbsvib.api.add_ports import PortedMechanism
-from mbsvib.api.add_rolling import RollingMechanism
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.pose import Posed
 from mbsvib.api.run import Simulated
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 
 
 class Model(
-    DrivenMechanism, ActuatedMechanism, FlexibleMechanism, LoadedMechanism, RollingMechanism, PortedMechanism,
-    NestedMechanism, Posed, Running, Simulated,
+    DrivenMechanism, ActuatedMechanism, FlexibleMechanism, LoadedMechanism, PortedMechanism, NestedMechanism, Posed,
+    Running, Simulated,
 ):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Self
 
 from mbsvib.api.connecting import Connecting
+from mbsvib.common.display import upper
+from mbsvib.common.tables import listed
+from mbsvib.errors import counted
 from mbsvib.random.verbs import RandomVerbs
 from mbsvib.responses import state_space
 
@@ -82,6 +85,9 @@ class StateSpace(Connecting, RandomVerbs, state_space.StateSpace):
 
     def explain(self) -> str:
         """Return in words what realization it is and, of a reduced model, how large its error is at most."""
-        from mbsvib.explain.state_space import explain
-
-        return explain(self)
+        lines = [f"{self.name}: {counted(len(self.states), 'state')}, realization {self.realization!r}"]
+        if self.error_bound is not None:
+            lines.append(f"  the frequency response differs by {upper(self.error_bound)} at most from that of the full "
+                         f"model, as its largest singular value, output by input in SI units")  # fmt: skip
+        lines.append(f"  states: {listed(self.states) or 'none'}")
+        return "\n".join(lines)
