@@ -73,23 +73,7 @@ class Energy(Displayed):
         return np.asarray(balance - balance[0])
 
     def of(self, part: str) -> Array:
-        """Return the kinetic and potential energy of one part.
-
-        Parameters
-        ----------
-        part : str
-            Name of a body, beam, superelement or connection.
-
-        Returns
-        -------
-        array, shape (n,)
-            Energy [J].
-
-        Raises
-        ------
-        ResponseError
-            If no such part holds energy.
-        """
+        """Return the kinetic and potential energy (n,) [J] of one body, beam, superelement or connection."""
         if part not in self.parts:
             raise ResponseError(f"energy: '{part}' is not a part with energy.{nearest(part, self.parts)} There are "
                                 f"{', '.join(self.parts)}.")  # fmt: skip
@@ -128,23 +112,7 @@ class Run(Columnar, Displayed):
                            for key, value in state.items()})  # fmt: skip
 
     def __getitem__(self, name: str) -> Array:
-        """Return an output, (n,).
-
-        Parameters
-        ----------
-        name : str
-            Name of the output.
-
-        Returns
-        -------
-        array, shape (n,)
-            Its values; displacements and forces count from the pose as described.
-
-        Raises
-        ------
-        ResponseError
-            If there is no such output, or a run does not tell it.
-        """
+        """Return an output (n,) by name; displacements and forces count from the pose as described."""
         if name in self.outputs:
             return self.outputs[name]
         if name in self.trace.measured.refused:

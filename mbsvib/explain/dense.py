@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
 from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.errors import counted
+from mbsvib.explain.energy_shares import ELASTIC, energies
+from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
+    from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.responses.basis import Basis
     from mbsvib.sparse.equations import SparseEquations
 
+MOST_STIFFNESSES = 12  # coordinates whose stiffness is shown
 _ENOUGH = {
     "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
     "factors": "singular values of the factors were accurate enough: no Jacobi rotations",
@@ -44,11 +50,9 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
                      "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
     lines += ["topology", *_topology(system), "loops", *_loops(system)]
     lines += [*alignments(system.provenance.origin), "coordinates", *_coordinates(system)]
-    if system.provenance.statics is not None:
-        from mbsvib.explain.loads import explain_loads
-
-        lines += ["loads", *explain_loads(system)]
     statics = system.provenance.statics
+    if statics is not None:
+        lines += ["loads", *_loads(system, statics)]
     undetermined = system.provenance.undetermined or (() if statics is None else statics.undetermined)
     if undetermined:
         lines += ["forces in joints", *(text for forces in undetermined for text in forces.explained())]
@@ -143,6 +147,42 @@ def rank_decision(group: LoopGroup) -> list[str]:
     lines = [f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
              f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"]  # fmt: skip
     return [*lines, f"    redundant: {listed(group.redundant)}"] if group.redundant else lines
+
+
+def _loads(system: Equations, statics: Statics) -> list[str]:
+    """The loads of a system, their balance, and their effect on stiffness."""
+    applied = statics.applied
+    lines = []
+    if applied.weight.any():
+        lines.append("  gravity: acts at the centres of mass; its geometric stiffness is in the reactions and preloads")
+    for names, kind in ((applied.names[: applied.loads], "loads"),
+                        (applied.names[applied.loads :], "preloads")):  # fmt: skip
+        if names:
+            lines.append(f"  {kind}: {listed(names)}")
+    lines.append(f"  balance: relative residual of the forces {statics.imbalance:.1e} (allowed {BALANCE:g})")
+    lines += _stiffness(system)
+    if system.circulatory is not None:
+        lines.append("  follower loads, torques or cross-coupled bushings make K unsymmetric")
+    return lines
+
+
+def _stiffness(system: Equations) -> list[str]:
+    """The diagonal of K by kinds, and the largest contribution of each element of a loaded model."""
+    names, kinds, parts = energies(system, np.eye(system.dof))
+    total = np.diagonal(system.K)
+    lines = []
+    for i, coordinate in enumerate(system.coordinates[:MOST_STIFFNESSES]):
+        sums = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
+        text = " ".join(f"{value:+.6g} {kind}" for kind, value in sums.items() if value)
+        unit = "N/m" if system.coordinate_units[i] == "m" else "N m/rad"
+        lines.append(f"  stiffness along {coordinate}: {total[i]:.6g} {unit} = {text or 'nothing'}")
+    for name, kind, part in zip(names, kinds, parts, strict=True):
+        if kind != ELASTIC:
+            most = int(np.argmax(np.abs(part)))
+            where = system.coordinates[most]
+            unit = "N/m" if system.coordinate_units[most] == "m" else "N m/rad"
+            lines.append(f"  {kind} of '{name}': {part[most]:+.6g} {unit} along {where}, its largest contribution")
+    return lines
 
 
 def _cut(system: Equations) -> list[str]:

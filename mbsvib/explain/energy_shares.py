@@ -52,29 +52,13 @@ class StiffnessShares(Columnar, Displayed):
         return {"element": np.array(self.elements), "kind": np.array(self.kinds), **numbered({"mode": self.shares})}
 
     def of(self, element: str) -> Array:
-        """Return the shares of one element, all kinds together.
-
-        Parameters
-        ----------
-        element : str
-            Name of a spring, bushing, load or joint.
-
-        Returns
-        -------
-        array, shape (modes,)
-            Its share of each mode; zeros where it has none.
+        """Return the shares (modes,) of a spring, bushing, load or joint, all kinds together; zeros where it has none.
         """
         mine = [i for i, name in enumerate(self.elements) if name == element]
         return np.asarray(self.shares[mine].sum(axis=0))
 
     def by_kind(self) -> dict[str, Array]:
-        """Return the shares of each kind, all elements together.
-
-        Returns
-        -------
-        dict of str to array, shape (modes,)
-            "elastic", "preload", "load" and "reaction" as far as they are there.
-        """
+        """Return the shares (modes,) of each kind that is there, all elements together."""
         kinds = np.array(self.kinds)
         return {kind: self.shares[kinds == kind].sum(axis=0) for kind in dict.fromkeys(self.kinds)}
 

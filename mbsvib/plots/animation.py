@@ -54,18 +54,7 @@ class Animation(Displayed):
     rate: float = 20.0
 
     def points(self, phase: float) -> NDArray[np.float64]:
-        """Return where all points are at a phase of the motion.
-
-        Parameters
-        ----------
-        phase : float
-            Phase [rad].
-
-        Returns
-        -------
-        array, shape (points, 3)
-            World positions [m].
-        """
+        """Return the positions (points, 3) [m] of all points at a phase [rad] of the motion."""
         return np.asarray(self.scene.points + (self.shape * np.exp(1j * phase)).real)
 
     def figure(self, phase: float = 0.0, *, ax: Given | None = None) -> Figure | Given:

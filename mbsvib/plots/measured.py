@@ -22,28 +22,10 @@ MOST = 12  # panels
 def measured(
     data: Any, model: Complex | None, label: str = "model", *, ax: Given | None = None
 ) -> Figure | Given:
-    """Draw magnitude and phase of measured responses, with one standard deviation, and a model's over them.
+    """Draw magnitude and phase of a Measurement, with one standard deviation, and a model's over them.
 
-    Parameters
-    ----------
-    data : Measurement
-        What is drawn, at most twelve pairs.
-    model : array, shape (outputs, inputs, n), or None
-        Responses of a model at the same lines and of the same quantities.
-    label : str
-        Name of the model in the legend.
-    ax : Axes or sequence of Axes, optional
-        Where to draw, a panel each, row by row; default: a new figure.
-
-    Returns
-    -------
-    matplotlib.figure.Figure, or ``ax``
-        One panel for each pair of input and output.
-
-    Raises
-    ------
-    ResponseError
-        If there are more than twelve pairs, or nothing was measured.
+    ``model`` (outputs, inputs, n): its responses at the same lines and of the same quantities, with the name ``label``
+    in the legend. One panel for each of at most twelve measured pairs of input and output.
     """
     drawn = [(int(i), int(j)) for i, j in np.argwhere(data.is_measured)]
     if not 0 < len(drawn) <= MOST:
@@ -75,28 +57,9 @@ def measured(
 
 
 def recorded(data: Any, records: Array, model: Array, label: str, *, ax: Given | None = None) -> Figure | Given:
-    """Draw records over time, a model's over them, and below what is left.
+    """Draw Records over time, a model's over them, and below what is left, a panel for each of at most twelve outputs.
 
-    Parameters
-    ----------
-    data : Records
-        What was recorded, at most twelve outputs.
-    records, model : array, shape (outputs, N)
-        Measured, and of a model.
-    label : str
-        Name of the model in the legend.
-    ax : Axes or sequence of Axes, optional
-        Where to draw, a panel for each output; default: a new figure.
-
-    Returns
-    -------
-    matplotlib.figure.Figure, or ``ax``
-        One panel for each output.
-
-    Raises
-    ------
-    ResponseError
-        If there are more than twelve outputs.
+    ``records``, ``model`` (outputs, N): what was measured, and what a model makes of it, with the name ``label``.
     """
     names = list(data.outputs)
     if len(names) > MOST:

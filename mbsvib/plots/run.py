@@ -37,18 +37,7 @@ class RunAnimation(Animation):
     positions: Array = field(repr=False, default_factory=lambda: np.zeros((1, 0, 3)))
 
     def points(self, phase: float) -> Array:
-        """Return where all points are at a share of the run.
-
-        Parameters
-        ----------
-        phase : float
-            Share of the run times 2 pi.
-
-        Returns
-        -------
-        array, shape (points, 3)
-            World positions [m].
-        """
+        """Return the positions (points, 3) [m] of all points at a share of the run, times 2 pi."""
         return np.asarray(self.positions[round(phase / (2.0 * np.pi) * self.frames) % self.frames])
 
 

@@ -68,13 +68,7 @@ def noted_differences(first: Any, second: Any) -> list[str]:
 
 
 def measured_against(system: Any, data: Measurement | MeasuredModes) -> dict[str, Any]:
-    """Return modes and responses of a measurement beside those of a system, as numbers for JSON.
-
-    Raises
-    ------
-    ResponseError
-        If no channel is that of an output.
-    """
+    """Return modes and responses of a measurement beside those of a system, as numbers for JSON."""
     result = compare(system, data)
     held = MeasuredModes.from_measurement(data) if isinstance(data, Measurement) and data.modes else data
     count = len(held.frequencies) if isinstance(held, MeasuredModes) else 0

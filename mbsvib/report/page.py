@@ -7,6 +7,7 @@ from base64 import b64encode
 from gzip import compress
 from html import escape
 from importlib.resources import files
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mbsvib.api.driven import DrivenSystem
@@ -16,7 +17,6 @@ from mbsvib.errors import ExportError, ModelError
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.report.data import LABELS, MEASURED_LABELS, collect
-from mbsvib.report.noise import LINK, section
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     Source: TypeAlias = Model | System | StateSpace | ClosedLoop | Controller
 
 SCRIPTS = ("page", "motion", "compass", "curves", "responses", "panels", "keys")
+FIGURES = 6  # of the first outputs of an error budget
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -46,17 +47,8 @@ def html(
 
     Parameters
     ----------
-    source : Model, System, StateSpace, ClosedLoop, Controller, control.StateSpace or control.TransferFunction
-        What to report on; what has no bodies has no picture of them.
-    outputs, inputs : str or sequence of str, optional
-        Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace, ClosedLoop, Controller, Measurement or MeasuredModes, optional
-        Another design, or what was measured: its modes in pairs with those of ``source``, its curves over these, and
-        the differences of ``mv.compare``.
-    names : (str, str), optional
-        What the page calls ``source`` and ``compare``; default: before and after, or model and measurement.
-    budget : Budget, optional
-        An error budget that the page shows, as of ``source.budget(noise)``: its table, and densities of six outputs.
+    source, outputs, inputs, compare, names, budget : as of ``write``
+        What is reported on, and what the page shows.
 
     Returns
     -------
@@ -85,8 +77,8 @@ def html(
     pieces = {
         "TITLE": escape(system.name),
         "STYLE": _read("page.css"),
-        "BUDGET_LINK": "" if budget is None else LINK,
-        "BUDGET": "" if budget is None else section(budget),
+        "BUDGET_LINK": "" if budget is None else '<a href="#budget">Error budget</a>',
+        "BUDGET": "" if budget is None else _budget_section(budget),
         "PLOTLY": b64encode(compress(script.encode("utf-8"), 9, mtime=0)).decode("ascii"),
         "DATA": embedded(data),
         "SCRIPT": "\n".join(_read(f"{name}.js") for name in SCRIPTS),
@@ -126,6 +118,8 @@ def write(
     ------
     ExportError
         If plotly is not installed, or the file cannot be written.
+    ModelError, ResponseError
+        As of ``html``.
     """
     from mbsvib.common.atomic_file import write_atomic
 
@@ -139,6 +133,30 @@ def embedded(data: Any) -> str:
     for sign, code in _UNSAFE.items():
         text = text.replace(sign, code)
     return text
+
+
+def _budget_section(budget: Budget) -> str:
+    """The section of an error budget as HTML."""
+    table: dict[str, Any] = budget.table()
+    words = ["words" if side == "left" else "" for _, side in table["columns"]]
+    head = "".join(f'<th class="{kind}">{escape(name)}</th>' for (name, _), kind in
+                   zip(table["columns"], words, strict=True))  # fmt: skip
+    rows = "".join("<tr>" + "".join(f'<td class="{kind}">{escape(str(cell))}</td>' for cell, kind in
+                                    zip(row, words, strict=True)) + "</tr>" for row in table["rows"])  # fmt: skip
+    figures = "".join(_figure(budget, name) for name in budget.outputs[:FIGURES])
+    notes = escape(" ".join(table["notes"]))
+    return (f'<section id="budget"><div class="head"><h2>Error budget</h2><p class="remarks">{notes}</p></div>'
+            '<div class="card wide"><div class="table" role="region" tabindex="0" aria-label="Contributions">'
+            f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></div>{figures}</section>")
+
+
+def _figure(budget: Budget, output: str) -> str:
+    stream = BytesIO()
+    budget.plot(output).savefig(stream, format="png", bbox_inches="tight")
+    words = escape(f"Density and cumulative root mean square of {output}", quote=True)
+    code = b64encode(stream.getvalue()).decode("ascii")
+    image = f'<img style="max-width:100%" src="data:image/png;base64,{code}" alt="{words}">'
+    return f'<div class="card" style="margin-top:16px">{image}</div>'
 
 
 def _linear(source: Any, field: str) -> Any:
