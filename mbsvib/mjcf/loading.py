@@ -13,7 +13,6 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning
 from mbsvib.mechanism.unit_warnings import with_angles
 from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
-from mbsvib.mjcf.closing import close_equalities
 from mbsvib.mjcf.compiled import Compiled, compiled
 from mbsvib.mjcf.scene import Scene
 from mbsvib.urdf.extensions import in_words
@@ -87,7 +86,7 @@ def load_mjcf(
     """
     file = compiled(path, pose or {}, keyframe, control or {}, leave)
     checking.refuse_beyond(file, pose or {})
-    close_equalities(file, pose or {})
+    ties.close_equalities(file, pose or {})
     checking.refuse_unknown(file)
     model = with_angles(Model(_name(file) if name is None else name, _gravity(file, gravity)),
                         checking.angles(file, pose or {}))

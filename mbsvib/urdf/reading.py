@@ -1,4 +1,6 @@
-"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis, limits and damping, loops."""
+"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis, limits and damping, loops;
+and motors, which are transmissions of one actuator to one joint.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,6 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.urdf.extensions import left_out, refuse_macros
 from mbsvib.urdf.loops import Coupling, Loop, Reader
 from mbsvib.urdf.motion import Hinge, Mimic, moved
-from mbsvib.urdf.motors import Motor, motors_of
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -30,6 +31,20 @@ AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format
 # Decimals from which on a number without exponent was printed with a fixed count of them, as "%f" does: its last digit
 # is rounded, however few digits that leaves of a small number.
 DECIMALS = 6
+RATIO, ROTOR = "mechanicalreduction", "rotor_inertia"
+# Names of elements for these, in small letters.
+WORDS = {RATIO: RATIO, "gear_ratio": RATIO} | dict.fromkeys(
+    (ROTOR, "rotorinertia", "motor_inertia", "motorinertia"), ROTOR)
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """A motor that turns ``ratio`` times as fast as its ``joint``, with a rotor of ``inertia`` [kg m^2, kg]."""
+
+    name: str
+    joint: str
+    ratio: float
+    inertia: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +89,7 @@ def read(path: str | PathLike[str]) -> Robot:
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
     refuse_macros(top, path)
-    motors, rotors = motors_of(top, path, _numbers)
+    motors, rotors = _motors(top, path)
     left = left_out(top, path, rotors)
     links = {name: _link(element, name, path) for name, element in _named(top, "link", path).items()}
     elements = _named(top, "joint", path)
@@ -91,6 +106,38 @@ def read(path: str | PathLike[str]) -> Robot:
     loops, couplings = reader.all_of(top)
     return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path), left, loops, couplings, motors,
                  tuple(reader.taken), tuple(independent))  # fmt: skip
+
+
+def _motors(top: ElementTree.Element, path: str | PathLike[str]) -> tuple[tuple[Motor, ...], set[int]]:
+    """The motors of one joint each, and the identities of the actuators whose rotors are taken by them.
+
+    Transmissions between several joints or actuators have no single ratio.
+    """
+    motors, taken = [], set()
+    for element in top.findall("transmission"):
+        joints, actuators = element.findall("joint"), element.findall("actuator")
+        if len(joints) != 1 or len(actuators) != 1:
+            continue
+        name, joint = actuators[0].get("name", ""), joints[0].get("name", "")
+        who, values = f"{path}: transmission of '{name}'", {RATIO: 1.0, ROTOR: 0.0}
+        for part in (*joints[0], *actuators[0], *element):
+            tag = part.tag.rpartition(":")[2].lower()
+            if tag in WORDS:
+                key = WORDS[tag]
+                if part.get("value") is not None:
+                    values[key] = float(_numbers(part, "value", None, 1, who, name)[0])
+                else:
+                    try:
+                        values[key] = real(part.text or "")
+                    except ValueError as error:
+                        raise ModelError(f"{who}: <{part.tag}> {part.text!r}; expected a number.", element=name,
+                                         field=part.tag) from error  # fmt: skip
+        if values[RATIO] == 0.0 or values[ROTOR] < 0.0:
+            raise ModelError(f"{who}: ratio {values[RATIO]:g}, rotor {values[ROTOR]:g} kg m^2; expected a ratio other "
+                             f"than 0 and an inertia that is not negative.", element=name)  # fmt: skip
+        taken.add(id(actuators[0]))
+        motors.append(Motor(name, joint, values[RATIO], values[ROTOR]))
+    return tuple(motors), taken
 
 
 def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> Hinge:
