@@ -23,8 +23,8 @@ def casadi_function(name: str, shape: tuple[int, int], parts: tuple[str, ...], v
 
 
 @cache
-def _slopes_class() -> Any:
-    """Return the class of derivatives; it exists where CasADi is."""
+def _function_class() -> Any:
+    """Return the class of functions, with that of derivatives; they exist where CasADi is."""
     import casadi
 
     class Slopes(casadi.Callback):
@@ -49,16 +49,6 @@ def _slopes_class() -> Any:
 
         def eval(self, arguments: Any) -> Any:
             return [casadi.DM(array) for array in self.owner.slopes(arguments[0].full().ravel())]
-
-    return Slopes
-
-
-@cache
-def _function_class() -> Any:
-    """Return the class of functions; it exists where CasADi is."""
-    import casadi
-
-    slopes_class = _slopes_class()
 
     class Parts(casadi.Callback):
         """p -> the parts."""
@@ -94,7 +84,7 @@ def _function_class() -> Any:
             return True
 
         def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
-            self.jacobians.append(slopes_class(name, self, options))
+            self.jacobians.append(Slopes(name, self, options))
             return self.jacobians[-1]
 
     return Parts

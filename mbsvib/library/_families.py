@@ -217,22 +217,8 @@ def ladder(
     ----------
     layers : int
         Number of layers.
-    joint : str
-        revolute, prismatic, cylindrical or spherical, or the chapter's letter R, P, C or S.
-    axis : array-like, shape (3,)
-        Axis of all joints, world axes; bushings have it along their z.
-    springs : int
-        Number s of bushings at every joint; 0 leaves them out.
-    total : bool
-        Whether the bushings of a joint have ``stiffness`` and ``damping`` together, each one an s-th, as in the
-        chapter's Table 3. With False each has all of it, and frequencies grow with s.
-    mass : float
-        Mass of every body [kg].
-    inertia : array-like, shape (3,), (6,) or (3, 3)
-        Inertia of every body about its centre of mass [kg m^2], world axes.
-    stiffness, damping : array-like, shape (6,) or (6, 6)
-        Of the bushings of a joint, in their axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's
-        Table 3.
+    joint, axis, springs, total, mass, inertia, stiffness, damping : as for ``chain``
+        Of all joints, of their bushings, and of every body.
 
     Returns
     -------
@@ -284,22 +270,8 @@ def tree(
     ----------
     layers : int
         Number of layers.
-    joint : str
-        revolute, prismatic, cylindrical or spherical, or the chapter's letter R, P, C or S.
-    axis : array-like, shape (3,)
-        Axis of all joints, world axes; bushings have it along their z.
-    springs : int
-        Number s of bushings at every joint; 0 leaves them out.
-    total : bool
-        Whether the bushings of a joint have ``stiffness`` and ``damping`` together, each one an s-th, as in the
-        chapter's Table 3. With False each has all of it, and frequencies grow with s.
-    mass : float
-        Mass of every body [kg].
-    inertia : array-like, shape (3,), (6,) or (3, 3)
-        Inertia of every body about its centre of mass [kg m^2], world axes.
-    stiffness, damping : array-like, shape (6,) or (6, 6)
-        Of the bushings of a joint, in their axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's
-        Table 3.
+    joint, axis, springs, total, mass, inertia, stiffness, damping : as for ``chain``
+        Of all joints, of their bushings, and of every body.
 
     Returns
     -------

@@ -127,20 +127,10 @@ def seven_r(
 
     Parameters
     ----------
-    crank, rocker : float
-        Lengths [m]; all values are those of ``rssr``.
-    crank_angle, rocker_angle : float
-        Of the crank from x towards y, of the rocker from y towards z [rad].
-    rocker_pivot : array-like, shape (3,)
-        Point of the joint ``rocker`` [m].
-    masses : array-like, shape (3,)
-        Of crank, coupler and rocker [kg], slender bars.
-    axial_inertia : float
-        Moment of inertia of each about its own line [kg m^2].
-    drive_stiffness, drive_damping : float
-        Of the torsion spring ``drive`` between ground and crank [N m/rad, N m s/rad]; both 0: none.
-    gravity : array-like, shape (3,), optional
-        As for a model.
+    crank, crank_angle, rocker, rocker_angle, rocker_pivot, masses, axial_inertia : as for ``rssr``
+        Lengths [m], angles [rad], point [m], masses [kg] and moment of inertia [kg m^2] of the bars.
+    drive_stiffness, drive_damping, gravity : as for ``rssr``
+        Of the torsion spring ``drive`` [N m/rad, N m s/rad], and of the model [m/s^2].
 
     Returns
     -------
