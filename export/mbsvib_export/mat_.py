@@ -28,7 +28,7 @@ from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
-from mbsvib.common.mat_file import read_mat_file
+from mbsvib.common.mat_file import cells, read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import ERROR_BOUND, OF_SPACE, THROUGH, SystemData, data_of, shapes, with_ports
 from mbsvib_export.reading import content_read
@@ -192,8 +192,8 @@ def _content(data: SystemData | FirstOrder, source: System | SystemData | FirstO
         "mbsvib": {"version": float(VERSION), "realization": space.realization, **extra},
     }  # fmt: skip
     if words.changed:
-        result["mbsvib"]["mapped"] = _cells(tuple(words.changed.values()))
-        result["mbsvib"]["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8)
+        result["mbsvib"]["mapped"] = cells(tuple(words.changed.values()))
+        result["mbsvib"]["original"] = cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8)
                                                     for name in words.changed))  # fmt: skip
     return result
 
@@ -228,14 +228,7 @@ class _Words:
         return self.changed.get(name, name)
 
     def cells(self, names: tuple[str, ...]) -> NDArray[Any]:
-        return _cells(tuple(self.plain(name, names) for name in names))
-
-
-def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
-    result = np.empty((len(values), 1), dtype=object)
-    for k, value in enumerate(values):
-        result[k, 0] = value
-    return result
+        return cells(tuple(self.plain(name, names) for name in names))
 
 
 class _Texts:

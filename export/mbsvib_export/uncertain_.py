@@ -6,13 +6,13 @@ that know delta from -1 to 1 only take changes from the middle of the limits, to
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.expected import kind_of
+from mbsvib.common.mat_file import variable_names
 from mbsvib.common.selection import port_numbers
 from mbsvib.errors import ExportError
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.uncertain.plant import UncertainPlant
-
-LONGEST = 60  # characters of a name in MATLAB, which has 63, less what makes it differ
 
 
 def is_uncertain(source: object) -> bool:
@@ -52,19 +50,9 @@ def matlab_parameters(plant: UncertainPlant, cells: Any) -> dict[str, Any]:
     parameters = plant.parameters
     numbers = {key: np.array([[getattr(block, field)] for block in parameters], dtype=float) for key, field in
                (("Nominal", "nominal"), ("Half", "half"), ("Repetitions", "repetitions"))}  # fmt: skip
-    return {"Name": cells(tuple(plant.blocks)), "Variable": cells(_variables(tuple(plant.blocks))),
+    return {"Name": cells(tuple(plant.blocks)), "Variable": cells(variable_names(plant.blocks)),
             "Unit": cells(tuple([block.unit for block in parameters])),
             "Range": np.array(list(plant.limits.values())), **numbers}  # fmt: skip
-
-
-def _variables(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names that MATLAB takes for those of ``ureal``, no two of them the same."""
-    result: list[str] = []
-    for name in names:
-        word = "p_" * (not name[:1].isalpha() or not name[0].isascii()) + re.sub(r"[^0-9A-Za-z_]", "_", name)
-        word = word[:LONGEST]
-        result.append(word if word not in result else f"{word[: LONGEST - 4]}_{len(result) + 1}")
-    return tuple(result)
 
 
 def refuse_steps(plant: UncertainPlant, dt: float | None, method: str | None) -> None:

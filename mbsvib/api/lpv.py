@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,6 +14,7 @@ from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
+from mbsvib.common.mat_file import cells, variable_names
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.linalg.sparse_interpolation import SparseInterpolant, points_of
@@ -187,11 +187,11 @@ class LPVSystem(Displayed):
             "A": over_grid(np.concatenate((unit, solved[..., : 2 * m]), axis=1)),
             "B": over_grid(np.concatenate((np.zeros_like(solved[..., 2 * m :]), solved[..., 2 * m :]), axis=1)),
             "C": over_grid(through[..., : 2 * m]), "D": over_grid(through[..., 2 * m :]),
-            "SamplingGrid": dict(zip(_words(self.names), [axis.reshape(shape) for axis in axes], strict=True)),
+            "SamplingGrid": dict(zip(variable_names(self.names), [axis.reshape(shape) for axis in axes], strict=True)),
             "mech": {key: over_grid(arrays[key]) for key in ("M", "C", "K", "B")},
-            "Coordinate": _cells(self.names), "Unit": _cells(self.units), "InputName": _cells(self.inputs),
-            "OutputName": _cells(self.outputs), "ErrorBound": self.error_bound,
-            "StateName": _cells((*self.coordinates, *(f"d({name})/dt" for name in self.coordinates))),
+            "Coordinate": cells(self.names), "Unit": cells(self.units), "InputName": cells(self.inputs),
+            "OutputName": cells(self.outputs), "ErrorBound": self.error_bound,
+            "StateName": cells((*self.coordinates, *(f"d({name})/dt" for name in self.coordinates))),
         }  # fmt: skip
         from scipy.io import savemat
 
@@ -320,18 +320,3 @@ def _split(values: Array, nominal: System) -> dict[str, Array]:
     ends = np.cumsum([math.prod(shape) for shape in shapes.values()])
     parts = np.split(values, ends[:-1], axis=1)
     return {key: part.reshape(len(values), *shapes[key]) for key, part in zip(shapes, parts, strict=True)}
-
-
-def _words(names: tuple[str, ...]) -> list[str]:
-    """Names of fields in MATLAB, no two of them the same."""
-    result: list[str] = []
-    for name in names:
-        word = re.sub(r"[^0-9A-Za-z_]", "_", name if name[:1].isalpha() else f"p_{name}")[:60]
-        result.append(word if word not in result else f"{word[:56]}_{len(result) + 1}")
-    return result
-
-
-def _cells(names: tuple[str, ...]) -> Any:
-    result = np.empty((len(names), 1), dtype=object)
-    result[:, 0] = names
-    return result

@@ -10,6 +10,7 @@ Source: MathWorks, MAT-File Format (level 5).
 
 from __future__ import annotations
 
+import re
 import zlib
 from dataclasses import dataclass
 from io import BytesIO
@@ -21,11 +22,12 @@ import numpy as np
 from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_dense, check_shape, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
 HEADER = 128
+LONGEST_NAME = 60  # characters of a name in MATLAB, which has 63, less what makes it differ
 # Cells and structs within each other; to_mat writes three levels.
 DEEPEST = 20
 _DTYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -163,7 +165,7 @@ class _Reader:
             return self.text(rest, shape, subject)
         if kind == _CELL:
             check_shape(shape, 8, len(data), subject)
-            return _shaped(self.arrays(rest, int(np.prod(shape)), subject, depth), shape)
+            return cells(self.arrays(rest, int(np.prod(shape)), subject, depth), shape)
         if kind == _STRUCT:
             return self.struct(rest, shape, subject, depth)
         if kind == _SPARSE:
@@ -248,8 +250,19 @@ class _Reader:
         return result
 
 
-def _shaped(values: list[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+def cells(values: Sequence[Any], shape: tuple[int, ...] | None = None) -> NDArray[Any]:
+    """Return values as a cell array, by default one in a column."""
     result = np.empty(len(values), dtype=object)
     for k, value in enumerate(values):
         result[k] = value
-    return result.reshape(shape, order="F")
+    return result.reshape((len(values), 1) if shape is None else shape, order="F")
+
+
+def variable_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Return names of variables and fields in MATLAB, as close to the given ones as it allows, no two the same."""
+    result: list[str] = []
+    for name in names:
+        word = "p_" * (not name[:1].isalpha() or not name[0].isascii()) + re.sub(r"[^0-9A-Za-z_]", "_", name)
+        word = word[:LONGEST_NAME]
+        result.append(word if word not in result else f"{word[: LONGEST_NAME - 4]}_{len(result) + 1}")
+    return tuple(result)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.library._dh import from_dh
     from mbsvib.library._families import chain, ladder, tree
     from mbsvib.library._flexures import cross_hinge, parallel_guide
-    from mbsvib.library._linkages import four_bar, slider_crank
+    from mbsvib.library._linkages import four_bar, slider_crank, toggle
     from mbsvib.library._machines import carpet_scraper, hoeken
     from mbsvib.library._masses import engine_on_mounts, inclined_chain, quarter_car
     from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.library._rotors import rotor_stator, sleeping_top
     from mbsvib.library._spatial_linkages import rssr, seven_r
     from mbsvib.library._stewart import cubic_hexapod, stewart, stewart_isolator
-    from mbsvib.library._toggle import toggle
     from mbsvib.library._wafer_stage import wafer_stage
 
 __all__ = [
@@ -50,7 +49,7 @@ _HOMES = {
     "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_quadruped", "quarter_car": "_masses",
     "rotor_stator": "_rotors", "rssr": "_spatial_linkages", "seven_r": "_spatial_linkages",
     "singular_beam": "_beams", "six_link": "_arms", "sleeping_top": "_rotors", "slider_crank": "_linkages",
-    "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_toggle",
+    "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_linkages",
     "tree": "_families", "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_wafer_stage",
 }  # fmt: skip
 _FAMILIES = {"C": "chain", "T": "tree", "L": "ladder"}

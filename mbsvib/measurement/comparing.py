@@ -158,7 +158,7 @@ class Comparison(Columnar, Displayed):
         matplotlib.figure.Figure, or ``ax``
             With modes counted from 1.
         """
-        from mbsvib.plots.comparison import comparison
+        from mbsvib.plots.mode_comparison import comparison
 
         return comparison(self, ax=ax)
 

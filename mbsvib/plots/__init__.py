@@ -7,14 +7,12 @@ imported by the first figure that is drawn.
 """
 
 from mbsvib.plots._style import STYLE
-from mbsvib.plots.bode import bode, nyquist
-from mbsvib.plots.comparison import comparison
+from mbsvib.plots.bode import bode, mode_contributions, nyquist
 from mbsvib.plots.cycle import cycle, periodic
 from mbsvib.plots.isolation import isolation, transmissibility
 from mbsvib.plots.loops import loop_gain, loop_nyquist, sensitivity
 from mbsvib.plots.mechanism import mechanism
-from mbsvib.plots.mode_comparison import mode_comparison
-from mbsvib.plots.mode_contributions import mode_contributions
+from mbsvib.plots.mode_comparison import comparison, mode_comparison
 from mbsvib.plots.mode_strips import mode_strips
 from mbsvib.plots.modes import energy, modes
 from mbsvib.plots.path import path

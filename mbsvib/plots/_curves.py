@@ -95,8 +95,13 @@ def pairs_of(system: Linear, outputs: Names, inputs: Names) -> list[list[tuple[s
     if len(sources) > 1 and len(results) > 1:
         return [[(result, source) for source in sources] for result in results]
     flat = [(result, source) for source in sources for result in results]
-    width = 2 if count in (2, 4) else min(count, 3)
+    width = columns_of(count)
     return [flat[start : start + width] for start in range(0, count, width)]
+
+
+def columns_of(count: int) -> int:
+    """Return how many of so many panels stand in a row."""
+    return 2 if count in (2, 4) else min(count, 3)
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag

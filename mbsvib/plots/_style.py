@@ -90,7 +90,6 @@ def context() -> Iterator[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure [inch] that fits its labels by itself, in smaller sizes too."""
-
     return ScaledFigure(figsize=(width, height), layout="constrained")
 
 
@@ -131,6 +130,13 @@ def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency 
     logarithmic(axes.xaxis)
     if high > low:
         axes.set_xlim(low, high)
+
+
+def phase_axis(axes: Axes) -> None:
+    """Give the vertical axis the range of phases within -180 to 180 degrees."""
+    axes.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
+    axes.set_ylim(-190.0, 190.0)
+    axes.set_ylabel("phase [deg]")
 
 
 def logarithmic(*several: Axis) -> None:

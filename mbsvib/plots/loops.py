@@ -11,7 +11,7 @@ from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import MOST_PANELS, finer, positive_frequencies
+from mbsvib.plots._curves import MOST_PANELS, columns_of, finer, positive_frequencies
 from mbsvib.plots._sheet import Given, in_rows, pairs, sheet
 from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
@@ -36,15 +36,6 @@ def closed(loop: Any, who: str) -> FeedbackLoop:
     return result
 
 
-def numbers(loop: FeedbackLoop, actuators: Names) -> list[int]:
-    """Return the numbers of the actuators to draw, a panel each."""
-    which = selected(actuators, loop.actuators, "actuator", loop.name, ())
-    if not 0 < len(which) <= MOST_PANELS:
-        raise ResponseError(f"{len(which)} actuators; a figure holds 1 to {MOST_PANELS} panels: choose some by "
-                            f"actuators=[...] out of {', '.join(loop.actuators)}.")  # fmt: skip
-    return which
-
-
 def grid_of(
     loop: FeedbackLoop, frequencies: ArrayLike | None, span: tuple[float | None, float | None], who: str
 ) -> Array:
@@ -57,15 +48,21 @@ def grid_of(
                   min(high, 0.499 * loop.resolution.period))  # fmt: skip
 
 
-def gains(loop: FeedbackLoop, which: list[int], frequencies: Array) -> Complex:
-    """Return the gain L (actuators, n) of each loop with the others closed, 1 + L = 1 / S."""
-    s = loop.sensitivity(2.0 * np.pi * frequencies)
-    return np.array([1.0 / s[i, i] - 1.0 for i in which])
-
-
-def columns_of(count: int) -> int:
-    """Return how many of so many panels stand in a row."""
-    return 2 if count in (2, 4) else min(count, 3)
+def gains(
+    loop: FeedbackLoop, actuators: Names, frequencies: ArrayLike | None, span: tuple[float | None, float | None],
+    who: str, circles: bool = False,
+) -> tuple[list[int], Array, Complex]:  # fmt: skip
+    """Return the numbers of the actuators to draw, frequencies (n,) [Hz], and the gain L (actuators, n) of each loop
+    with the others closed, 1 + L = 1 / S; ``circles``: on a finer grid, where none is given.
+    """
+    which = selected(actuators, closed(loop, who).actuators, "actuator", loop.name, ())
+    if not 0 < len(which) <= MOST_PANELS:
+        raise ResponseError(f"{len(which)} actuators; a figure holds 1 to {MOST_PANELS} panels: choose some by "
+                            f"actuators=[...] out of {', '.join(loop.actuators)}.")  # fmt: skip
+    grid = grid_of(loop, frequencies, span, who)
+    grid = finer(grid) if circles and frequencies is None else grid
+    s = loop.sensitivity(2.0 * np.pi * grid)
+    return which, grid, np.array([1.0 / s[i, i] - 1.0 for i in which])
 
 
 def loop_gain(
@@ -103,10 +100,8 @@ def loop_gain(
     ResponseError
         If it is no closed loop, a name is unknown, or there are more than twelve panels.
     """
-    loop = closed(loop, "plots.loop_gain")
-    which, grid = numbers(loop, actuators), grid_of(loop, frequencies, span, "plots.loop_gain")
-    values, margins = gains(loop, which, grid), loop.margins()
-    columns = columns_of(len(which))
+    which, grid, values = gains(loop, actuators, frequencies, span, "plots.loop_gain")
+    margins, columns = loop.margins(), columns_of(len(which))
     with pairs("plots.loop_gain", ax, len(which), columns) as (paper, panels):
         for number, (i, (top, below)) in enumerate(zip(which, panels, strict=True)):
             _magnitude(top, grid, values[number], margins, i, decibels)
@@ -156,9 +151,7 @@ def _phase(axes: Axes, f: Array, values: Complex, margins: Margins, i: int) -> N
         near = np.degrees((near + np.pi) % (2.0 * np.pi) - np.pi)
         axes.plot([at, at], [near, np.copysign(180.0, near)], "o-", color=style.COLOURS[1], ms=3.0)
     style.frequency_axis(axes, f[0], f[-1])
-    axes.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
-    axes.set_ylim(-190.0, 190.0)
-    axes.set_ylabel("phase [deg]")
+    style.phase_axis(axes)
 
 
 # Largest distance from the critical point up to which all of a loop gain is shown, and what is shown of larger ones.
@@ -196,11 +189,8 @@ def loop_nyquist(
     ResponseError
         If it is no closed loop, a name is unknown, or there are more than twelve panels.
     """
-    loop = closed(loop, "plots.loop_nyquist")
-    which, grid = numbers(loop, actuators), grid_of(loop, frequencies, span, "plots.loop_nyquist")
-    if frequencies is None:
-        grid = finer(grid)
-    values, margins = gains(loop, which, grid), loop.margins()
+    which, _, values = gains(loop, actuators, frequencies, span, "plots.loop_nyquist", circles=True)
+    margins = loop.margins()
     around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
     with in_rows("plots.loop_nyquist", ax, len(which), columns_of(len(which)), (4.6, 3.6)) as paper:
         for number, (i, axes) in enumerate(zip(which, paper.panels, strict=True)):

@@ -48,9 +48,7 @@ def measured(
             unit = units.pretty(units.ratio(data.output_units[i], data.input_units[j]))
             top.set_ylabel(f"magnitude{f' [{unit}]' if data.output_units[i] else ''}")
             top.set_title(f"{data.inputs[j]} → {data.outputs[i]}")
-            below.set_ylabel("phase [deg]")
-            below.set_ylim(-190.0, 190.0)
-            below.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
+            style.phase_axis(below)
             style.frequency_axis(below, f[shown][0], f[shown][-1])
         paper.legend()
     return paper.result
