@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 LINES = 24
 # Relative error of a measured factor, unless it is stated: of good tests of elastomers.
 NOISE = 0.05
+# Sizes of the first factor of a table; beyond, it may be in other units than the stiffness of the element.
+USUAL = 5e-3, 500.0
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -262,6 +264,11 @@ class Dynamic(Displayed):
         ------
         ModelError
             If frequencies do not ascend, or a factor gives energy to the mechanism.
+
+        Warns
+        -----
+        AccuracyWarning
+            If the first factor is below 0.005 or above 500: the table may have N/mm where the element has N/m.
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -280,6 +287,9 @@ class Dynamic(Displayed):
                 f"{100 * least_error(function, 2 * np.pi * f[0], 2 * np.pi * f[-1]):.2g} %.")  # fmt: skip
             raise ModelError(f"{WHO}.table: the factor at {f[wrong[0]]:g} Hz is {values[wrong[0]]:g}; expected finite "
                              f"factors with an imaginary part of 0 or more, as only these take energy.{share}")
+        if not USUAL[0] <= abs(values[0]) <= USUAL[1]:
+            warn(f"{WHO}.table: the factor at {f[0]:g} Hz is {abs(values[0]):.3g}. Factors are parts of the stiffness "
+                 "of the element: divide stiffnesses by that, both in N/m.", AccuracyWarning, stacklevel=2)  # fmt: skip
         return Dynamic(f"table of {len(f)} factors", function, noise=float(forms.vector([noise], "noise", 0.0)[0]))
 
     @staticmethod

@@ -237,3 +237,9 @@ def test_a_system_needs_states():
     base, payload = apart()
     with pytest.raises(ModelError, match=r"loss factor 0.1.*between base.tip to payload.root has no states"):
         mv.assemble({"base": base, "payload": payload}, [(*RIGID[0][:2], ([1e5] * 6, Dynamic.hysteretic(0.1)))])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3, 2e5])
+def test_tables_of_stiffnesses_are_told_from_factors(scale):
+    with pytest.warns(AccuracyWarning, match="factor at 2 Hz is .*divide stiffnesses"):
+        Dynamic.table([2.0, 3.0], [1.2 * scale, 1.3 * scale])
