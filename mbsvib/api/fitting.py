@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.api.plant import compiled
 from mbsvib.api.system import System
-from mbsvib.common.arguments import count, refuse
+from mbsvib.common.arguments import count, names_in, refuse
 from mbsvib.common.progress import counting
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
@@ -75,10 +75,11 @@ def fitted(
     channels: str | Sequence[str] = (), starts: int = 1, seed: int = 0, progress: Progress = None,
 ) -> Fit:  # fmt: skip
     """Return the model that measured data tell; see ``Model.fit``."""
-    kinds = [channels] if isinstance(channels, str) else list(channels)
-    if set(kinds) - set(KINDS):
+    kinds = names_in([channels] if isinstance(channels, str) else channels)
+    if kinds is None or set(kinds) - set(KINDS):
         raise refuse("fit", "channels", channels, f"some of {', '.join(map(repr, KINDS))}")
     count(starts, "fit", "starts", 1)
+    count(seed, "fit", "seed", 0)
     measured = conditioned(data)
     problem = _started(_problem(model, measured, variables(model.parameters, free, tied), kinds, (prior, bounds)))
     most = starts * (STEPS_FAR + STEPS) + REWEIGHTED * STEPS
@@ -147,6 +148,8 @@ def _started(problem: Problem) -> Problem:
     for data in problem.data:
         if not isinstance(data, ModeData) or alone:
             equations, _ = problem.scenes[data.scene](problem.variables.map @ values, None)
+        if isinstance(data, ResponseData):
+            data.check_phases(equations)
         if not isinstance(data, ModeData):
             values = data.started(equations, values)
         elif alone:

@@ -199,7 +199,8 @@ def _estimated(records: Records, numbers: Index, data: RecordData, match: Matchi
 def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> ModeData:
     """Return measured modes as data."""
     n = len(measured.frequencies)
-    ratios = np.full(n, np.nan) if measured.damping_ratios is None else measured.damping_ratios
+    ratios = np.full(n, np.nan) if measured.damping_ratios is None else np.where(
+        measured.damping_ratios > 0.0, measured.damping_ratios, np.nan)  # fmt: skip
     shapes: Any = np.full((0, n), np.nan + 0j)
     rows = sign = powers = np.zeros(0, dtype=np.intp)
     if measured.shapes is not None:

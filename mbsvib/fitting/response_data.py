@@ -288,8 +288,6 @@ class ResponseData:
         counts = (self.weight > 0.0) & (model != 0.0) & (self.measured != 0.0)
         ratio = np.where(counts, self.measured, 1.0) / np.where(counts, model, 1.0)
         turn = np.where(counts, ratio / np.abs(ratio), 0.0)
-        if (channels.delay == HELD).all():
-            self._check_phases(np.where(counts, model, 0.0))
         for o in np.flatnonzero(channels.delay >= 0).tolist():
             delays = np.arange(-1.0, PERIODS, STEP) * (2.0 * np.pi / self.omega.max())
             fits = np.abs((np.exp(1j * np.outer(delays, self.omega)) @ turn[:, o]).real).sum(axis=1)
@@ -309,14 +307,16 @@ class ResponseData:
         return values
 
 
-    def _check_phases(self, model: Complex) -> None:
+    def check_phases(self, equations: Any) -> None:
         """Warn if phases turn against those of the model, over steps of 1, 2, 4, ... lines."""
+        model = responses(equations, self.solved_at, self.rows, self.columns) * self.sign * (self.weight > 0.0)
         steps = [2**k for k in range((len(model) - 1).bit_length())]
         expected, turn = np.array([(_turn(model, step), _turn(self.measured, step)) for step in steps] or [(0, 0)]).T
-        if np.abs(expected).max() > TURNED and expected @ turn < -0.5 * (expected @ expected):
+        delayed = (self.channels.delay != HELD).any()
+        if not delayed and np.abs(expected).max() > TURNED and expected @ turn < -0.5 * (expected @ expected):
             warn(f"fit: the phases of {self.name} turn against those of the model over the frequency. If its responses "
                  f"are those of exp(-i w t), give their complex conjugates, np.conj(responses).", AccuracyWarning,
-                 stacklevel=6)  # fmt: skip
+                 stacklevel=5)  # fmt: skip
 
 
 def _turn(responses: Complex, step: int) -> float:

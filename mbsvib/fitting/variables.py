@@ -156,10 +156,10 @@ def limited(free: Variables, prior: Any, bounds: Any) -> Variables:
     """
     names, mask = free.names, free.positive
     known = _by_name(names, prior, "prior", "(value, standard deviation)")
-    for name, (_, deviation) in known.items():
-        if not deviation or not deviation > 0.0:
-            raise ModelError(f"fit: prior of '{name}' has the standard deviation {deviation}; expected a positive "
-                             f"number.", element=name, field="prior")  # fmt: skip
+    for name, (value, deviation) in known.items():
+        if value is None or not np.isfinite(value) or not deviation or not deviation > 0.0:
+            raise ModelError(f"fit: prior of '{name}' has the value {value} and the standard deviation {deviation}; "
+                             f"expected a finite and a positive number.", element=name, field="prior")  # fmt: skip
     limits = _by_name(names, bounds, "bounds", "(lowest, highest), None for no limit")
     least = np.array([-np.inf if limits.get(name, (None,))[0] is None else limits[name][0] for name in names])
     most = np.array([np.inf if limits.get(name, (None, None))[1] is None else limits[name][1] for name in names])

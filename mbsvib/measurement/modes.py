@@ -31,7 +31,7 @@ class MeasuredModes(Matched, Columnar, Displayed):
     frequencies : array-like, shape (modes,)
         Undamped natural frequencies [Hz].
     damping_ratios : array-like, shape (modes,), optional
-        Damping ratios [1].
+        Damping ratios [1], below 1; 0, as normal modes in files have, is not fitted.
     shapes : array-like, shape (outputs, modes), optional
         Displacements of the outputs in each mode, real or complex, to any factor; NaN where not measured.
     outputs : sequence of str, optional
@@ -44,7 +44,7 @@ class MeasuredModes(Matched, Columnar, Displayed):
     Raises
     ------
     ResponseError
-        If shapes do not match, or a number is not finite or not positive.
+        If shapes do not match, a number is not finite or not positive, or a damping ratio is 1 or more.
     """
 
     _kinds = ("output",)
@@ -61,7 +61,8 @@ class MeasuredModes(Matched, Columnar, Displayed):
         values: dict[str, Any] = {
             "frequencies": _numbers(self.frequencies, None, "frequencies", "positive numbers [Hz]")}
         count = len(values["frequencies"])
-        for field, expected in (("damping_ratios", "ratios of 0 or more"), ("sd", "positive numbers [Hz]")):
+        expected_of = {"damping_ratios": "ratios from 0 to 1, not per cent", "sd": "positive numbers [Hz]"}
+        for field, expected in expected_of.items():
             given = getattr(self, field)
             values[field] = None if given is None else _numbers(given, count, field, expected)
         try:
@@ -153,7 +154,7 @@ def _numbers(value: Any, count: int | None, field: str, expected: str) -> Array:
     array = np.array(reals(value, WHO, field, expected))
     if array.ndim == 0 and count is not None:
         array = np.full(count, float(array))
-    least_ok = (array >= 0.0) if field == "damping_ratios" else (array > 0.0)
+    least_ok = (array >= 0.0) & (array < 1.0) if field == "damping_ratios" else (array > 0.0)
     if array.ndim != 1 or (count is not None and len(array) != count) or not (np.isfinite(array) & least_ok).all():
         raise ResponseError(f"{WHO}: {field} = {array.tolist() if array.size < 9 else array.shape}; expected {expected}"
                             f"{'' if count is None else f', one of each of {count} modes'}.")  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arguments import count
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import positive, real, reals
@@ -145,7 +146,7 @@ def road_profile(name: str, length: float = 500.0, seed: int = 0) -> RoadProfile
     waves = np.arange(np.ceil(low * size), np.floor(high * size) + 1.0) / size
     edges = np.concatenate(([low], 0.5 * (waves[1:] + waves[:-1]), [high]))
     square = roughness * ROAD_REFERENCE**2 * -np.diff(1.0 / edges)  # of G ~ n^-2
-    phases = 2.0 * np.pi * np.random.default_rng(seed).random(len(waves))
+    phases = 2.0 * np.pi * np.random.default_rng(count(seed, "road_profile", "seed", 0)).random(len(waves))
     return RoadProfile(f"class {name}", waves, np.sqrt(2.0 * square), phases)
 
 

@@ -103,7 +103,7 @@ def random_values(
     check.count(samples, "tolerances", "samples", 2)
     if distribution not in DEVIATION:
         raise check.refuse("tolerances", "distribution", distribution, "'normal' or 'uniform'")
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(None if seed is None else check.count(seed, "tolerances", "seed", 0))
     result = {}
     for name, width in tolerance.items():
         off = random.standard_normal(samples) / 3.0 if distribution == "normal" else random.uniform(-1.0, 1.0, samples)

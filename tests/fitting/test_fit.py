@@ -436,3 +436,13 @@ def test_conjugated_responses_are_told(seed, turn):
     data = replace(data, responses=turn(data.responses))
     with pytest.warns(AccuracyWarning, match="phases of data 1 turn") if turn is np.conj else nullcontext():
         away(model, FREE, 0.2, 1).fit(data, "k1.stiffness")
+
+
+@pytest.mark.parametrize("wrong", [
+    {"prior": {"k1.stiffness": (np.nan, 1.0)}}, {"prior": {"k1.stiffness": (None, 1.0)}}, {"channels": None},
+    {"channels": 3}, {"seed": "a"}, {"prior": {"k1.stiffness": (1.0, np.nan)}},
+])  # fmt: skip
+def test_arguments_that_are_no_numbers_or_names_are_refused(wrong):
+    model = chain()
+    with pytest.raises(ModelError, match=f"fit: {next(iter(wrong))}.*expected"):
+        model.fit(measured(model, OMEGA[::16], 0.0, 0, ["z2"], ["F"]), "k1.stiffness", **wrong)

@@ -110,3 +110,12 @@ def test_a_mode_without_a_shape_far_from_those_of_the_model_is_named():
     started(far, measured(model, np.array([20.0, 30.0]), 0.01, 1, ["z0"], ["F"]))
     with pytest.warns(AccuracyWarning, match=rf"mode at {1.5 * f:.4g} Hz has no shape.*model.*at {f:.4g} Hz"):
         started(far)
+
+
+def test_damping_ratios_of_zero_are_not_measured():
+    """As finite elements write normal modes: stiffness is fitted as without them."""
+    model = chain().with_values({"k1.stiffness": 2.1e4})
+    f = modes_of(chain()).frequencies
+    with_zeros, without = (model.fit(mv.MeasuredModes(f, ratios), "k1.stiffness") for ratios in (0.0, None))
+    assert with_zeros.values == without.values
+    assert with_zeros.values["k1.stiffness"] == pytest.approx(2e4, rel=1e-6)

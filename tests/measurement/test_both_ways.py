@@ -307,8 +307,9 @@ def test_measured_modes_print_what_is_known():
     assert bare.table()["rows"] == [(1, "10", "", "")]
     assert np.isnan([bare.columns()["damping_ratio"], bare.columns()["sd_hz"]]).all()
     for wrong in ({"frequencies": [[1.0]]}, {"frequencies": [np.inf]}, {"sd": [0.1, 0.0]}, {"sd": [0.1]},
-                  {"damping_ratios": [-0.1, 0.0]}, {"damping_ratios": [0.1, np.nan]}, {"shapes": [[np.inf, 1.0]]},
-                  {"shapes": [[True, False]]}, {"outputs": ["a"], "shapes": None}):  # fmt: skip
+                  {"damping_ratios": [-0.1, 0.0]}, {"damping_ratios": [0.1, np.nan]}, {"damping_ratios": [1.2, 0.5]},
+                  {"shapes": [[np.inf, 1.0]]}, {"shapes": [[True, False]]},
+                  {"outputs": ["a"], "shapes": None}):  # fmt: skip
         with pytest.raises(mv.ResponseError, match="MeasuredModes: "):
             mv.MeasuredModes(**({"frequencies": [1.0, 2.0], "outputs": ["a"] if "shapes" in wrong else ()} | wrong))
     assert mv.MeasuredModes([1.0, 2.0], 0.0).damping_ratios.tolist() == [0.0, 0.0]

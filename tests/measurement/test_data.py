@@ -209,7 +209,7 @@ def test_measured_modes():
     assert "5" in str(modes)
     for given, message in (
         ({"frequencies": [0.0]}, r"frequencies = \[0.0\]; expected positive numbers"),
-        ({"damping_ratios": [0.1]}, "expected ratios of 0 or more, one of each of 2 modes"),
+        ({"damping_ratios": [0.1]}, "expected ratios from 0 to 1, not per cent, one of each of 2 modes"),
         ({"outputs": ("a",)}, r"shapes has shape \(2, 2\); expected \(1, 2\)"),
         ({"shapes": None}, "given together"),
     ):
