@@ -4,46 +4,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from math import hypot
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
-from mbsvib.elements.beam_points import end_along, points_of, tuples, y_axis_of
+from mbsvib.elements.beam_points import check_lines, end_along, line_axes, points_of, tuples, y_axis_of
+from mbsvib.elements.beam_variants import MATERIAL, InVariants
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, Part, derived
+from mbsvib.elements.part import Part, derived
 from mbsvib.elements.roles import POINT, ParameterField
-from mbsvib.elements.sections import Circle, Properties, Rectangle, Shape, with_fields
+from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
+from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.common.arrays import Array, Bools
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
     from mbsvib.elements.placement import Placement, Pose
 
-# Smallest sine of the angle between a beam and the direction of its y axis
-PARALLEL = 1e-6
-MATERIAL = ("E", "rho", "nu", "G")
-DAMPING = frozenset({"alpha", "beta", "damping_ratio"})
-# Numbers of which each has limits of its own, those of its sign.
-SIGNED = DAMPING | {"E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz"}
 # Units of parameters other than lengths.
 UNITS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",
          "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class Beam(Composed):
+class Beam(InVariants):
     """A beam from ``start`` to ``end`` or along ``nodes`` [m, world axes]; the bodies ``a`` and ``b`` hold its ends.
 
     An end without a body is free. ``points`` are its nodes. ``y_axis`` is the direction of the section's y axis, one
@@ -105,53 +99,6 @@ class Beam(Composed):
         return make(**kwargs)
 
     @property
-    def batched_fields(self) -> frozenset[str]:
-        """Numbers of its material, its section and its damping; modal damping follows from none of the others."""
-        if self.displacements is not None:
-            return frozenset()
-        varied = {item.name for record in (self.material, self.section) for item in fields(record)}
-        return DAMPING | (set() if self.damping_ratio else varied - self.fixed_fields)
-
-    fixed_fields: ClassVar[frozenset[str]] = frozenset()
-
-    @property
-    def signed_fields(self) -> frozenset[str]:
-        return SIGNED | ({"width", "height", "radius"} if isinstance(self.section, Circle | Rectangle) else set())
-
-    def suspects(self, values: Mapping[str, Array]) -> Bools | bool:
-        if not values.keys() <= self.batched_fields:
-            return True
-        nu = values.get("nu", np.zeros(1))
-        result: Bools = ~((nu > -1.0) & (nu <= 0.5)) | self.of_variants(values).section.doubtful
-        for name, value in values.items():
-            result = result | (value < 0.0 if name in DAMPING else value <= 0.0 if name != "nu" else False)
-        return result
-
-    def of_variants(self, values: Mapping[str, Array]) -> Beam:
-        """Return the beam with the numbers of many variants, unchecked, for its elements alone.
-
-        Parameters
-        ----------
-        values : mapping of str to array, shape (n,)
-            Values of its ``batched_fields``.
-
-        Returns
-        -------
-        Beam
-            The beam, whose elements have arrays.
-        """
-        return with_fields(self, {"section": with_fields(self.section, values), **values,
-                                  "material": with_fields(self.material, values)})  # fmt: skip
-
-    def replaced_coefficients(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-        beam, count = self.of_variants(fields), np.broadcast_shapes(*[value.shape for value in fields.values()])
-        made: dict[float, dict[str, Array]] = {}
-        for length in {length for length, _ in self.frames()}:
-            k = np.array([np.broadcast_to(value, count) for value in beam.element(length).stiffness()])
-            made[length] = {"stiffness": k, "damping": beam.beta * k}
-        return {name: made[length] for name, (length, _) in zip(self.element_names, self.frames(), strict=True)}
-
-    @property
     def properties(self) -> Properties:
         """Area, second moments, torsion constant and shear factors."""
         return self.section.properties(self.material.poisson)
@@ -209,13 +156,44 @@ class Beam(Composed):
 
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""
-        who, points, y_axis = f"beam '{self.name}'", self.points, self.y_axis
+        lines = [(length, axes) for length, axes, _ in self.lines()]
+        if len(lines) == 1:
+            lines = [(lines[0][0] / (len(self.points) - 1), lines[0][1])] * (len(self.points) - 1)
+        return lines
+
+    def lines(self) -> list[tuple[Any, Any, Any]]:
+        """Return length and axes of all elements, or of all in one where they are on a line, and the sines of the
+        angles to their y axes.
+        """
+        points, y_axis = self.points, self.y_axis
         if y_axis is not None and isinstance(y_axis[0], tuple):
-            return [_frame(p, q, y, who) for (p, q), y in zip(pairwise(points), y_axis, strict=True)]
+            return [line_axes(p, q, y) for (p, q), y in zip(pairwise(points), y_axis, strict=True)]
         if self.nodes is not None:
-            return [_frame(p, q, y_axis, who) for p, q in pairwise(points)]
-        length, axes = _frame(points[0], points[-1], y_axis, who)
-        return [(length / (len(points) - 1), axes)] * (len(points) - 1)
+            return [line_axes(p, q, y_axis) for p, q in pairwise(points)]
+        return [line_axes(points[0], points[-1], y_axis)]
+
+    def parts(self) -> list[Element]:
+        """Return what its elements are made of; those of one length are the same."""
+        lengths = [length for length, _ in self.frames()]
+        keys = [length if isinstance(length, float) else id(length) for length in lengths]
+        made = {key: self.element(length) for key, length in dict(zip(keys, lengths, strict=True)).items()}
+        return [made[key] for key in keys]
+
+    def middle(self, i: int) -> Vector:
+        """Return the midpoint of element i.
+
+        Parameters
+        ----------
+        i : int
+            Number of the element, from 0.
+
+        Returns
+        -------
+        tuple
+            The point [m].
+        """
+        (a, b, c), (d, e, f) = self.points[i : i + 2]
+        return (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
 
     def check_compression(self, share: float) -> None:
         """Warn of elements that nearly buckle; beams of several elements are exact there, and nothing is to be told.
@@ -262,9 +240,9 @@ class Beam(Composed):
         Source: Cook, Malkus, Plesha, Witt, Concepts and Applications of Finite Element Analysis, 4th ed., 3.11.
         """
         rest = self.without_forces()
-        points = np.array(rest.points)
-        between = np.diff(points, axis=0)
-        parts = [(self.element(length), length) for length in rest.lengths()]
+        points, lengths = stacked(rest.points), [length for length, _ in rest.frames()]
+        between = np.diff(points, axis=-2)
+        parts = list(zip(rest.parts(), lengths, strict=True))
         half = np.stack(np.broadcast_arrays(*[0.5 * part.mass for part, _ in parts]), axis=-1)
         arms = half * np.stack(np.broadcast_arrays(*[part.arm / length for part, length in parts]), axis=-1)
         none = np.zeros_like(half[..., :1])
@@ -273,7 +251,7 @@ class Beam(Composed):
         arm = (concatenated((moment, zero), -2) - concatenated((zero, moment), -2)) / mass[..., None]
         if self.displacements is not None:
             arm = np.einsum("nij,nj->ni", exponential(np.array(self.displacements)[:, 3:]), arm)
-        return mass, np.array(self.points) + arm
+        return mass, stacked(self.points) + arm
 
     def through(self, points: Array, y_axes: Array, displacements: Array | None = None) -> Beam:
         """Return the same beam through other nodes.
@@ -366,28 +344,8 @@ def make(
         displacements = checked_displacements(who, displacements, len(points))
     beam = Beam(name, a, b, shape, material, start, end, axis, length, nodes, elements, shear, y_axis, *rayleigh, ratio,
                 displacements, second_order, points)  # fmt: skip
-    beam.frames()
+    check_lines(who, points, y_axis, beam.lines)
     if a is not None and a == b and len(points) == 2:
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "
                          f"or another body (None: a free end).", element=who, field="b")  # fmt: skip
     return beam
-
-
-def _frame(p: Vector, q: Vector, y_axis: Vector | None, who: str) -> tuple[float, Matrix3]:
-    """Length and axes: x along the element, y towards ``y_axis``, by default horizontal (world y if it is vertical)."""
-    d = (q[0] - p[0], q[1] - p[1], q[2] - p[2])
-    length = hypot(*d)
-    if length == 0.0:
-        raise ModelError(f"{who}: two of its nodes are both at {p}; an element needs a length.",
-                         element=who, field="nodes")  # fmt: skip
-    x = (d[0] / length, d[1] / length, d[2] / length)
-    if y_axis is None:
-        y_axis = (-x[1], x[0], 0.0) if hypot(x[0], x[1]) > PARALLEL else (0.0, 1.0, 0.0)
-    n = (x[1] * y_axis[2] - x[2] * y_axis[1], x[2] * y_axis[0] - x[0] * y_axis[2], x[0] * y_axis[1] - x[1] * y_axis[0])
-    size = hypot(*n)
-    if size < PARALLEL * hypot(*y_axis):
-        raise check.refuse(who, "y_axis", y_axis, "a direction across the beam, which runs along "
-                           f"({x[0]:g}, {x[1]:g}, {x[2]:g})")  # fmt: skip
-    z = (n[0] / size, n[1] / size, n[2] / size)
-    y = (z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0])
-    return length, ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))

@@ -240,14 +240,19 @@ def gauss(points: int) -> Shapes:
     return shapes_at(0.5 * (1.0 + x), 0.5 * weight)
 
 
-def deflection(shapes: Array, length: float, phi: Any) -> Array:
-    """Return the deflection (..., n, 4) of an element of a length [m], for ratios phi (...), from (2, n, 4)."""
-    return _with_shear(shapes * np.array((1.0, length, 1.0, length)), phi)
+def deflection(shapes: Array, length: Any, phi: Any) -> Array:
+    """Return the deflection (..., n, 4) of elements of lengths (...) [m], for ratios phi (...), from (2, n, 4)."""
+    return _with_shear(shapes, phi) * _per_end(length)
 
 
-def rotation(shapes: Array, length: float, phi: Any) -> Array:
-    """Return the rotation (..., n, 4) of the sections of an element of a length [m], for ratios phi (...)."""
-    return _with_shear(shapes / np.array((length, 1.0, length, 1.0)), phi)
+def rotation(shapes: Array, length: Any, phi: Any) -> Array:
+    """Return the rotation (..., n, 4) of the sections of elements of lengths (...) [m], for ratios phi (...)."""
+    return np.asarray(_with_shear(shapes, phi) * _per_end(length) / np.asarray(length)[..., None, None])
+
+
+def _per_end(length: Any) -> Array:
+    """Factors (..., 1, 4) of shapes per deflection and per rotation of either end."""
+    return np.stack(np.broadcast_arrays(1.0, length, 1.0, length), axis=-1)[..., None, :]
 
 
 def _with_shear(shapes: Array, phi: Any) -> Array:

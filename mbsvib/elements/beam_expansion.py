@@ -18,6 +18,8 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.elastic_part import ElasticPart, Slopes, massless_bodies
 from mbsvib.elements.load import Load
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
+from mbsvib.linalg.components import stacked
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
@@ -40,8 +42,8 @@ def expand(beam: Beam, *_: Any) -> ExpandedPart:
 def varied_rows(beam: Beam, fields: Mapping[str, Array]) -> tuple[list[SharedRows], list[SharedRows]]:
     """Return the mass rows of a beam with the numbers of many variants, and the rows of its damping.
 
-    ``fields`` (n,): values of its ``batched_fields``. Matrices and coefficients that vary have an axis of variants in
-    front.
+    ``fields``: values of its ``batched_fields``, with the variants on the last axis. Matrices and coefficients that
+    vary have an axis of variants in front, points of nodes components of variants.
     """
     varied = beam.of_variants(fields)
     mass = masses(varied)
@@ -52,7 +54,7 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
     """Return joint and bushing of each element, both in its axes at its midpoint."""
     result = []
     for i, (length, axes) in enumerate(beam.frames()):
-        midpoint = middle(beam, i)
+        midpoint = beam.middle(i)
         k = beam.element(length).stiffness()
         first, second = beam.body_of(i), beam.body_of(i + 1)
         name = beam.element_names[i]
@@ -64,13 +66,12 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
 
 def masses(beam: Beam) -> list[SharedRows]:
     """Return the mass rows of all elements, in world axes."""
-    rows: dict[float, Array] = {}
-    result = []
-    for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
-        if length not in rows:
-            rows[length] = beam.element(length).mass_rows()
+    frames, parts, result = beam.frames(), beam.parts(), []
+    rows = {id(part): part.mass_rows() for part in {id(part): part for part in parts}.values()}
+    unloaded = [length for length, _ in frames] if beam.displacements is None else beam.lengths()
+    for i, ((length, axes), part, before) in enumerate(zip(frames, parts, unloaded, strict=True)):
         # the mass is that of the length without forces
-        matrix = rows[length] if unloaded == length else rows[length] * sqrt(unloaded / length)
+        matrix = rows[id(part)] if before is length else rows[id(part)] * sqrt(before / length)
         result.append(SharedRows(beam.name, (_node(beam, i), _node(beam, i + 1)), rotated(matrix, axes)))
     return result
 
@@ -107,7 +108,7 @@ def elastic_part(beam: Beam, gravity: Vector | None = None) -> ElasticPart:
     slopes: list[Array] = []
     factors: list[float] = []
     for i, (length, axes) in enumerate(unloaded.frames()):
-        to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(middle(unloaded, i))
+        to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(unloaded.middle(i))
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
             arm = midpoint - np.array(unloaded.points[j])
             rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ rigid_transport(arm)
@@ -144,52 +145,64 @@ def dampers(beam: Beam, mass: Sequence[SharedRows]) -> list[SharedRows]:
 def modal_damper(beam: Beam, mass: Sequence[SharedRows]) -> SharedRows:
     """Return damping rows that give all modes of the free beam the same damping ratio zeta.
 
-    C = sum over its elastic modes of 2 zeta omega M phi phi^T M = 2 zeta / omega^3 K phi phi^T K
+    C = sum over its elastic modes of 2 zeta omega M phi phi^T M = 2 zeta K^1/2 (E^T E)^1/2 K^1/2
 
     K acts on deformations only, so that no rigid-body motion of the beam is damped. With the mass rows W_r of
-    rigid-body motions and W_e of deformations, 1 / omega are the singular values of (1 - Q Q^T) W_e K^-1/2, where W_r
-    = Q R.
+    rigid-body motions and W_e of deformations, E = (1 - Q Q^T) W_e K^-1/2, where W_r = Q R; its singular values are
+    1 / omega.
     """
     frames = beam.frames()
-    k = np.array([beam.element(length).stiffness() for length, _ in frames])
+    values = np.broadcast_arrays(*[value for part in beam.parts() for value in part.stiffness()])
+    root = np.sqrt(np.stack(values, axis=-1))
     rows = _free_mass_rows(beam, mass)
-    rigid = np.linalg.qr(rows[:, :6])[0]
-    elastic = rows[:, 6:] / np.sqrt(k.reshape(-1))
-    elastic -= rigid @ (rigid.T @ elastic)
-    _, period, modes = np.linalg.svd(elastic, full_matrices=False)
-    order = np.argsort(-period, kind="stable")
-    omega = 1.0 / period[order]
-    forces = modes[order] * np.sqrt(k.reshape(-1)) * omega[:, None]
-    matrix = np.concatenate([rotated(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
-    nodes = tuple([
-        Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i)) for i in range(len(frames))
-    ])  # fmt: skip
-    return SharedRows(beam.name, nodes, matrix, damping=2.0 * np.asarray(beam.damping_ratio)[..., None] / omega**3)
+    forces = _root_of_gram(rows[..., :6], rows[..., 6:] / root[..., None, :]) * root[..., None, :]
+    matrix = concatenated([rotated(forces[..., 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], -1)
+    nodes = tuple([Node(beam.body_of(i + 1), beam.middle(i), relative_to=beam.body_of(i)) for i in range(len(frames))])
+    ratio = np.asarray(beam.damping_ratio)[..., None]
+    return SharedRows(beam.name, nodes, matrix, damping=2.0 * ratio * np.ones(matrix.shape[-2]))
+
+
+def _root_of_gram(rigid: Array, elastic: Array) -> Array:
+    """Rows L with L^T L = (E^T E)^1/2 of the part E of elastic rows (..., r, n) beyond rigid ones (..., r, 6).
+
+    With E = U diag(s) V^T, L = diag(s)^1/2 V^T. Along a complex step E changes by (1 - Q Q^T) (dW_e - dW_r R^-1 Q^T
+    W_e), and L^T L by V X V^T, X_ij = (s_i G_ij + s_j G_ji) / (s_i + s_j) with G = U^T dE V.
+    """
+    q, r = np.linalg.qr(rigid.real)
+    shares = q.swapaxes(-1, -2) @ elastic.real
+    _, s, modes = np.linalg.svd(elastic.real - q @ shares, full_matrices=False)
+    root = np.sqrt(s)
+    if not (np.iscomplexobj(rigid) or np.iscomplexobj(elastic)):
+        return np.asarray(root[..., None] * modes)
+    change = np.imag(elastic) - np.imag(rigid) @ np.linalg.solve(r, shares)
+    left = (elastic.real - q @ shares) @ modes.swapaxes(-1, -2)  # U diag(s), normal to Q
+    g = left.swapaxes(-1, -2) @ change @ modes.swapaxes(-1, -2)  # s_i G_ij
+    x = (g + g.swapaxes(-1, -2)) / (s[..., None] + s[..., None, :])
+    step = x / (root[..., None] + root[..., None, :])
+    return np.asarray((root[..., None] * np.eye(s.shape[-1]) + 1j * step) @ modes)
 
 
 def _free_mass_rows(beam: Beam, mass: Sequence[SharedRows]) -> Array:
     """Mass rows of the free beam, on its rigid-body motion and then on the deformations of its elements."""
-    frames, count = beam.frames(), len(beam.points)
-    motion = np.zeros((count, 6, 6 * count))
-    motion[0, :, :6] = np.eye(6)
-    for i, (_, axes) in enumerate(frames):
-        start, end, midpoint = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
-        motion[i + 1] = rigid_transport(end - start) @ motion[i]
-        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = rigid_transport(end - midpoint) @ np.kron(np.eye(2), np.array(axes))
-    return np.concatenate([rows.matrix @ motion[i : i + 2].reshape(12, -1) for i, rows in enumerate(mass)])
+    count = len(beam.points)
+    turns = [stacked(axes) for _, axes in beam.frames()]
+    points = [stacked(point) for point in beam.points]
+    motions = [np.eye(6, 6 * count)]
+    for i, axes in enumerate(turns):
+        start, end, midpoint = points[i], points[i + 1], stacked(beam.middle(i))
+        own = np.zeros((*axes.shape[:-2], 6, 6 * count), axes.dtype)
+        own[..., :3, 6 * i + 6 : 6 * i + 9] = own[..., 3:, 6 * i + 9 : 6 * i + 12] = axes
+        motions.append(rigid_transport(end - start) @ motions[i] + rigid_transport(end - midpoint) @ own)
+    return concatenated([rows.matrix[..., :6] @ motions[i] + rows.matrix[..., 6:] @ motions[i + 1]
+                         for i, rows in enumerate(mass)], -2)  # fmt: skip
 
 
 def rotated(rows: Array, axes: Matrix3) -> Array:
-    """Return rows on vectors in local axes as rows on the same vectors in world axes."""
-    result: Array = (rows.reshape(-1, 3) @ np.array(axes).T).reshape(rows.shape)
+    """Return rows (..., n, 6 k) on vectors in local axes as rows on the same vectors in world axes."""
+    turned = rows.reshape(*rows.shape[:-1], -1, 3) @ stacked(axes).swapaxes(-1, -2)[..., None, :, :]
+    result: Array = np.asarray(turned).reshape(*turned.shape[:-2], -1)
     return result
 
 
 def _node(beam: Beam, i: int) -> Node:
     return Node(beam.body_of(i), beam.points[i])
-
-
-def middle(beam: Beam, i: int) -> Vector:
-    """Return the midpoint of element i."""
-    (a, b, c), (d, e, f) = beam.points[i : i + 2]
-    return (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))

@@ -1,18 +1,25 @@
-"""The nodes of a beam, as users give them: two ends, an end with an axis and a length, or all of them."""
+"""The nodes of a beam, as users give them: two ends, an end with an axis and a length, or all of them; their axes."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
+from mbsvib.linalg.components import cross, norm, subtract, transpose
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
+    from mbsvib.linalg.components import Triple
 
+# Smallest sine of the angle between a beam and the direction of its y axis
+PARALLEL = 1e-6
 ELEMENTS = 8
 # A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.
 MAX_ELEMENTS = 100_000
@@ -21,6 +28,12 @@ MAX_ELEMENTS = 100_000
 def tuples(array: Array) -> tuple[Any, ...]:
     """Return rows (n, m) as tuples."""
     return tuple([tuple(row) for row in array.tolist()])
+
+
+def straight(first: Triple, last: Triple, elements: int) -> tuple[Any, ...]:
+    """Return the points of the nodes on the line between two points, whose components may be arrays of variants."""
+    fractions = (np.arange(elements + 1) / elements).tolist()
+    return tuple([tuple([(1.0 - x) * a + x * b for a, b in zip(first, last, strict=True)]) for x in fractions])
 
 
 def y_axis_of(who: str, value: Any, elements: int) -> Any:
@@ -70,5 +83,36 @@ def points_of(
     first, last = check.vector(start, who, "start"), check.vector(end, who, "end")
     if first == last:
         raise check.refuse(who, "end", end, "a point other than start", "A beam needs a length.")
-    fraction = (np.arange(count + 1) / count)[:, None]
-    return (first, last), None, tuples((1.0 - fraction) * first + fraction * last), elements
+    return (first, last), None, straight(first, last, count), elements
+
+
+def line_axes(p: Triple, q: Triple, y_axis: Triple | None) -> tuple[Any, Any, Any]:
+    """Return length and axes (columns, x along the line, y towards ``y_axis``, by default horizontal, world y if it is
+    vertical) of a line between two points, and the sine of the angle to ``y_axis``; components may be arrays.
+    """
+    d = subtract(q, p)
+    length = norm(d)
+    x = (d[0] / length, d[1] / length, d[2] / length)
+    if y_axis is None:
+        level = np.hypot(np.real(x[0]), np.real(x[1])) > PARALLEL
+        y_axis = (-x[1], x[0], 0.0) if np.all(level) else (0.0, 1.0, 0.0) if not np.any(level) else (
+            np.where(level, -x[1], 0.0), np.where(level, x[0], 1.0), 0.0)  # fmt: skip
+    n = cross(x, y_axis)
+    size = norm(n)
+    divisor = size + (size == 0.0)  # a y axis along the line is refused by its sine
+    z = (n[0] / divisor, n[1] / divisor, n[2] / divisor)
+    return length, transpose((x, cross(z, x), z)), np.real(size) / np.real(norm(y_axis))
+
+
+def check_lines(who: str, points: Sequence[Vector], y_axis: Any, lines: Callable[[], Sequence[Any]]) -> None:
+    """Refuse elements without a length, and y axes along them; ``lines`` returns the ``line_axes`` of all."""
+    point = next((p for p, q in pairwise(points) if p == q), None)
+    if point is not None:
+        raise ModelError(f"{who}: two of its nodes are both at {point}; an element needs a length.", element=who,
+                         field="nodes")  # fmt: skip
+    for k, (_, axes, sine) in enumerate(lines()):
+        if sine < PARALLEL:
+            own = y_axis[k] if isinstance(y_axis[0], tuple) else y_axis
+            x, y, z = (row[0] for row in axes)
+            raise check.refuse(who, "y_axis", own, "a direction across the beam, which runs along "
+                               f"({x:g}, {y:g}, {z:g})")  # fmt: skip

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arguments import Vector
     from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import ExpandedPart, SharedRows
+    from mbsvib.elements.shared_rows import ExpandedPart
 
 P = TypeVar("P", bound=Part)
 
@@ -62,7 +62,6 @@ class Family:
     ``nodes`` the bodies and joints that a connection needs for its rows. ``expand`` returns the parts that replace a
     part in the equations, which follow from the ``law`` of one that states an energy, or of an output. ``elastic``
     returns one that bends in the frame of one of its bodies as an elastic part, with its weight under gravity.
-    ``varied`` returns the mass rows and the elastic rows that replace one with the numbers of many variants.
     """
 
     part: type[Part]
@@ -73,7 +72,6 @@ class Family:
     expand: Callable[..., ExpandedPart] | None = None
     nodes: Callable[..., ExpandedPart] | None = None
     elastic: Callable[..., ElasticPart] | None = None
-    varied: Callable[..., tuple[list[SharedRows], list[SharedRows]]] | None = None
 
     def __post_init__(self) -> None:
         if issubclass(self.part, Connection) and self.rows is None and self.expansion is None:
@@ -100,9 +98,9 @@ FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
     Family(hub.Hub, "hub", "bodies", hub.make),
     Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand,
-           elastic=beam_expansion.elastic_part, varied=beam_expansion.varied_rows),
+           elastic=beam_expansion.elastic_part),
     Family(flexure.Flexure, "flexure", "beams", flexure.make, expand=beam_expansion.expand,
-           elastic=beam_expansion.elastic_part, varied=beam_expansion.varied_rows),
+           elastic=beam_expansion.elastic_part),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
            expand=superelement_expansion.expand, elastic=superelement_expansion.elastic_part),
     Family(joint.Joint, "joint", "joints", joint.make),
@@ -135,7 +133,6 @@ MAKERS.update({family.part: family.make for family in FAMILIES if family.make is
 ELASTIC = {family.part: family.elastic for family in FAMILIES if family.elastic is not None}
 EXPANSIONS = {family.part: family.expansion for family in FAMILIES if family.expansion is not None}
 NODES = {family.part: family.nodes for family in FAMILIES if family.nodes is not None}
-VARIED = {family.part: family.varied for family in FAMILIES if family.varied is not None}
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
-from mbsvib.elements import beam
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Prismatic, check_flags, checked_damping, checked_displacements
+from mbsvib.elements.beam_variants import MATERIAL
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
@@ -26,6 +26,8 @@ from mbsvib.elements.part import derived
 from mbsvib.elements.roles import POINT, TURN, ParameterField
 from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion, with_fields
 from mbsvib.errors import AccuracyWarning, nearest
+from mbsvib.linalg.components import add, product, scale, subtract, transpose
+from mbsvib.linalg.components import exponential as turned_by
 from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
@@ -236,20 +238,29 @@ class Flexure(Beam):
             yield item
 
     @property
-    def fixed_fields(self) -> frozenset[str]:  # type: ignore[override]
-        """Numbers of its shape by which its ends are elsewhere."""
-        return frozenset({"radius" if isinstance(self.shape, Notch) else "length"})
+    def places(self) -> frozenset[str]:
+        """Numbers that put its ends elsewhere."""
+        return frozenset({"position", "orientation", "radius" if isinstance(self.shape, Notch) else "length"})
 
-    def of_variants(self, values: Mapping[str, Array]) -> Beam:
+    def of_variants(self, values: Mapping[str, Array]) -> Self:
         """Return the flexure with the numbers of many variants, unchecked; see ``Beam.of_variants``."""
         return with_fields(super(Flexure, self).of_variants(values), {"shape": with_fields(self.shape, values)})
+
+    def nodes_of_variants(self, values: Mapping[str, Array]) -> dict[str, Any]:
+        """Return its points and the direction of its width; see ``Beam.nodes_of_variants``."""
+        half, axes = 0.5 * with_fields(self.shape, values).extent, self.orientation
+        if "orientation" in values:
+            axes = product(turned_by(tuple(values["orientation"])), axes)
+        _, width, along = transpose(axes)
+        centre = tuple(values.get("position", self.position))
+        return {"points": (subtract(centre, scale(half, along)), add(centre, scale(half, along))), "y_axis": width}
 
     def with_values(self, values: Mapping[str, Any]) -> Flexure:
         kwargs = self.constructor_kwargs()
         for key, value in values.items():
             if key == "orientation":
                 kwargs[key] = check.rotated(value, self.orientation)
-            elif key in beam.MATERIAL:
+            elif key in MATERIAL:
                 kwargs["material"][key] = value
             else:
                 (kwargs["shape"] if key in kwargs["shape"] else kwargs)[key] = value

@@ -54,7 +54,7 @@ class Maxwell(Connection):
     roles = batched(
         **ENDS, stiffness=number("N/m", positive=True), damping=number("N s/m", positive=True),
         static_stiffness=number("N/m", signed=False), preload=number("N", signed=False),
-        start=point("first", other="end", batched=False), end=point("second", other="start", batched=False),
+        start=point("first", other="end"), end=point("second", other="start"),
     )  # fmt: skip
 
     start: Vector
@@ -96,6 +96,9 @@ class Maxwell(Connection):
     def node(self) -> str:
         """Name of the massless node between spring and damper."""
         return f"{self.name}.node"
+
+    def replaced_places(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        return {self.node: {"position": fields["end"]}} if "end" in fields else {}
 
     def row_values(self, fields: Mapping[str, Array], unit: Array) -> Mapping[str, Array]:
         count = len(next(iter(fields.values())))

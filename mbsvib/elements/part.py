@@ -39,8 +39,8 @@ class Part(Completed):
 
     _engine = (
         "all_in_pose arguments batched_fields body_positions constructor_kwargs in_pose parameter_fields placed "
-        "point_fields replaced_coefficients replaced_fields roles signed_fields suspects suspects_among symbol "
-        "with_values"
+        "point_fields replaced_coefficients replaced_fields replaced_places roles signed_fields suspects "
+        "suspects_among symbol with_values"
     )
 
     roles: ClassVar[Mapping[str, Role]] = {}
@@ -146,6 +146,21 @@ class Part(Completed):
         -------
         dict
             {name of a connection: {field: values}}; none for what stands for itself.
+        """
+        return {}
+
+    def replaced_places(self, fields: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        """Return where the bodies, joints and connections are that replace it, as far as that follows from the fields.
+
+        Parameters
+        ----------
+        fields : mapping of str to array
+            Values of its fields by name, with the variants on the last axis.
+
+        Returns
+        -------
+        dict
+            {name: {"position": points (3, n) [m], "orientation": rotation vectors (3, n) from the present axes}}.
         """
         return {}
 

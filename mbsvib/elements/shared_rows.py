@@ -21,12 +21,14 @@ class Node:
     """A ``point`` [m, world axes] of a body, whose displacement relative to another body enters shared rows.
 
     ``moves_with_ground`` is False for internal coordinates of a reduced model, which base motion does not change.
+    ``owner`` is the part whose points vary by themselves in variants, so that no other part shares the node.
     """
 
     body: str
     point: tuple[float, float, float]
     moves_with_ground: bool = True
     relative_to: str = "ground"
+    owner: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from mbsvib.common import arguments as check
 from mbsvib.elements import ports
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Prismatic, shear_ratios
-from mbsvib.elements.beam_expansion import middle
 from mbsvib.elements.flexure import Leaf
 from mbsvib.elements.part import Part
 from mbsvib.elements.sections import Rectangle, Section
@@ -89,7 +88,7 @@ def expand(part: StrainOutput, composed: Mapping[str, Part]) -> ExpandedPart:
         local[4] = offset / length
         local[2] = -6.0 * end * offset / (length * length * (1.0 + shear[1]))
     world = [sum(row[k] * local[start + k] for k in range(3)) for start in (0, 3) for row in axes]
-    output = ports.make_output(part.name, beam.body_of(i + 1), world, middle(beam, i), beam.body_of(i),
+    output = ports.make_output(part.name, beam.body_of(i + 1), world, beam.middle(i), beam.body_of(i),
                                "displacement", None, UNIT)  # fmt: skip
     return ExpandedPart(outputs={part.name: output})
 

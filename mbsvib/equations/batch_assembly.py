@@ -30,6 +30,7 @@ from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import applied_of_variants, has_antisymmetric_forces, loaded_in_variants, preloaded
 from mbsvib.errors import SingularPoseError
+from mbsvib.mechanism.changes import PLACES
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
 B = TypeVar("B", bound=BatchEquations)
 
 # Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
-CHUNK = 2**19
+CHUNK = 2**20
 
 
 def linearize_batch(
@@ -173,7 +174,8 @@ class BatchPlan:
         """Whether what replaces a connection that varies has no rows for it, or forces or poses that follow it."""
         names = {owner.name for owner, _, _ in self.geometry.replacing}
         varied = set(self.slots.target.tolist())
-        rows = {int(row) for name in names for array in self.slots.index[name].values() for row in array.reshape(-1)}
+        rows = {int(row) for name in names for field, array in self.slots.index[name].items() if field not in PLACES
+                for row in array.reshape(-1)}  # fmt: skip
         absent = not self.slots.nominal[list(rows & varied)].all()
         follows = self.with_forces and any(getattr(owner, "free_length", None) is not None
                                            for owner, _, _ in self.geometry.replacing)  # fmt: skip

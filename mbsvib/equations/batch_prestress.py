@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.beam_prestress import bent_lines, check_compression, elements_of, least_energy_forces
+from mbsvib.equations.beam_prestress import bent_lines, check_compression, least_energy_forces, unloaded_lines
 from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
@@ -80,6 +80,10 @@ class Prestress:
         applied, elastic, count, names = scene.loads[0], scene.shared.elastic, values.count, self.elements
         at = np.array([applied.names.index(name) for name in names])
         axes = np.array([self.model.springs[name].orientation for name in names])
+        turning = [k for k, name in enumerate(names) if name in values.slots.turning]
+        if turning:
+            axes = values.repeated(axes)
+            axes[:, turning] = values.rotations[:, [values.slots.turning[names[k]] for k in turning]] @ axes[:, turning]
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
         lost: Bools = np.asarray(np.isnan(preload.imag).any(axis=(-1, -2)))
@@ -113,9 +117,8 @@ class Prestress:
             own = preload[:, start : start + len(beam.element_names)]
             falls = np.broadcast_to(fall, (*own.shape[:-1], 3))
             varied = self._in_variants(beam, values)
-            elements = elements_of(varied)
-            check_compression(varied, elements, own)
-            result += bent_lines(varied, elements, own, falls, every=True)
+            check_compression(varied, own)
+            result += bent_lines(varied, own, falls, every=True)
             start += own.shape[1]
         return result
 
@@ -151,8 +154,7 @@ def prestress(model: Mechanism, scene: Scene) -> tuple[Prestress, Scene] | None:
     beams.sort(key=lambda beam: names[beam.name])
     lines: list[SharedRows] = []
     for beam in beams:
-        elements = elements_of(beam)
-        lines += bent_lines(beam, elements, np.zeros((len(elements), 6)), np.zeros((len(elements), 3)), every=True)
+        lines += unloaded_lines(beam)
     ordered = in_order((*constant, *lines))
     first = np.cumsum([0, *[rows.matrix.shape[-2] for rows in ordered]])
     starts = {id(rows): start for rows, start in zip(ordered, first.tolist(), strict=False)}

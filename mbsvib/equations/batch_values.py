@@ -82,7 +82,7 @@ class Values:
     @property
     def in_equations(self) -> Values:
         """The values of the parts that replace those of the model in the equations."""
-        return Values(self.numbers, self.slots, self.slots.replaced, self.displacements)
+        return Values(self.slots.with_places(self.numbers), self.slots, self.slots.replaced, self.displacements)
 
     def stepping(self, directions: Mapping[str, Array]) -> Values:
         """Return imaginary steps along directions (k,), by name, from all variants, as values of parts in the
@@ -109,7 +109,7 @@ class Values:
 
     def of_variant(self, part: P, i: int) -> P:
         """Return a part as it is in variant ``i``; also parts of the equations that no parameter changes."""
-        if part.name not in self.index or type(part) is not type(self.parameters.parts[part.name]):
+        if part.name not in self.slots.index or type(part) is not type(self.parameters.parts[part.name]):
             return part  # the node of a connection has joints of its name
         return variant(part, self.fields[part.name], i)
 

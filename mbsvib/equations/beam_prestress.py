@@ -24,11 +24,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
+from mbsvib.elements.beam_expansion import elastic_part, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.kinematics.relative_motion import body_motion
+from mbsvib.linalg.components import stacked
 from mbsvib.linalg.least_norm import least_norm, rank_grows
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import DEPENDENT, EPS, STRAINED, ZERO_PRESTRESS
@@ -187,13 +188,6 @@ def _of_pattern(rows: Array, root: Array, needed: Array, acts: Array) -> Array:
     return result
 
 
-def elements_of(beam: Beam) -> list[Element]:
-    """Return what the elements of a beam are made of; those of one length are the same."""
-    lengths = [length for length, _ in beam.frames()]
-    made = {length: beam.element(length) for length in set(lengths)}
-    return [made[length] for length in lengths]
-
-
 def _rows(elements: Sequence[Element], of: Callable[[Element], Sequence[Any]]) -> Array:
     """Numbers (..., elements, k) of all elements, those of one element computed once."""
     made = {key: np.stack(np.broadcast_arrays(*of(element)), axis=-1)
@@ -214,36 +208,46 @@ def per_tension(elements: Sequence[Element]) -> Array:
     return _rows(elements, of)
 
 
-def check_compression(beam: Beam, elements: Sequence[Element], preload: Array) -> None:
+def check_compression(beam: Beam, preload: Array) -> None:
     """Warn of elements that nearly buckle under forces (..., elements, 6)."""
+    elements = beam.parts()
     stiffness = _rows(elements, lambda element: element.stiffness()[1:3])
     beam.check_compression(float((preload[..., :1] * per_tension(elements)[..., 1:3] / stiffness).real.max()))
 
 
 def bent_lines(
-    beam: Beam, elements: Sequence[Element], preload: Array, fall: Array, every: bool = False
-) -> list[SharedRows]:
+    beam: Beam, preload: Array, fall: Array, every: bool = False
+) -> list[SharedRows]:  # fmt: skip
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
-    ``elements`` are those of ``elements_of``, ``preload`` (..., elements, 6) the forces in them, in their axes, and
-    ``fall`` (..., elements, 3) is the acceleration of gravity and of hubs. The rows have signed stiffness, those
-    without any only where ``every`` row is asked for.
+    ``preload`` (..., elements, 6) are the forces in its elements, in their axes, ``fall`` (..., elements, 3) is the
+    acceleration of gravity and of hubs. The rows have signed stiffness, those without any only where ``every`` row is
+    asked for.
     """
-    result, unit = [], np.eye(6)
+    result, unit, elements = [], np.eye(6), beam.parts()
     squares = -preload[..., :1] * per_tension(elements)
-    unloaded = elements if beam.displacements is None else elements_of(beam.without_forces())
+    unloaded = elements if beam.displacements is None else beam.without_forces().parts()
     for i, ((length, axes), element, rest) in enumerate(zip(beam.frames(), elements, unloaded, strict=True)):
-        weight = rest.mass * (fall[..., i, :] @ np.array(axes)[:, 0])
-        # the product of d_k and r_j is a difference of two squares
-        products = 0.5 * skew(preload[..., i, :3])
+        weight = rest.mass * (fall[..., i, :] * stacked(axes)[..., 0]).sum(axis=-1)
+        lead = np.broadcast_shapes(np.shape(weight), preload.shape[:-2])
+        products = np.zeros((*lead, 3, 3), np.result_type(preload, weight))
+        products += 0.5 * skew(preload[..., i, :3])
         for k, j, sign, line in zip((1, 2), (2, 1), (1.0, -1.0), element.bent_lines(), strict=True):
             products[..., k, j] += sign * weight * line.weighed
-        of_products = 0.5 * length * products[..., MIXED[0], MIXED[1]]
+        long = np.asarray(length)[..., None]
+        of_products = 0.5 * long * products[..., MIXED[0], MIXED[1]]
         values = np.concatenate((squares[..., i, BENDING], of_products, -of_products), axis=-1)
-        across, about = unit[MIXED[0]] / length, unit[3 + MIXED[1]]
-        rows = np.concatenate((unit[BENDING], across + about, across - about))
-        acts = np.full(len(rows), every) | values.reshape(-1, len(rows)).any(axis=0)
+        across, about = unit[MIXED[0]] / long[..., None], unit[3 + MIXED[1]]
+        rows = concatenated((unit[BENDING], across + about, across - about), -2)
+        acts = np.full(values.shape[-1], every) | values.reshape(-1, values.shape[-1]).any(axis=0)
         if acts.any():
-            node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
-            result.append(SharedRows(beam.name, (node,), rotated(rows[acts], axes), stiffness=values[..., acts]))
+            node = Node(beam.body_of(i + 1), beam.middle(i), relative_to=beam.body_of(i))
+            result.append(SharedRows(beam.name, (node,), rotated(rows[..., acts, :], axes),
+                                     stiffness=values[..., acts]))  # fmt: skip
     return result
+
+
+def unloaded_lines(beam: Beam) -> list[SharedRows]:
+    """Return the rows of the bent lines of all elements of a beam, without forces."""
+    count = len(beam.element_names)
+    return bent_lines(beam, np.zeros((count, 6)), np.zeros((count, 3)), every=True)

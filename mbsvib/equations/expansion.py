@@ -77,7 +77,7 @@ def _prestressed(result: M, model: M) -> M:
     from mbsvib.elements.beam_expansion import weights
     from mbsvib.elements.elastic_part import stiffness_of_forces
     from mbsvib.elements.families import elastic_parts
-    from mbsvib.equations.beam_prestress import bent_lines, check_compression, element_forces, elements_of
+    from mbsvib.equations.beam_prestress import bent_lines, check_compression, element_forces
     from mbsvib.equations.hubs import falls
 
     beams, gravity = tuple(model.beams.values()), model.gravity
@@ -92,9 +92,8 @@ def _prestressed(result: M, model: M) -> M:
     stiffness: list[SharedRows] = []
     for beam, fall in zip(beams, falls(result, beams), strict=True):
         own, preload = np.split(preload, [len(beam.element_names)])
-        parts = elements_of(beam)
-        check_compression(beam, parts, own)
-        stiffness += bent_lines(beam, parts, own, fall)
+        check_compression(beam, own)
+        stiffness += bent_lines(beam, own, fall)
         elements |= {name: replace(result.springs[name], preload=tuple(six)) if any(six) else result.springs[name]
                      for name, six in zip(beam.element_names, own.tolist(), strict=True)}  # fmt: skip
     for part, row_forces in zip(reduced, forces, strict=True):

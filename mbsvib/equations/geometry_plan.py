@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.beam_expansion import varied_rows
 from mbsvib.elements.bushing import Bushing, rows_of_matrices
-from mbsvib.elements.families import VARIED, connection_rows
+from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
+from mbsvib.equations.beam_prestress import unloaded_lines
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
@@ -18,11 +21,10 @@ from mbsvib.mechanism.changes import COEFFICIENTS
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
-    from mbsvib.elements.shared_rows import Expansion
+    from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.couplings import Couplings
@@ -62,7 +64,7 @@ class GeometryPlan:
     inertial_outputs: tuple[Index | None, ...]
     replacing: tuple[tuple[Any, Any, Index], ...]
     expansion: Expansion | None
-    elastic: tuple[Part, ...]
+    elastic: tuple[Beam, ...]
 
     @property
     def constant(self) -> bool:
@@ -107,9 +109,11 @@ class GeometryPlan:
             array = values.repeated(getattr(springs, key))
             array[:, columns] = numbers[rows].T
             changes[key] = array
+        made: dict[str, Any] = {}
         for owner, part, columns in self.replacing:
-            made = owner.replaced_coefficients(values.fields[owner.name])[part.name]
-            for key, array in part.row_values(made, springs.unit[columns]).items():
+            if owner.name not in made:
+                made[owner.name] = owner.replaced_coefficients(values.fields[owner.name])
+            for key, array in part.row_values(made[owner.name][part.name], springs.unit[columns]).items():
                 if key not in changes:
                     changes[key] = values.repeated(getattr(springs, key))
                 changes[key][:, columns] = array.T
@@ -124,16 +128,33 @@ class GeometryPlan:
 
     def _shared(self, values: Values) -> Shared:
         """Rows between more than two bodies, some with matrices or coefficients that vary."""
-        made = [VARIED[type(part)](part, values.fields[part.name]) for part in self.elastic]
-        of_part = [{part.name: iter(rows[i]) for part, rows in zip(self.elastic, made, strict=True)} for i in (0, 1)]
         assert self.expansion is not None
-        mass, elastic = (tuple([next(varied[rows.owner]) if rows.owner in varied and rows.stiffness is None else rows
-                                for rows in constant])
-                         for constant, varied in zip((self.expansion.mass, self.expansion.elastic), of_part,
-                                                        strict=True))  # fmt: skip
         assert self.scene.shared is not None
-        return shared_rows(replace(self.expansion, mass=mass, elastic=elastic), self.scene.topology.body_numbers,
-                           self.scene.shared.first)  # fmt: skip
+        loaded = any(rows.stiffness is not None for rows in self.expansion.elastic)
+        mass, elastic, lines = {}, {}, {}
+        for part in self.elastic:
+            own = values.fields[part.name]
+            mass[part.name], elastic[part.name] = map(iter, varied_rows(part, own))
+            if loaded and part.element_names[0] in self.index:
+                lines[part.name] = iter(unloaded_lines(part.of_variants(own)))
+        points: dict[Node, Any] = {}
+
+        def of_variants(constant: Sequence[SharedRows], made: Mapping[str, Iterator[SharedRows]]) -> list[SharedRows]:
+            result = []
+            for rows in constant:
+                varied = (made if rows.stiffness is None else lines).get(rows.owner)
+                if varied is not None:
+                    new = next(varied)
+                    nodes = tuple([replace(node, owner=rows.owner) if any(map(np.ndim, at.point)) else node
+                                   for node, at in zip(rows.nodes, new.nodes, strict=True)])  # fmt: skip
+                    points.update((node, at.point) for node, at in zip(nodes, new.nodes, strict=True) if node.owner)
+                    rows = replace(new, nodes=nodes)
+                result.append(rows)
+            return result
+
+        expansion = replace(self.expansion, mass=tuple(of_variants(self.expansion.mass, mass)),
+                            elastic=tuple(of_variants(self.expansion.elastic, elastic)))  # fmt: skip
+        return shared_rows(expansion, self.scene.topology.body_numbers, self.scene.shared.first, points)
 
     def _couplings(self, values: Values) -> Couplings | None:
         """The relations of couplers, and the coordinates of cut joints that they measure."""
@@ -231,7 +252,7 @@ def geometry_plan(model: Mechanism, scene: Scene, slots: Slots) -> GeometryPlan:
         _twists(scene, slots, moved), _cuts(scene, slots), _measured(scene, slots), springs, elements, coefficients,
         matrices, (bodies, rows), Tensors.groups(scene, slots), np.array([row for row, _ in ports], dtype=np.intp),
         _stacked([at for _, at in ports]), inertial, _replacing(scene, springs, slots), model.expansion,
-        tuple([part for name in slots.index if type(part := slots.parameters.parts[name]) in VARIED]),
+        tuple([part for name in slots.index if isinstance(part := slots.parameters.parts[name], Beam)]),
     )  # fmt: skip
 
 
@@ -317,7 +338,8 @@ def _elements(
     columns_of: dict[str, list[tuple[int, int]]] = {}
     for part, columns in owners:
         numbers: Any = {field: places[..., None] for field, places in index[part.name].items()}
-        for key, places in part.row_values(numbers, springs.unit[columns]).items():
+        of_rows = part.row_values(numbers, springs.unit[columns]) if numbers.keys() & set(COEFFICIENTS) else {}
+        for key, places in of_rows.items():
             pairs = zip(columns, places[:, 0].astype(int).tolist(), strict=True)
             columns_of.setdefault(key, []).extend([pair for pair in pairs if pair[1] in varied])
     coefficients = {key: (np.array([column for column, _ in pairs], dtype=np.intp),

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements import beam_element as element
-from mbsvib.elements.beam_expansion import middle, rotated
+from mbsvib.elements.beam_expansion import rotated
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.elements.load import Load
@@ -176,7 +176,7 @@ def falls(model: Mechanism, beams: Sequence[Beam]) -> list[Array]:
 
 def fall(beam: Beam, hub: Any) -> Array:
     """Return the centrifugal acceleration at the middle of each element of a beam (elements, 3) [m/s^2]."""
-    points = np.array([middle(beam, i) for i in range(len(beam.points) - 1)])
+    points = np.array([beam.middle(i) for i in range(len(beam.points) - 1)])
     return np.asarray((points - np.array(hub.position)) @ centrifugal(hub))
 
 

@@ -184,13 +184,12 @@ def spins_otherwise(model: Mechanism, values: Values) -> bool:
     for name, fields in values.index.items():
         if name in spinning and not fields.keys() <= {"mass"}:
             return True
-        part = model.joints.get(name) or model.springs.get(name)
-        if part is None:
-            continue
-        ends = len(spinning & {part.first, part.second})
-        scaled = ends == 1 and fields.keys() <= {"stiffness", "damping"} and values.slots.rescales(name)
-        if getattr(part, "cross_coupling", None) is not None or (ends and not scaled):
-            return True
+        scaled = fields.keys() <= {"stiffness", "damping"} and values.slots.rescales(name)
+        for one in (name, *values.parameters.parts[name].replaced_coefficients({})):
+            part = model.joints.get(one) or model.springs.get(one)
+            ends = 0 if part is None else len(spinning & {part.first, part.second})
+            if getattr(part, "cross_coupling", None) is not None or (ends and not (scaled and ends == 1)):
+                return True
     speeds = list(spin_velocities(model, values.fields).values())
     sizes = [np.linalg.norm(speed, axis=-1) for speed in speeds]
     return any(rotor in values.index for rotor in model.rotors) and any((size != sizes[0]).any() for size in sizes)

@@ -7,11 +7,13 @@ row is a small matrix times *base rows*, which are relative displacements of two
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.elements.rows import Rows
+from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import components_first, components_last
 
@@ -106,8 +108,13 @@ class ElasticRows:
     owner: tuple[str, ...]
 
 
-def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
-    """Return composite rows, matrices of equal shape together; ``number`` has all bodies and the ground."""
+def stack(
+    parts: Sequence[SharedRows], number: Mapping[str, int], points: Mapping[Node, Any] = MappingProxyType({})
+) -> Composite:  # fmt: skip
+    """Return composite rows, matrices of equal shape together; ``number`` has all bodies and the ground.
+
+    ``points`` are those of nodes that differ in variants, with components of variants.
+    """
     index_of: dict[Node, int] = {}
     shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
     for rows in parts:
@@ -118,7 +125,9 @@ def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
     force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
     second = np.repeat(np.array([number[node.body] for node in nodes], dtype=np.intp), 6)
     first = np.repeat(np.array([number[node.relative_to] for node in nodes], dtype=np.intp), 6)
-    point = np.repeat(np.array([node.point for node in nodes], dtype=float).T, 6, axis=1)
+    places: Any = [stacked(points[node]) if node in points else np.array(node.point) for node in nodes]
+    place = np.array(places) if not points else np.stack(np.broadcast_arrays(*places), axis=-2)
+    point = np.repeat(components_first(place), 6, axis=-1)
     blocks = tuple([
         ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),
          concatenated([matrix[..., None, :, :] for _, matrix in group], -3))
@@ -136,7 +145,7 @@ def in_order(parts: Sequence[SharedRows]) -> list[SharedRows]:
     return [rows for group in shapes.values() for rows in group]
 
 
-def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> ElasticRows:
+def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int], points: Mapping[Node, Any]) -> ElasticRows:
     """Return composite elastic and damping rows, in the order of ``stack``."""
     ordered = in_order(parts)
 
@@ -145,7 +154,7 @@ def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Ela
                              for rows in ordered], -1)  # fmt: skip
 
     owner = tuple([rows.owner for rows in ordered for _ in range(rows.matrix.shape[-2])])
-    return ElasticRows(stack(parts, number), values("stiffness"), values("damping"), owner)
+    return ElasticRows(stack(parts, number, points), values("stiffness"), values("damping"), owner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,11 +208,13 @@ class Shared:
                 concatenated((damping, c), -1), np.concatenate((owner, owners[acts])))  # fmt: skip
 
 
-def shared_rows(expansion: Expansion, number: Mapping[str, int], first: int) -> Shared:
+def shared_rows(
+    expansion: Expansion, number: Mapping[str, int], first: int, points: Mapping[Node, Any] = MappingProxyType({})
+) -> Shared:  # fmt: skip
     """Return the rows between more than two bodies as arrays.
 
-    ``first`` is the number of owners of other elastic rows.
+    ``first`` is the number of owners of other elastic rows, ``points`` are those of nodes that differ in variants.
     """
     names = tuple(dict.fromkeys(rows.owner for rows in expansion.elastic))
-    return Shared(stack(expansion.mass, number) if expansion.mass else None,
-                  stack_elastic(expansion.elastic, number) if expansion.elastic else None, first, names)  # fmt: skip
+    return Shared(stack(expansion.mass, number, points) if expansion.mass else None,
+                  stack_elastic(expansion.elastic, number, points) if expansion.elastic else None, first, names)

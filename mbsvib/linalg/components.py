@@ -8,6 +8,7 @@ rows. CasADi is imported only where its scalars come in, by which it is imported
 from __future__ import annotations
 
 from math import factorial
+from math import sqrt as sqrt_of_float
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from mbsvib.linalg.jets import Jet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from mbsvib.common.arrays import Array
 
 Component = Any
 Triple = tuple[Component, Component, Component]
@@ -32,6 +35,8 @@ ARCSINE = [factorial(2 * k) / (4.0**k * factorial(k) ** 2 * (2 * k + 1)) for k i
 
 def sqrt(x: Component) -> Component:
     """Square root."""
+    if isinstance(x, float):
+        return sqrt_of_float(x)
     return x.sqrt() if hasattr(x, "sqrt") else np.sqrt(x)
 
 
@@ -147,6 +152,14 @@ def rotation_vector(rotation: Rotation) -> Triple:
     cosine = 0.5 * (rotation[0][0] + rotation[1][1] + rotation[2][2] - 1.0)
     factor = _series(dot(w, w), ARCSINE, SMALL_SINE, lambda x: arctan2(sqrt(x), cosine) / sqrt(x), cosine)
     return scale(factor, w)
+
+
+def stacked(components: Sequence[Component]) -> Array:
+    """Return a vector (..., 3) or a rotation (..., 3, 3) as an array with the axes of its components in front."""
+    if isinstance(components[0], tuple):
+        shape = np.broadcast_shapes(*[np.shape(x) for row in components for x in row])
+        return np.stack([np.stack([np.broadcast_to(x, shape) for x in row], axis=-1) for row in components], axis=-2)
+    return np.stack(np.broadcast_arrays(*components), axis=-1)
 
 
 def _is_numeric(x: Component) -> bool:

@@ -68,8 +68,10 @@ def rigid_transport(arm: Array) -> Array:
 
     u + theta x arm, theta with the ``arm`` (..., 3) to the other point
     """
-    result = np.tile(np.eye(6), (*np.shape(arm)[:-1], 1, 1))
-    result[..., :3, 3:] = skew(np.negative(arm))
+    shift = skew(np.negative(arm))
+    result = np.zeros((*shift.shape[:-2], 6, 6), shift.dtype)
+    result[...] = np.eye(6)
+    result[..., :3, 3:] = shift
     return result
 
 

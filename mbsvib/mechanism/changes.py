@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 P = TypeVar("P", bound=Part)
 
 _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
+# Fields by which parts are elsewhere.
+PLACES = frozenset({"position", "orientation", "start", "end"})
 # Fields by which connections have a row, or none.
 COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
 
@@ -116,12 +119,37 @@ class Slots:
     @cached_property
     def replaced(self) -> Mapping[str, Mapping[str, Index]]:
         """The same as ``index``, by the fields of the parts that replace those of the model in the equations."""
-        return {name: self._replaced(name, fields) for name, fields in self.index.items()}
+        return {name: self._replaced(name, fields) for name, fields in self.index.items()} | dict(self.places)
+
+    @cached_property
+    def places(self) -> Mapping[str, Mapping[str, Index]]:
+        """Rows of the points and turns of parts that follow those that vary, by part and field; they are behind those
+        of the model.
+        """
+        rows, result = len(self.nominal), {}
+        for name, fields in self._places(self.nominal[:, None]).items():
+            result[name] = {field: rows + np.arange(k, k + 3) for k, field in zip(count(0, 3), fields, strict=False)}
+            rows += 3 * len(fields)
+        return result
+
+    def _places(self, numbers: Array) -> dict[str, dict[str, Array]]:
+        """Points and turns (3, n) of parts that follow those that vary, of numbers (rows, n)."""
+        result: dict[str, dict[str, Array]] = {}
+        for name, fields in FieldsOf(numbers, self.index).items():
+            result |= self.parameters.parts[name].replaced_places(fields)
+        return result
+
+    def with_places(self, numbers: Array) -> Array:
+        """Return numbers (rows, n) with those of the ``places`` behind them."""
+        if not self.places:
+            return numbers
+        places = [array for fields in self._places(numbers).values() for array in fields.values()]
+        return np.concatenate((numbers, *places))
 
     @cached_property
     def complete(self) -> Mapping[str, Mapping[str, Index]]:
         """The same as ``replaced``, with the constant fields that go with those that vary."""
-        return {name: {**self._replaced(name, self.others.get(name, {})), **fields}
+        return {name: {**(self._replaced(name, self.others[name]) if name in self.others else {}), **fields}
                 for name, fields in self.replaced.items()}  # fmt: skip
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Variants of beams and flexures with other materials, sections and damping are computed at once."""
+"""Variants of beams and flexures with other materials, sections, damping and places are computed at once."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,6 @@ SHAPES = {
     "corner_filleted": {"type": "corner_filleted", "length": 0.012, "radius": 0.003, "width": 0.02,
                         "thickness": 0.001},
 }  # fmt: skip
-ENDS = {"leaf": {"length"}, "notch": {"radius"}, "elliptic": {"length"}, "corner_filleted": {"length"}}
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 
 
@@ -45,6 +44,21 @@ def flexure(kind, material=STEEL, shear=False, gravity=None, **damping):
     return with_ports(model, "bar.e1")
 
 
+def columns(kind, material=STEEL, shear=True, gravity=None, **damping):
+    """A body on a vertical beam between two ends and on one along an axis, with a beam that has a free end."""
+    model = mv.Model("columns", gravity=gravity)
+    model.add_body("tip", 3.0, (0.1, 0.2, 0.3), position=(0.1, 0.0, 0.55))
+    section = SECTIONS[kind]
+    model.add_beam("bar", "ground", "tip", section, material, (0, 0, 0), (0, 0, 0.5), elements=2, y_axis=(0, 1, 0),
+                   shear=shear, **damping)  # fmt: skip
+    model.add_beam("axis", "ground", "tip", section, material, (0.2, 0.1, 0), axis=(0.1, 0, 1), length=0.5, elements=1,
+                   y_axis=(0.2, 1, 0), shear=shear, **damping)  # fmt: skip
+    model.add_beam("free", "tip", None, section, material, (0.2, 0, 0.5), (0.4, 0.3, 0.6), elements=2, shear=shear,
+                   **damping)  # fmt: skip
+    model.add_output("end", "free.2", (1, 2, 3))
+    return with_ports(model, "bar.e2")
+
+
 def with_ports(model, element, body="tip"):
     model.add_input("F", body, (1, 2, 3, 0.1, 0.2, 0.3))
     model.add_base_motion("base", (1, 0.3, 0.2))
@@ -58,22 +72,33 @@ def scenes():
     """Model, and the names of what varies."""
     for kind in SECTIONS:
         for shear, material in ((True, STEEL), (False, {"E": 7e10, "rho": 2700.0, "G": 2.6e10})):
-            yield f"{kind}-{shear}", (beam, kind, material, shear, {"alpha": 0.4, "beta": 1e-4}, ())
+            yield f"{kind}-{shear}", (beam, kind, material, shear, {"alpha": 0.4, "beta": 1e-4})
     for kind in SHAPES:
-        yield kind, (flexure, kind, STEEL, kind == "leaf", {"alpha": 0.4, "beta": 1e-4}, ENDS[kind])
-    yield "modal", (beam, "tube", STEEL, True, {"damping_ratio": 0.02}, {*STEEL, *SECTIONS["tube"], "kz"})
+        yield kind, (flexure, kind, STEEL, kind == "leaf", {"alpha": 0.4, "beta": 1e-4})
+    for kind in ("rectangle", "properties"):
+        yield f"{kind} columns", (columns, kind, STEEL, kind == "properties", {"alpha": 0.4, "beta": 1e-4})
+    yield "modal", (columns, "tube", STEEL, False, {"damping_ratio": 0.02})
+    yield "modal leaf", (flexure, "leaf", STEEL, True, {"damping_ratio": 0.02})
 
 
 CASES = dict(scenes())
 
 
 def case(name):
-    build, kind, material, shear, damping, fixed = CASES[name]
+    build, kind, material, shear, damping = CASES[name]
     model = build(kind, material, shear, **damping)
-    ends = {f"{axis}.{i}" for axis in ("position", "orientation") for i in ("x", "y", "z", "rx", "ry", "rz")}
-    varied = [full for full in model.parameters if full.startswith("bar.")
-              and full[4:] not in {*fixed, *ends} and model.parameters[full]]  # fmt: skip
-    return model, varied
+    return model, [full for full in model.parameters if full.startswith(("bar.", "axis.", "free."))
+                   and (model.parameters[full] or is_place(model, full))]  # fmt: skip
+
+
+def is_place(model, name):
+    return model.parameters.entry(name).field in {"start", "end", "position", "orientation"}
+
+
+def scattered(model, names, rng):
+    """Values of some numbers by name, places within 2 mm or 2 mrad."""
+    return {one: model.parameters[one] + rng.uniform(-2e-3, 2e-3, COUNT) if is_place(model, one) else
+            model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}  # fmt: skip
 
 
 def check_alone(model, values):
@@ -92,7 +117,8 @@ def check_alone(model, values):
 def check_tangents(model, names):
     """Compare complex steps with differences of fourth order of models by themselves."""
     plant, step = model.compile(names), 1e-3
-    rates = plant.nominal * np.random.default_rng(5).uniform(-1.0, 1.0, len(names))
+    sizes = [0.02 if is_place(model, one) else model.parameters[one] for one in names]
+    rates = sizes * np.random.default_rng(5).uniform(-1.0, 1.0, len(names))
     tangent = plant.tangent(plant.nominal, rates)
 
     def at(share):
@@ -110,9 +136,8 @@ def check_tangents(model, names):
 @pytest.mark.parametrize("name", CASES)
 def test_at_once_they_are_as_alone(name):
     model, names = case(name)
-    assert len(names) == 1 if name == "modal" else len(names) >= 5
-    rng = np.random.default_rng(4)
-    values = {one: model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}
+    assert len(names) >= 5
+    values = scattered(model, names, np.random.default_rng(4))
     values["tip.mass"] = np.linspace(1.0, 4.0, COUNT)
     values["tip.position.y"] = np.linspace(-0.1, 0.1, COUNT)
     check_alone(model, values)
@@ -127,13 +152,12 @@ def test_their_tangents_are_slopes_between_variants(name):
 
 
 def test_what_else_varies_is_computed_alone():
-    """Ends that move, modal damping that follows the stiffness, and strain that follows the section."""
-    for model, name in ((flexure("leaf"), "bar.length"), (flexure("notch"), "bar.radius"),
-                        (beam("tube", damping_ratio=0.02), "bar.E"), (beam("tube"), "bar.alpha")):  # fmt: skip
-        values = {name: 1.1 * (model.parameters[name] or 1.0) * np.ones(2)}
-        assert model.compile([name])._plan.one_by_one, name
-        alone = model.with_values({name: float(values[name][0])}).linearize()
-        assert_allclose(model.linearize(values=values).K[1], alone.K, rtol=1e-12, atol=1e-12 * np.abs(alone.K).max())
+    """Damping that the model does not have, axes that jump, and strain that follows the section."""
+    model = beam("tube")
+    model.add_beam("upright", "tip", None, SECTIONS["rectangle"], STEEL, (1, 0.2, 0.1), (1, 0.2, 0.5), elements=1)
+    for name, values in (("bar.alpha", np.ones(2)), ("upright.end.x", np.array([1.0, 1.1]))):
+        assert model.compile([name])._plan.one_by_one
+        check_alone(model, {name: values})
     model = beam("circle")
     model.add_strain_output("eps", "bar.e1")
     assert model.compile(["bar.radius"])._plan.one_by_one
@@ -145,10 +169,26 @@ def test_what_else_varies_is_computed_alone():
     (beam("tube"), "bar.E", [1e11, -1e11], r"variant 1: .*E = -100000000000"),
     (flexure("leaf"), "bar.thickness", [1e-3, 0.03], r"variant 1: .*at most the width"),
     (flexure("notch"), "bar.thickness", [1e-3, 1e-7], r"variant 1: .*of the depth of the cuts"),
+    (columns("tube"), "bar.end.z", [0.5, 0.0], r"variant 1: .*A beam needs a length"),
+    (columns("tube"), "axis.length", [0.5, -0.5], r"variant 1: .*a positive number"),
 ])  # fmt: skip
 def test_what_one_cannot_have_is_refused_by_its_number(model, name, values, message):
     with pytest.raises(ModelError, match=message):
         model.linearize(values={name: np.array(values)})
+
+
+def test_shafts_between_spinning_bodies_stay_axisymmetric():
+    """A batch refuses what a model by itself does."""
+    model = mv.Model("shaft")
+    for k, x in ((1, 0.0), (2, 0.3)):
+        model.add_body(f"disk{k}", 2.0, (0.02, 0.01, 0.01), (x, 0, 0))
+        model.add_bushing(f"bearing{k}", "ground", f"disk{k}", (x, 0, 0), (1e6, 1e5, 1e5, 0, 0, 0))
+        model.add_rotor(f"spin{k}", f"disk{k}", 100.0, (1, 0, 0))
+    section = {"A": 1e-4, "Iy": 1e-9, "Iz": 1e-9, "J": 2e-9}
+    model.add_beam("shaft", "disk1", "disk2", section, STEEL, (0, 0, 0), (0.3, 0, 0), elements=1)
+    for name, values in (("shaft.Iy", [1e-9, 2e-9]), ("shaft.end.y", [0.0, 0.01])):
+        with pytest.raises(ModelError, match=r"variant 1: rotor 'spin1': 'shaft.e1'"):
+            model.linearize(values={name: values})
 
 
 def loaded_beam(kind="tube", gravity=(1.0, -2.0, -9.0), **damping):
@@ -183,10 +223,11 @@ def loaded_crank():
 LOADED = {
     "chain": (loaded_beam, ("bar.E", "bar.wall", "bar.rho", "bar.nu", "rod.radius", "rod.rho", "gravity.x", "gravity.z",
                             "push.force.x", "push.torque.y", "pull.preload", "tip.mass", "tip.position.y",
-                            "line.stiffness")),
+                            "line.stiffness", "rod.start.y", "rod.end.x", "rod.end.z")),
     "leaf": (loaded_loop, ("bar.E", "bar.thickness", "bar.width", "bar.rho", "other.thickness", "gravity.x",
-                           "push.force.z", "tip.mass")),
-    "notch": (lambda: loaded_loop("notch"), ("bar.E", "bar.thickness", "bar.rho", "gravity.x", "tip.position.x")),
+                           "push.force.z", "tip.mass", "bar.length", "other.position.x", "bar.orientation.ry")),
+    "notch": (lambda: loaded_loop("notch"), ("bar.E", "bar.thickness", "bar.rho", "gravity.x", "tip.position.x",
+                                             "bar.radius", "bar.position.z", "other.length")),
     "crank": (loaded_crank, ("bar.E", "bar.width", "bar.rho", "a.mass", "gravity.z", "a.k.stiffness.ry")),
 }  # fmt: skip
 
@@ -197,8 +238,7 @@ LOADED = {
 def test_loaded_ones_are_as_alone(name):
     build, names = LOADED[name]
     model, rng = build(), np.random.default_rng(6)
-    values = {one: model.parameters[one] * rng.uniform(0.8, 1.25, COUNT) for one in names}
-    check_alone(model, values)
+    check_alone(model, scattered(model, names, rng))
 
 
 @pytest.mark.few(2)
@@ -206,7 +246,7 @@ def test_loaded_ones_are_as_alone(name):
 @pytest.mark.parametrize("name", LOADED)
 def test_tangents_of_loaded_ones_are_slopes_between_variants(name):
     build, names = LOADED[name]
-    check_tangents(build(), [one for one in names if build().parameters[one]])
+    check_tangents(build(), names)
 
 
 def test_forces_that_are_not_stated_for_variants_are_computed_alone():

@@ -149,7 +149,8 @@ def test_bearings_of_spinning_bodies_vary_at_once_where_the_spin_does_not_wind_t
 
 def test_differences_are_for_parameters_that_batches_do_not_take(monkeypatch):
     model = suspended(inertia=0.005)
-    model.add_maxwell("strut", "ground", "shaft", (0.5, 0, 0), (0.1, 0, 0), stiffness=1e4, damping=20.0)
+    factor = mv.Dynamic.of_words({"static": 1.0, "viscous": 0.0, "weights": [0.8], "times": [0.02]})
+    model.add_spring("strut", "ground", "shaft", (0.5, 0, 0), (0.1, 0, 0), 1e4, dynamic=factor)
     system, differenced = model.linearize(), []
     extrapolated = Variants._extrapolated
     monkeypatch.setattr(Variants, "_extrapolated", lambda self, at, scale, name: (

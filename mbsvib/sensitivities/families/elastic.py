@@ -20,7 +20,7 @@ import numpy as np
 from mbsvib.elements import beam_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC, EXPANSIONS
-from mbsvib.equations.beam_prestress import bent_lines, elements_of, per_tension
+from mbsvib.equations.beam_prestress import bent_lines, per_tension
 from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import moved, transformed
 from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, factors, form_terms, part_slopes
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 # The field of the place and orientation of a part that keeps its shape, which are no parameters.
 MOTION = "motion"
-# Sine of the angle to the vertical below which a beam without a y axis stands upright.
-UPRIGHT = 0.05
 
 
 class _Made:
@@ -126,7 +124,7 @@ def _weights(part: Any, gravity: Array) -> tuple[Any, ...]:
 def _elements(part: Any) -> dict[str, Any]:
     """Names and points of what carries forces at rest."""
     if isinstance(part, Beam):
-        return {name: beam_expansion.middle(part, i) for i, name in enumerate(part.element_names)}
+        return {name: part.middle(i) for i, name in enumerate(part.element_names)}
     elastic = ELASTIC[type(part)](part)
     return dict(zip(elastic.names, (point for _, point in elastic.nodes), strict=True))
 
@@ -136,7 +134,7 @@ def _loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, 
     if isinstance(part, Beam):
         axes = np.array([axes for _, axes in part.frames()])
         local = np.concatenate((np.einsum("eji,ej->ei", axes, force), np.zeros_like(force)), axis=1)
-        rows: Sequence[SharedRows] = bent_lines(part, elements_of(part), local,
+        rows: Sequence[SharedRows] = bent_lines(part, local,
                                                 np.broadcast_to(gravity, force.shape))  # fmt: skip
     else:
         rows = ELASTIC[type(part)](part, tuple(gravity.tolist())).weight_stiffness if gravity.any() else ()
@@ -325,10 +323,8 @@ def _follow(rates: PoseRates, part: Any, _: int) -> None:
 
 
 def _has_rule(beam: Beam, field: str) -> bool:
-    """Whether a beam changes smoothly with a number: the axes of one that stands upright jump as it is tilted."""
-    if field not in ("start", "end", "length") or beam.y_axis is not None:
-        return True
-    return not any(np.hypot(axes[0][0], axes[1][0]) < UPRIGHT for _, axes in beam.frames())
+    """Whether a beam changes smoothly with a number."""
+    return field not in ("start", "end") or beam.turns_smoothly
 
 
 def _reactions(part: Superelement) -> tuple[tuple[str, ...], tuple[str, ...], int] | None:
@@ -344,7 +340,7 @@ BEAM = PartRules(
     loaded=LoadRules(
         lambda beam, *_: beam.displacements is not None or not _has_rule(beam, "start"),
         bent_lines=lambda beam: (beam.element_names, np.array([axes for _, axes in beam.frames()]),
-                                 per_tension(elements_of(beam))[..., None] * np.eye(6)),
+                                 per_tension(beam.parts())[..., None] * np.eye(6)),
         reactions=lambda beam: (beam.element_names, (), 0), **_COMMON),
 )  # fmt: skip
 SUPERELEMENT = PartRules("composed", loaded=LoadRules(
