@@ -189,8 +189,8 @@ class ClosedLoop(FeedbackLoop):
         Parameters
         ----------
         realization : str
-            States of the plant, before those of the controllers: "modal", or "physical". "balanced": physical states
-            and those of the controllers, scaled by powers of two.
+            States of the plant, before those of the controllers: "modal" (of a plant with motions as inputs, physical),
+            or "physical". "balanced": physical states and those of the controllers, scaled by powers of two.
 
         Returns
         -------
@@ -214,11 +214,14 @@ class ClosedLoop(FeedbackLoop):
         else:
             space = self.plant.system.state_space(realization)
             closed = self._closed(space)
-        k, shown = len(closed.a) - len(space.A), self.selected_ports
+        k, shown, through = len(closed.a) - len(space.A), self.selected_ports, space.through
         states = tuple([f"controller{i + 1}" for i in range(k)])
         wide = np.concatenate((space.transform, np.zeros((len(space.transform), k))), axis=1)
+        if through is not None:  # what the controllers demand changes rates at once
+            acts = through[:, self.ports[1]]
+            wide, through = wide + acts @ closed.gain, through + acts @ closed.push
         result = replace(space, name=self.name, A=closed.a.copy(), B=closed.b.copy(), C=closed.c.copy(),
-                         D=closed.d.copy(), transform=wide,
+                         D=closed.d.copy(), transform=wide, through=through,
                         states=(*space.states, *states), state_units=(*space.state_units, *("",) * k),
                         error_bound=None)  # fmt: skip
         if self.selection is None:

@@ -71,6 +71,21 @@ def test_files_lead_back_to_displacements_and_rates(realization, tmp_path):
         assert_allclose(space.transform @ x + space.through, np.concatenate((q, s * q)), rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.parametrize("noise", [False, True])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
+@pytest.mark.parametrize("leak", [None, 5.0])
+def test_states_of_loops_lead_back_to_rates_that_controllers_change_at_once(leak, realization, noise):
+    """q' of the node is an output, (-3 + 2 s/(s + leak)) times which acts on the node."""
+    law = [[-3.0]] if leak is None else mv.StateSpace.from_arrays([[-leak]], [[1.0]], [[-2.0 * leak]], [[-1.0]])
+    loop = plant().feedback(law, "vnode", "Fnode", noise=noise)
+    space, s = loop.state_space(realization), 0.7j
+    assert space.through.shape[1] == len(loop.inputs)
+    states = np.linalg.solve(s * np.eye(len(space.A)) - space.A, space.B)
+    rates = (space.transform @ states + space.through)[len(space.transform) // 2 :]
+    expected = loop.frequency_response([0.7])[..., 0]
+    assert_allclose(loop.open_loop.Cv[:2] @ rates, expected[:2], rtol=1e-12, atol=1e-14)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_units_of_a_late_force(version, tmp_path):
