@@ -31,7 +31,7 @@ def with_noise(plant: LoopPlant, law: Controller) -> tuple[LoopPlant, Controller
     Inputs: those of the system, "SENSOR.noise" in the order of the sensors, "ACTUATOR.noise" in that of the actuators;
     outputs: those of the system, then what the controller sees, "SENSOR.measured".
     """
-    system = plant.system
+    system = plant.system if plant.system.kind == "system" else plant.system.state_space()
     y = [system.outputs.index(name) for name in law.inputs]
     u = [system.inputs.index(name) for name in law.outputs]
     added = [f"{name}{NOISE}" for name in (*law.inputs, *law.outputs)]
@@ -51,7 +51,7 @@ def with_noise(plant: LoopPlant, law: Controller) -> tuple[LoopPlant, Controller
         "D": np.insert(ports["D"], [at] * count, noise, axis=1),
     }  # fmt: skip
     result = replace(system, **ports, **_inputs(system, columns, at, count), **_outputs(system, rows))
-    noisy = replace(plant, system=result, without_noise=system, gathered=Gathered(
+    noisy = replace(plant, system=result, without_noise=plant.system, gathered=Gathered(
         rows, [*columns[:at], *[-1] * count, *u], ([*range(len(rows) - count, len(rows))], [*range(at, at + count)])))
     return noisy, replace(law, inputs=measured).for_plant(result)
 
