@@ -39,7 +39,7 @@ THROUGH = "through"
 # What a reduced state space has.
 ERROR_BOUND = "error_bound"
 # State spaces that have no other realization: exporters take them as they are.
-READY = ("given", "controller", "reduced")
+READY = ("given", "controller", "reduced", "rolling")
 
 
 def shapes(m: int, n: int, inputs: int, outputs: int, bodies: int = 0) -> dict[str, tuple[int, ...]]:
@@ -180,7 +180,8 @@ def state_space_of(
     if not isinstance(ready, StateSpace):
         raise refusal(source, caller, "a System (model.linearize()), a StateSpace (system.state_space()) or SystemData "
                       "(from_json, from_npz)")  # fmt: skip
-    if realization not in ("physical", ready.realization) and ready.realization not in READY:
+    own = ready.realization in READY or kind_of(source) == "closed loop"
+    if realization not in ("physical", ready.realization) and not own:
         raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
                           f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
     return ready
@@ -197,8 +198,8 @@ def space_of(source: object, realization: str) -> object:
     """Return the state space of a loop, controller or system of python-control, else the source."""
     kind = kind_of(source)
     if kind == "closed loop":
-        plant = source.open_loop  # type: ignore[attr-defined]
-        return source.state_space(realization if kind_of(plant) == "system" else "modal")  # type: ignore[attr-defined]
+        given = isinstance(source.open_loop, StateSpace)  # type: ignore[attr-defined]
+        return source.state_space("modal" if given else realization)  # type: ignore[attr-defined]
     if kind == "controller":
         return source.state_space()  # type: ignore[attr-defined]
     foreign = kind is None and (is_control(source) or is_transfer_function(source))

@@ -212,6 +212,19 @@ def test_random_vibration_and_loops_take_motions():
         space.A - 300.0 * space.B @ space.C[1:2])), rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.parametrize("order", [0, 1])
+def test_loops_take_the_noise_of_sensors_and_actuators_beside_motions(order):
+    model = quarter(QUANTITIES[order])
+    model.add_input("force", "body", "z", relative_to="wheel")
+    system = model.linearize()[list(QUANTITIES), :]
+    loop = system.feedback([[-300.0]], "velocity", "force", noise=True)
+    assert loop.inputs == ("road", "force", "velocity.noise", "force.noise")
+    road, force = np.moveaxis(system.frequency_response(OMEGA), 1, 0)
+    returned = force / (1.0 + 300.0 * force[1])
+    expected = np.stack([road - 300.0 * returned * road[1], returned, -300.0 * returned, returned], axis=1)
+    np.testing.assert_allclose(loop.frequency_response(OMEGA), expected, rtol=1e-9, atol=1e-15)
+
+
 def test_forces_in_joints_and_on_the_ground_follow_moved_ends():
     """A lever: the moved end of a spring on its tip loads the bearing; by statics, k u at once."""
     model = mv.Model("lever")
@@ -295,6 +308,23 @@ def test_exports_keep_the_response_of_the_motion(tmp_path):
                                    rtol=1e-9)
     with pytest.raises(mv.MbsvibError, match="'tyre force' needs the derivative of input 'road'"):
         export.to_control(quarter().linearize())
+
+
+@pytest.mark.parametrize("plant", [
+    lambda: quarter("velocity").linearize(), lambda: quarter("velocity").linearize().state_space(),
+    lambda: mv.library.bicycle(speed=5.0).linearize(),
+], ids=["motion", "physical states", "rolling"])  # fmt: skip
+def test_loops_whose_plants_are_no_system_are_exported_and_checked(plant, tmp_path):
+    export = pytest.importorskip("mbsvib_export")
+    system = plant()
+    loop = system.feedback([[-0.1]], system.outputs[0], system.inputs[0])
+    truth = loop.response(OMEGA)
+    for realization in ("physical", "modal", "balanced"):
+        space = export.to_scipy(loop, realization)
+        at = [space.C @ np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B) + space.D for w in OMEGA]
+        np.testing.assert_allclose(at, np.moveaxis(truth, -1, 0), rtol=1e-8, atol=1e-13)
+    assert export.check_export(export.to_npz(loop, tmp_path / "loop.npz"), loop).passed
+    assert export.to_c(loop, tmp_path / "c").source.exists()
 
 
 def test_what_cannot_be_moved_is_refused_by_name():
