@@ -210,8 +210,10 @@ def _factors(system: Any, terms: Sequence[Array], name: str, factors: int = 1) -
         raise ModelError(f"uncertain: the equations of '{system.name}' do not change smoothly with '{name}', or it "
                          f"takes degrees of freedom away; leave it out.", element=name)  # fmt: skip
     m = system.dof
-    mass = np.sqrt(np.maximum(np.diagonal(system.M), np.finfo(float).tiny))
     speed = _typical_speed(system)
+    # springs and dampers are the inertia of motions without mass, which else would hide all others
+    inertia = [np.abs(np.diagonal(matrix)) for matrix in (system.M, system.C / speed, system.K / speed**2)]
+    mass = np.sqrt(np.maximum(np.max(inertia, axis=0), np.finfo(float).tiny))
     rows = np.concatenate((mass, np.ones(len(whole) - m)))
     columns = np.concatenate((mass, speed * mass, speed**2 * mass, np.ones(whole.shape[1] - 3 * m)))
     scaled = whole / rows[:, None] / columns

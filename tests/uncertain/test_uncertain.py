@@ -47,6 +47,21 @@ def test_the_map_is_the_system_at_other_values(seed):
     np.testing.assert_allclose(got / size, expected / size, atol=1e-11)
 
 
+@pytest.mark.parametrize("delta", [-1.0, 0.3, 1.0])
+def test_stiffness_of_springs_with_relaxations_enters_with_all_of_them(delta):
+    """x/F = 1 / (m s^2 + c s + k (1 + g s t/(1 + s t))): the nodes of relaxations have no mass."""
+    model = mv.Model("relaxing")
+    model.add_body("a", M, (1, 1, 1), (0, 0, 1))
+    model.add_joint("guide", "prismatic", "ground", "a", axis=(0, 0, 1))
+    model.add_spring("k", "ground", "a", (0, 0, 0), (0, 0, 1), K, C, dynamic=mv.Dynamic.prony([0.3, 0.5], [0.5, 0.02]))
+    model.add_input("F", "a", "z")
+    model.add_output("x", "a", "z")
+    plant, w = model.linearize().uncertain({"k.stiffness": 0.2}), np.array([1.0, 20.0, 300.0])
+    s, factor = 1j * w, 1.0 + sum(g * 1j * w * t / (1.0 + 1j * w * t) for g, t in ((0.3, 0.5), (0.5, 0.02)))
+    got = closed(plant, np.full(plant.blocks["k.stiffness"], delta)).frequency_response(w)[0, 0]
+    np.testing.assert_allclose(got, 1.0 / (M * s**2 + C * s + K * (1.0 + 0.2 * delta) * factor), rtol=1e-11)
+
+
 def test_repetitions_are_the_ranks():
     """A leg enters once, also where its force is an output; a mass three times, an inertia about one axis once."""
     plant = platform().uncertain({"leg1.k.stiffness": 0.1, "platform.mass": 0.1, "platform.inertia.zz": 0.1})
