@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
+    from mbsvib.api.driven import DrivenBatch
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.api.system import System
     from mbsvib.common.selection import Names
@@ -47,13 +48,13 @@ def to_control(
 
 @overload
 def to_control(
-    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str | None = ..., outputs: Names = ...,
-    inputs: Names = ...,
+    system: Batch | DrivenBatch, realization: str = ..., dt: float | None = ..., *, method: str | None = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> list[control.StateSpace]: ...  # fmt: skip
 
 
 def to_control(
-    system: Source | FeedbackLoop | UncertainPlant | Batch, realization: str = "physical",
+    system: Source | FeedbackLoop | UncertainPlant | Batch | DrivenBatch, realization: str = "physical",
     dt: float | None = None, *, method: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | tuple[control.StateSpace, dict[str, int]] | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
@@ -113,9 +114,10 @@ def to_control(
     """
     need("control", "to_control")
     from mbsvib.api.batch import Batch
+    from mbsvib.api.driven import DrivenBatch
     from mbsvib.feedback.sampled import SampledLoop
 
-    if isinstance(system, Batch):
+    if isinstance(system, (Batch, DrivenBatch)):
         return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
                 for variant in system.state_space(realization)]  # fmt: skip
     if is_uncertain(system):

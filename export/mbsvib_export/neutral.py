@@ -229,12 +229,15 @@ def refusal(source: object, caller: str, expected: str, fault: str = "") -> Expo
         return ExportError(f"{caller}: '{name}' has {getattr(source, 'dof', 0)} degrees of freedom and is held sparse; "
                            f"export some of its modes, {caller}(system.reduced(20, correction=True)). "
                            f"system.truncation_error tells what is missing then.")  # fmt: skip
-    if kind == "Batch":
+    if kind in ("Batch", "DrivenBatch"):
+        both = "batch" if kind == "Batch" else "batch.ends"
         return ExportError(f"{caller}: '{name}' is a batch of {len(source)} variants; export them one by one, "  # type: ignore[arg-type]
-                           f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
+                           f"{caller}(batch[i]), or all in one file by to_npz_batch({both}).")  # fmt: skip
     if kind_of(source) == "uncertain plant":
         return ExportError(f"{caller}: '{name}' is uncertain; export it at values of its parameters, "
                            f"{caller}(plant.at(values)), or all of it by to_mat or to_control.")  # fmt: skip
+    if kind == "DrivenSystem":
+        fault, expected = "", f"{expected}, or its .ends, whose inputs are displacements and velocities"
     return ExportError(f"{caller}: {fault or f'system = {kind}'}; expected {expected}.")
 
 

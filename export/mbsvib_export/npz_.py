@@ -188,7 +188,8 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
 
     if not isinstance(batch, Batch):
         raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "
-                          f"(model.linearize(values=...)). For a single system: to_npz.")  # fmt: skip
+                          f"(model.linearize(values=...)), or its .ends if motions are inputs. For a single system: "
+                          f"to_npz.")  # fmt: skip
     if realization == "balanced":
         raise ExportError("to_npz_batch: realization = 'balanced'; expected 'physical' or 'modal': balanced "
                           "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")

@@ -327,6 +327,23 @@ def test_loops_whose_plants_are_no_system_are_exported_and_checked(plant, tmp_pa
     assert export.to_c(loop, tmp_path / "c").source.exists()
 
 
+def test_exports_of_variants_and_parameters_lead_to_the_equations_of_moved_ends(tmp_path):
+    export = pytest.importorskip("mbsvib_export")
+    model = quarter("velocity")
+    batch, system = model.linearize(values={"strut.damping": [500.0, 900.0]}), model.linearize()
+    for space, variant in zip(export.to_control(batch), batch, strict=True):
+        assert np.array_equal(space.A, variant.state_space().A)
+    with pytest.raises(mv.ExportError, match=r"is a batch of 2 variants.*to_npz_batch\(batch\.ends\)"):
+        export.to_json(batch)
+    with pytest.raises(mv.ExportError, match=r"expected a Batch \(.*\), or its \.ends"):
+        export.to_npz_batch(batch, tmp_path / "batch.npz")
+    assert len(export.from_npz_batch(export.to_npz_batch(batch.ends, tmp_path / "batch.npz"))) == 2
+    for call in (lambda plant: export.to_fmu(plant, tmp_path / "unit.fmu", tunable=["strut.damping"]),
+                 lambda plant: export.to_casadi(plant, parameters=["strut.damping"])):  # fmt: skip
+        with pytest.raises(mv.ExportError, match=r"system = DrivenSystem; expected a System .*, or its \.ends"):
+            call(system)
+
+
 def test_what_cannot_be_moved_is_refused_by_name():
     model = quarter()
     with pytest.raises(ModelError, match="'strut' are on bodies"):
