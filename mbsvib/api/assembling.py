@@ -62,9 +62,14 @@ def assemble(
     ------
     ModelError
         If a port is unknown, ports are apart or have other directions, outputs and inputs are not collocated, a part
-        to be joined rigidly has motions without mass, or grounds move differently.
+        to be joined rigidly has motions without mass, a port is not in SI units, or grounds move differently.
     ResponseError
         If lines of measurements differ, or the response of a part is infinite at one.
+
+    Warns
+    -----
+    AccuracyWarning
+        If a measured part gives energy at its port, as complex conjugates of responses do.
 
     Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169.
     """

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
+from warnings import warn
 
 import numpy as np
 
 from mbsvib.assembly.connections import WHO
 from mbsvib.assembly.systems import ends_of
 from mbsvib.elements.ports import QUANTITIES
-from mbsvib.errors import ModelError, ResponseError, counted
+from mbsvib.errors import AccuracyWarning, ModelError, ResponseError, counted
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.common_errors import (
     CommonErrors,
@@ -32,7 +33,7 @@ from mbsvib.measurement.common_errors import (
     side_by_side,
 )
 from mbsvib.measurement.data import Measurement
-from mbsvib.measurement.matching import ORDERS
+from mbsvib.measurement.matching import ORDERS, is_si
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
 SAME_LINE = 1e-6
 # Combinations of directions are joined if their compliance is so many deviations of its noise.
 STANDS_OUT = 2.0
+# Imaginary parts count above this share of the responses; ports give energy if this share of them is positive.
+LOSSY, GIVES = 1e-3, 0.5
 # Numbers that arrays of some lines may hold.
 BLOCK = 4_000_000
 
@@ -111,6 +114,7 @@ def assembled_responses(
     sides = _side_by_side(parts, removed)
     _check_orders(parts, ends, sides)
     _check_measured(parts, ends, sides)
+    _check_energy(parts, ends, sides, removed)
     compliance = _compliance(ends, sides.omega)
     blocks = [_joined(sides, ends, compliance, slice(at, at + _chunk(sides)))
               for at in range(0, len(sides.omega), _chunk(sides))]  # fmt: skip
@@ -189,7 +193,14 @@ def _names(parts: Sequence[Part], kind: str) -> list[tuple[Part, str]]:
 
 
 def _check_orders(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides) -> None:
-    """Refuse outputs of ports of which it is not known what they measure."""
+    """Refuse channels of ports in other units, and outputs of which it is not known what they measure."""
+    for kind in ("output", "input"):
+        channels = [(part, f"{part.name}.{name}", unit) for part in parts for name, unit in zip(
+            getattr(part.linear, f"{kind}s"), getattr(part.linear, f"{kind}_units"), strict=True)]  # fmt: skip
+        for part, name, unit in [channels[k] for one in ends for side in getattr(one, f"{kind}s") for k in side]:
+            if part.is_measured and unit and not is_si(unit):
+                raise ModelError(f"{WHO}: {kind} '{name}' of a port is in {unit}; expected data in SI units.",
+                                 element=name)  # fmt: skip
     names = _names(parts, "outputs")
     for row in [row for one in ends for side in one.outputs for row in side]:
         if sides.orders[row] < 0:
@@ -209,6 +220,22 @@ def _check_measured(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides) 
                 raise ModelError(f"{WHO}: the response of '{outputs[row][1]}' to '{inputs[column][1]}' was not "
                                  f"measured; expected those between all directions that are joined.",
                                  element=outputs[row][1])  # fmt: skip
+
+
+def _check_energy(parts: Sequence[Part], ends: Sequence[Ends], sides: _Sides, removed: Sequence[str]) -> None:
+    """Warn of measured ports whose driving-point responses x/F have positive imaginary parts, that give energy."""
+    names, w = _names(parts, "outputs"), np.where(sides.omega > 0.0, sides.omega, np.nan)[:, None]
+    for one in ends:
+        for rows, columns in zip(one.outputs, one.inputs, strict=True):
+            part = names[rows[0]][0]
+            motion = sides.responses[:, rows, columns] / (1j * w) ** sides.orders[rows]
+            gain = np.nansum(-motion.imag if part.name in removed else motion.imag, axis=0)
+            size = np.nansum(np.abs(motion.imag), axis=0)
+            lossy = size > LOSSY * np.nansum(np.abs(motion), axis=0)
+            if part.is_measured and lossy.any() and (gain[lossy] / size[lossy]).mean() > GIVES:
+                warn(f"{WHO}: the measured part '{part.name}' gives energy at '{names[rows[0]][1]}' and the like. "
+                     f"If its responses are those of exp(-i w t), give their complex conjugates, np.conj(responses).",
+                     AccuracyWarning, stacklevel=4)  # fmt: skip
 
 
 def _compliance(ends: Sequence[Ends], omega: Array) -> tuple[Complex, Bools]:

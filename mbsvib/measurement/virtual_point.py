@@ -17,7 +17,7 @@ from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 from mbsvib.measurement.common_errors import errors_of
-from mbsvib.measurement.matching import ORDERS
+from mbsvib.measurement.matching import ORDERS, is_si
 from mbsvib.measurement.points import model_places
 
 if TYPE_CHECKING:
@@ -128,7 +128,12 @@ def _channels(
 
 
 def _units(known: set[str], kind: str) -> tuple[str, str]:
-    """Units of displacements or forces along and about a direction, "" where those of the channels are not SI."""
+    """Units of displacements or forces along and about a direction; volts and alike, of unknown scale, stay."""
+    other = sorted(unit for unit in known if unit and not is_si(unit))
+    if other and (len(known) > 1 or is_si(other[0]) is False):
+        raise ResponseError(f"virtual_point: {kind}s are in {', '.join(sorted(known))}; expected data in SI units.")
+    if other:
+        return other[0], other[0]
     if kind == "input":
         return ("N", "N m") if known <= {"N", "N m"} else ("", "")
     orders = {ORDERS[unit][1] if unit in ORDERS else -1 for unit in known}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.errors import ModelError, ResponseError
+from mbsvib.errors import AccuracyWarning, ModelError, ResponseError
 from mbsvib.measurement.points import place_of
 from tests.assembly.scenes import POINT, RIGID, add_base, apart, fixed, whole
 
@@ -339,3 +339,24 @@ def test_a_connection_without_stiffness_joins_nothing():
     result = mv.assemble({"base": base, "payload": payload}, [(*RIGID[0][:2], [0.0] * 6)])
     names = [[f"base.{name}" for name in names] for names in (base.outputs, base.inputs)]
     np.testing.assert_array_equal(result[names[0], names[1]].responses, base.responses)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("output", "mm"), ("input", "V"), ("input", "kN")])
+def test_ports_in_other_units_are_refused(kind, unit):
+    base, payload = (model.linearize() for model in apart())
+    units = [unit if known in {"m", "N"} else known for known in getattr(base, f"{kind}_units")]
+    data = measured(base, quantity=measured(base).quantity, **{f"{kind}_units": units})
+    with pytest.raises(ModelError, match=rf"{kind} 'base\.tip\.x' of a port is in {unit}; expected data in SI units"):
+        mv.assemble({"base": data, "payload": payload}, RIGID)
+
+
+@pytest.mark.parametrize("remove", [(), "payload"])
+def test_conjugates_are_warned_of(remove):
+    """Also those of a part that is taken away; noise alone gives no energy."""
+    base, payload = (model.linearize() for model in apart())
+    held, free = (measured(one, noise=0.05, seed=1) for one in (base, payload))
+    mv.assemble({"base": held, "payload": free}, RIGID, remove=remove)
+    turned = mv.Measurement(OMEGA, free.responses.conj(), free.outputs, free.inputs, output_units=free.output_units,
+                            input_units=free.input_units)  # fmt: skip
+    with pytest.warns(AccuracyWarning, match="the measured part 'payload' gives energy at 'payload.root.x'"):
+        mv.assemble({"base": held, "payload": turned}, RIGID, remove=remove)

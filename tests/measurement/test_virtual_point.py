@@ -1,5 +1,7 @@
 """Virtual points: any mixture of translations and rotations against the pseudo-inverse of their geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -143,7 +145,14 @@ def test_a_channel_through_the_point_tells_one_direction(place, told, kind):
     sign = -1.0 if place[1] == (0, -1, 0) else 1.0
     np.testing.assert_allclose(virtual.responses, sign * data.responses, rtol=1e-12)
     assert virtual.quantity == ("acceleration",)
-    assert getattr(virtual, f"{kind}_units") == ("",)
+    assert getattr(virtual, f"{kind}_units") == ("V" if kind == "input" else "",)
+
+
+@pytest.mark.parametrize("units", [("mm/s^2",) * 11, ("m/s^2", *["g"] * 10), ("V", *["m/s^2"] * 10)])
+def test_outputs_in_other_units_are_refused(units):
+    data = replace(rigid()[0], output_units=units, quantity="acceleration")
+    with pytest.raises(ResponseError, match=r"virtual_point: outputs are in .*; expected data in SI units"):
+        data.virtual_point("P", POINT, "s*")
 
 
 def test_outputs_of_several_quantities_are_refused():
