@@ -193,8 +193,8 @@ def _free_mass_rows(beam: Beam, mass: Sequence[SharedRows]) -> Array:
         own = np.zeros((*axes.shape[:-2], 6, 6 * count), axes.dtype)
         own[..., :3, 6 * i + 6 : 6 * i + 9] = own[..., 3:, 6 * i + 9 : 6 * i + 12] = axes
         motions.append(rigid_transport(end - start) @ motions[i] + rigid_transport(end - midpoint) @ own)
-    return concatenated([rows.matrix[..., :6] @ motions[i] + rows.matrix[..., 6:] @ motions[i + 1]
-                         for i, rows in enumerate(mass)], -2)  # fmt: skip
+    return np.asarray(concatenated([rows.matrix[..., :6] @ motions[i] + rows.matrix[..., 6:] @ motions[i + 1]
+                                    for i, rows in enumerate(mass)], -2))  # fmt: skip
 
 
 def rotated(rows: Array, axes: Matrix3) -> Array:

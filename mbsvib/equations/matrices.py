@@ -72,7 +72,7 @@ def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:
         if scene.port.needs_elements:  # nothing else needs more of the elements
             springs = springs.take(which)
     if inertance is not None:
-        inertial = np.asarray(inertance.reshape(-1, inertance.shape[-1]).any(axis=0))
+        inertial = np.asarray(inertance.any(axis=tuple(range(inertance.ndim - 1))))
         others = (~inertial).nonzero()[0]
         rows, k, c, owner = rows[..., others, :], k[..., others], c[..., others], owner[others]
     if scene.shared is not None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import eigh, lapack
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.unresisted_motion import completed_basis
@@ -188,6 +188,8 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     real, imag, _, vectors, failed = lapack.dgeev(a, compute_vl=0, lwork=max(1, WORK * size), overwrite_a=1)
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues of the damped modes did not converge")
+    if (torn := rigid - free - int(np.count_nonzero(imag == 0.0))) > 0:
+        _keep_real(real, imag, vectors[flexible:], (gamma[free:, free:], basis.square[free:]), torn // 2)
     upper, creeping = (imag > 0.0).nonzero()[0], (imag == 0.0).nonzero()[0]
     complex_count = len(upper)
     order = np.concatenate((upper, creeping))
@@ -198,6 +200,23 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     parts = vectors[flexible:]
     y.real[free:], y.imag[free:, :complex_count] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
     return values, y
+
+
+def _keep_real(real: Array, imag: Array, y: Array, forms: tuple[Array, Array], count: int) -> None:
+    """Replace, in place, the ``count`` conjugate pairs nearest to the real axis by two real eigenvalues each.
+
+    Each damped rigid-body mode has a real eigenvalue beyond those that oscillating modes may have, as y^T (2 lambda +
+    Gamma) y < 0 there. Rounding tears two that coincide apart to a pair. ``real``, ``imag`` (n,), ``y`` (m, n): as of
+    LAPACK, the real and the imaginary part of a vector side by side. ``forms``: Gamma (m, m) and Omega^2 (m,).
+    """
+    gamma, square = forms
+    upper = (imag > 0.0).nonzero()[0]
+    for i in upper[np.argsort(imag[upper] / np.abs(real[upper] + 1j * imag[upper]))[:count]].tolist():
+        own, value = y[:, i : i + 2], real[i]
+        braked = gamma @ own
+        residual = own.T @ (value * (value * own + braked) + square[:, None] * own)
+        moves, mixing = eigh(residual, -own.T @ (2.0 * value * own + braked))
+        real[i : i + 2], imag[i : i + 2], own[:] = value + moves, 0.0, own @ mixing
 
 
 def _uncertain_refined(

@@ -104,3 +104,14 @@ def test_refusals(words, message):
 def test_explain_does_not_call_it_idle():
     for method in ("dense", "sparse"):
         assert "without effect" not in oscillator().linearize(method=method).explain()
+
+
+def test_one_in_a_mechanism_that_cannot_move_does_nothing():
+    model = mv.Model("locked")
+    model.add_body("plate", 2.0, (0.1, 0.1, 0.1), position=(1, 0, 0))
+    model.add_joint("weld", "fixed", "ground", "plate", (0, 0, 0))
+    model.add_joint("rod", "distance", "ground", "plate", (0, 1, 0), end=(1, 0, 0))
+    model.add_inerter("still", "ground", "plate", (0, 0, 1), (1, 0, 0), 3.0)
+    system = model.linearize()
+    assert system.dof == 0
+    assert system.M.shape == (0, 0)

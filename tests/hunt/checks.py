@@ -107,7 +107,8 @@ def reference(subject):
     """The absolute equations: eigenvalues, rigid modes, responses and reactions as far as they are determined."""
     q, own, known = subject.question, subject.answers, subject.example.reference
     compare_eigenvalues(own, q.eigenvalues, q.eigenvalue_tolerance)
-    if "rayleigh damping" not in subject.scene.features:  # a beam's brakes what it floats with by next to nothing
+    # Rayleigh damping of a beam or flexure brakes what it floats with by next to nothing
+    if not {"rayleigh damping", "flexure"} & subject.scene.features:
         compare_rigid(own, q)
     compare_responses(own.response, q.response, q, np.flatnonzero(q.determined))
     if subject.scene.loaded:
