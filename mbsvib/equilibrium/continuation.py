@@ -98,8 +98,8 @@ def arc(start: State, along: Array, length: float) -> tuple[Arc, float]:
                 return Arc(start, along, length, end, onward), min(1.5 * length, LONGEST) if count <= FEW else length
         length *= 0.5
         if length < SHORTEST:
-            raise _stuck(start, None, "no step can be taken there, as loops cannot be closed any further or the curve "
-                                      "has a corner")  # fmt: skip
+            raise _stuck(start, None, "no step can be taken there, as loops cannot be closed any further, a spring "
+                         "would turn beyond its limit of 172 degrees, or the curve has a corner")  # fmt: skip
 
 
 def crossing(at: State, sense: int) -> Arc:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.equations.statics import shares
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.motion import PosedModel, close, same_branch
+from mbsvib.equilibrium.motion import PosedModel, close, leaps, same_branch
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
 from mbsvib.errors import EquilibriumError, ModelError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
@@ -98,12 +98,16 @@ class State:
 
 
 def stepped(state: State, step: Array) -> State | None:
-    """Return the state after a scaled step (m,) with loops closed, forces not balanced; None where loops cannot be."""
+    """Return the state after a scaled step (m,) with loops closed, forces not balanced; None where loops cannot be, or
+    forces are not defined there or on the way.
+    """
     forces = state.forces
     by = forces.scale * step
-    depends = forces.depends
+    depends, motion = forces.depends, forces.all_joints(by)
     try:
-        at, opening = close(state.at.moved(forces.all_joints(by)), depends)
+        at, opening = close(state.at.moved(motion), depends)
+        if leaps(state.at, at, motion):
+            return None
         if opening > max(CLOSED, at.rounding) or (at.cuts is not None and not same_branch(state.at, at, depends)):
             return None
         return State(at, balance(at, [state.led]), state.led, state.value + float(by[state.i]))

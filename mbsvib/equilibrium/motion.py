@@ -18,6 +18,7 @@ from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
+from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.pose import Pose
@@ -184,3 +185,28 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
 def same_branch(first: PosedModel, second: PosedModel, depends: NDArray[np.bool_]) -> bool:
     """Tell whether there is no dead point of the coordinates that depend on others between two poses."""
     return no_dead_point(first.scaled_closure[:, depends], second.scaled_closure[:, depends])
+
+
+def leaps(first: PosedModel, second: PosedModel, q: Array) -> bool:
+    """Tell whether joint motions q (n,) from a pose to another turn a spring past half a turn, where the angle of its
+    moment goes on from the other side.
+    """
+    one, other = first.reference.derived(_wound)
+    if not len(one):
+        return False
+    before, after = (logarithm(pose.rotations[one].swapaxes(1, 2) @ pose.rotations[other])
+                     for pose in (first.pose, second.pose))  # fmt: skip
+    path, axes = first.coordinates.path.astype(float), first.pose.rotations[one]
+    turn = ((path[other] - path[one]) * q) @ first.coordinates.angular.T
+    change = before + (turn[:, None] @ axes)[:, 0] - after
+    return bool((np.linalg.norm(change, axis=1) > np.pi).any())
+
+
+def _wound(model: Mechanism) -> tuple[Index, Index]:
+    """Numbers of the bodies (k,) of springs with a stiffness about axes."""
+    number = start(model).number
+    pairs = [(number[part.first], number[part.second]) for part in model.springs.values()
+             if part.law is not None and part.law.rotations is not None
+             and np.atleast_1d(getattr(part, part.law.stiffness))[part.law.rotations].any()]  # fmt: skip
+    one, other = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+    return one, other

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.motion import PosedModel, close, same_branch
+from mbsvib.equilibrium.motion import PosedModel, close, leaps, same_branch
 from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 from mbsvib.mechanism.mechanism import Mechanism
@@ -86,11 +86,11 @@ def _shared(vector: Vector, share: float) -> Vector:
 
 def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedModel, Balance] | None:
     """The pose after a motion of all joints with loops closed and the forces there; None if loops cannot be closed
-    before a dead point of the coordinates of ``forces``, or the forces are not defined.
+    before a dead point of the coordinates of ``forces``, or the forces are not defined there or on the way.
     """
     try:
         after, opening = close(at.moved(step))
-        if opening > max(CLOSED, after.rounding):
+        if opening > max(CLOSED, after.rounding) or leaps(at, after, step):
             return None
         return (after, balance(after)) if at.cuts is None or same_branch(at, after, forces.depends) else None
     except NoWordsError:
@@ -193,7 +193,8 @@ def _newton_steps(at: PosedModel, forces: Balance) -> tuple[SearchResult, bool]:
         else:
             following, newton_steps = _after_step(at, step, forces), newton_steps + 1
             if following is None:
-                stopped = "its loops cannot be closed any further"
+                stopped = ("its loops cannot be closed any further, or a spring would turn beyond its limit of 172 "
+                           "degrees")  # fmt: skip
                 break
         at, forces = following
         residuals.append(forces.share)

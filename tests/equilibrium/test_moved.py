@@ -354,6 +354,16 @@ def test_springs_behind_a_gear_are_wound_by_its_ratio():
         model.moved({"shaft.rz": 0.9})
 
 
+def test_equilibria_beyond_the_limit_of_a_spring_are_refused_for_it():
+    """Behind a gear of 20 the spring would turn by 4 rad."""
+    model = wound(2.0 * np.cos(0.2) / (20.0**2 * 0.2), gear=20.0)
+    model.add_load("weight", "pinion", (0, -2.0, 0), position=(2, 0, 0))
+    with pytest.raises(mv.EquilibriumError, match="a spring would turn beyond its limit of 172 degrees"):
+        model.equilibrium()
+    with pytest.raises(mv.EquilibriumError, match="a spring would turn beyond its limit of 172 degrees"):
+        model.with_parts(loads={}).path("shaft.rz", [0.2])
+
+
 def test_dampers_about_an_axis_turn_without_limit():
     model = wound(0.0, damping=0.1)
     assert model.moved({"hinge.rz": 3.1}).moved({"hinge.rz": 9.0}).springs["coil"] == model.springs["coil"]
