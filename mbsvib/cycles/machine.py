@@ -18,7 +18,7 @@ from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_block import elastic_blocks
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
 from mbsvib.finite_motion.excited import with_interfaces
-from mbsvib.finite_motion.following import DrivenLoops
+from mbsvib.finite_motion.following import DrivenLoops, straight_way
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
-
-# Motions are looked at in steps of at most this [rad] for angles that are passed between samples; it is less than the
-# angles beyond the limit, from 3 rad to 2 pi - 3 rad.
-LOOK = 0.25
 
 
 @dataclass(frozen=True)
@@ -184,8 +180,7 @@ def _check_angles(plant: Machine, expressions: Statement, q: Array) -> None:
         return
     kinematics = expressions.motion.motion
     way = np.concatenate((np.zeros((1, q.shape[1])), q))
-    counts = 1 + (np.abs(np.diff(way[:, kinematics.turns], axis=0)).sum(axis=1) / LOOK).astype(int)
-    poses = np.concatenate([np.linspace(a, b, n + 1)[1:] for a, b, n in zip(way[:-1], q, counts, strict=True)])
+    poses = np.concatenate([straight_way(a, b, kinematics.turns) for a, b in zip(way[:-1], q, strict=True)])
     function = expressions.compiled("angles", lambda: (ca.vertcat(*angles.values()),))
     zero = np.zeros(q.shape[1])
     beyond = np.argwhere(~(evaluated(function, poses, zero, zero, plant.values(expressions), plant.about)[0]

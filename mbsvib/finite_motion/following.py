@@ -17,6 +17,17 @@ if TYPE_CHECKING:
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.1, 1e-7
+# A way is looked at in steps of at most this [rad], less than the angles beyond the limit of springs, from 3 rad to
+# 2 pi - 3 rad.
+LOOK = 0.25
+
+
+def straight_way(start: Array, end: Array, turns: NDArray[np.bool_]) -> Array:
+    """Return poses (steps, n) on the way from tree coordinates (n,) to others, the last one included; ``turns`` (n,)
+    tells which are rotations.
+    """
+    count = 1 + int(np.abs((end - start)[turns]).sum() / LOOK)
+    return np.linspace(start, end, count + 1)[1:]
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -11,6 +12,8 @@ from scipy.linalg import eigh
 
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.finite_motion.evaluation import evaluated
+from mbsvib.finite_motion.following import straight_way
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
@@ -66,6 +69,16 @@ class Session:
         angles = np.asarray(self.limits(q, bases))[:, 0]
         worst = int(np.argmax(angles))
         return self.limited[worst] if angles[worst] > NEXT_TO * LARGEST_ANGLE else None
+
+    def within_limits(self, poses: Sequence[Array], bases: Array) -> list[bool]:
+        """Return whether connections stay within their limits on the way to each pose (n,) but the first; steps of the
+        integrator may jump over angles beyond.
+        """
+        if not self.limited or len(poses) < 2:
+            return [True] * (len(poses) - 1)
+        ways = [straight_way(*ends, self.statement.motion.turns) for ends in pairwise(poses)]
+        within = (evaluated(self.limits, np.concatenate(ways), bases)[0] <= LARGEST_ANGLE).all(axis=1)
+        return [bool(part.all()) for part in np.split(within, np.cumsum([len(way) for way in ways])[:-1])]
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:

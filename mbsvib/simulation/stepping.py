@@ -107,9 +107,10 @@ def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> li
         return []
     before, good = conditioning(run.loops, sample.chart, sample.state.q), 0
     least = POOR_IN_BLOCK * before.share
-    for state in states:
+    within = run.within_limits([sample.state.q, *(state.q for state in states)], sample.chart.bases)
+    for state, defined in zip(states, within, strict=True):
         after = conditioning(run.loops, sample.chart, state.q)
-        if _angles(run, state.q) > LONGEST_TURN or (after.share < least and not after.is_singular):
+        if not defined or _angles(run, state.q) > LONGEST_TURN or (after.share < least and not after.is_singular):
             break
         good += 1
         if after.is_singular:  # the next block ends the run there

@@ -135,3 +135,17 @@ def test_nearly_a_parallelogram_passes_its_nearly_flat_pose(shorter, samples):
     assert abs(0.3 + rocker - pin) == pytest.approx(0.3, abs=1e-9)
     assert run.coordinates["crank.rz"][-1] > np.pi - 0.9
     assert (side > 0.0).all()
+
+
+@pytest.mark.slow
+def test_a_run_stops_where_a_spring_turns_too_far_also_if_steps_are_longer():
+    """A weak spring behind a gear of 60: the disk turns by 300 rad in a sample, and by many turns in a step."""
+    model = mv.Model("wound")
+    for name, x in (("shaft", 1.0), ("hinge", 0.0)):
+        model.add_body(f"{name}_disk", 1.0, (0.1, 0.1, 0.1), position=(x, 0, 0))
+        model.add_joint(name, "revolute", "ground", f"{name}_disk", (x, 0, 0), axis=(0, 0, 1))
+    model.add_torsion_spring("coil", "ground", "hinge_disk", (0, 0, 1), 1e-9)
+    model.add_gear("mesh", "shaft", "hinge", 60.0)
+    with pytest.raises(mv.errors.SimulationError, match="'coil' is turned so far") as error:
+        model.simulate(np.linspace(0.0, 5.0, 6), initial={"shaft.rz": (0.0, 5.0)}, tolerance=1e-4)
+    assert error.value.time == pytest.approx(3.0 / 300.0, rel=0.05)
