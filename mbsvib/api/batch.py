@@ -56,10 +56,18 @@ class Batch(BatchEquations, Displayed):
         return BatchBasis(self, Modes)
 
     def modes(self, rtol: float | None = None) -> BatchModes:
-        """Return the modes of all variants: as ``System.modes``, with an axis of variants in front.
+        """Return the modes of all variants.
 
-        ``rtol`` is the required relative accuracy of every eigenvalue, default 1e-10. A warning (AccuracyWarning)
-        states the indices of variants whose error estimate stays larger.
+        Parameters
+        ----------
+        rtol : float, optional
+            Required relative accuracy of every eigenvalue, default 1e-10. A warning (AccuracyWarning) states the
+            indices of variants whose error estimate stays larger.
+
+        Returns
+        -------
+        BatchModes
+            Eigenvalues, frequencies, damping ratios, shapes and error estimates with an axis of variants in front.
         """
         if rtol is None:
             return self.basis.modes
@@ -74,10 +82,24 @@ class Batch(BatchEquations, Displayed):
         return result
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
-        """Return the frequency responses (n, outputs, inputs, k) of all variants at ``omega`` (k,) [rad/s].
+        """Return the frequency response of all variants.
 
-        G_i(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D; a pole on the imaginary axis is refused by the
-        index of the variant.
+        G_i(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (k,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (n, outputs, inputs, k)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite, or is an undamped pole of a variant, by index.
         """
         from mbsvib.responses.batch import FEW, few_frequencies
 
@@ -93,11 +115,49 @@ class Batch(BatchEquations, Displayed):
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
     ) -> Array:
-        """Return the time responses (n, outputs, k) of all variants to the same inputs, as ``System.time_response``."""
+        """Return the time response of all variants to the same inputs; exact as that of a single system.
+
+        Parameters
+        ----------
+        t : array-like, shape (k,)
+            Ascending times [s].
+        u : array-like, shape (inputs, k), or (k,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : pair of array-like, shape (m,), optional
+            q and q' at t[0]; default: rest.
+
+        Returns
+        -------
+        array, shape (n, outputs, k)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold is unknown.
+        """
         return np.array(self._map(lambda system: system.time_response(t, u, hold, initial), described=False))
 
     def state_space(self, realization: str = "physical") -> tuple[StateSpace, ...]:
-        """Return first-order equations of each variant, as ``System.state_space``."""
+        """Return first-order equations x' = A x + B u, y = C x + D u of each variant.
+
+        Parameters
+        ----------
+        realization : str
+            "physical": x = (q, q'); "modal": one 2x2 block for each mode; "balanced": physical times powers of two.
+
+        Returns
+        -------
+        tuple of StateSpace
+            One for each variant.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is unknown.
+        """
         return tuple(self._map(lambda system: system.state_space(realization)))
 
     def explain(self) -> str:

@@ -118,10 +118,17 @@ class LPVSystem(Displayed):
                                   for kind in ("coordinate", "input", "output")})  # fmt: skip
 
     def matrices(self, poses: Array) -> dict[str, Array]:
-        """Return the matrices in poses (n, p), in the order of ``names`` [m, rad], also outside the box, where no bound
-        holds.
+        """Return the matrices in poses, also outside the box, where no bound holds.
 
-        M, C, K (n, m, m), B (n, m, inputs), Cq, Cv, Ca (n, outputs, m), D (n, outputs, inputs).
+        Parameters
+        ----------
+        poses : array, shape (n, p)
+            Displacements in the order of ``names`` [m, rad].
+
+        Returns
+        -------
+        dict of str to array
+            M, C, K (n, m, m), B (n, m, inputs), Cq, Cv, Ca (n, outputs, m), D (n, outputs, inputs).
         """
         values = self.polynomial(self.scaled(np.asarray(poses, dtype=float)))
         arrays = _split(values, self.nominal)

@@ -128,7 +128,25 @@ class Plant(Displayed):
         return self._plan.single(self._values(array)) if single else self._batch(array)
 
     def system(self, values: ArrayLike) -> System:
-        """Return the system, with all names and methods, for values (p,) of the parameters."""
+        """Return the system for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,)
+            Values in the order of ``names``.
+
+        Returns
+        -------
+        System
+            With all names and methods.
+
+        Raises
+        ------
+        ModelError
+            If values are not (p,), not finite, or refused by a part.
+        SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
+        """
         array, single = self._checked(values)
         if not single:
             raise ModelError(f"system: values have the shape {np.shape(values)}; expected ({len(self.names)},). "
@@ -136,8 +154,22 @@ class Plant(Displayed):
         return cast("System", self._plan.system(self._values(array), Batch))
 
     def modes(self, values: ArrayLike) -> Modes | BatchModes:
-        """Return the modes for values (p,) of the parameters, or for values (n, p) those of n variants as
-        ``Batch.modes``.
+        """Return the modes for values of the parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+
+        Returns
+        -------
+        Modes or BatchModes
+            Modes of the system, or of all variants with an axis of variants in front.
+
+        Raises
+        ------
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
         """
         array, single = self._checked(values)
         batch = self._batch(array)
@@ -222,9 +254,28 @@ class Plant(Displayed):
     def frequency_response(
         self, values: ArrayLike, omega: ArrayLike, outputs: Names = None, inputs: Names = None
     ) -> Complex:
-        """Return the frequency response (..., outputs, inputs, k) at ``omega`` (k,) [rad/s] for values (p,) or (n, p).
+        """Return the frequency response for values of the parameters.
 
-        ``outputs``, ``inputs`` are names or patterns; default: all. A frequency that is an undamped pole is refused.
+        Parameters
+        ----------
+        values : array-like, shape (p,) or (n, p)
+            Values in the order of ``names``.
+        omega : array-like, shape (k,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (..., outputs, inputs, k)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a frequency is not finite, or an undamped pole.
+        ModelError, SingularPoseError, EquilibriumError
+            As of ``plant(values)``.
         """
         array, single = self._checked(values)
         batch = self._batch(array)

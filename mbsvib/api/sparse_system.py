@@ -55,11 +55,32 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return with_ports(self, outputs, inputs)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
-        """Return the ``count`` lowest modes, or those nearest to the frequency ``near`` [Hz].
+        """Return some of the modes: the lowest ones, or those nearest to a frequency.
 
-        They are as accurate as possible; a warning (AccuracyWarning) states the numbers of modes whose error estimate
-        is larger than ``rtol``. Matrices of negative stiffness give an UnstableWarning where modes grow that may not be
-        among these. ResponseError: ``count`` is not given, not positive, or more than there are.
+        Parameters
+        ----------
+        count : int
+            How many.
+        near : float
+            The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest, rigid-body modes first.
+        rtol : float, optional
+            Required relative accuracy of every eigenvalue. They are as accurate as possible; a warning
+            (AccuracyWarning) states the numbers of modes whose error estimate is larger.
+
+        Returns
+        -------
+        SomeModes
+            Eigenvalues, frequencies, damping ratios, body shapes and error estimates, in ascending frequency.
+
+        Raises
+        ------
+        ResponseError
+            If ``count`` is not given, not positive, or more than there are.
+
+        Warns
+        -----
+        UnstableWarning
+            If the stiffness of matrices is negative for some modes, which grow and may not be among these.
         """
         from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes
@@ -80,9 +101,31 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     ) -> ModeSensitivities:  # fmt: skip
         """Return the derivatives of natural frequencies and damping ratios of some modes to parameters.
 
-        As ``System.mode_sensitivities``, but without shapes, of as many ``modes`` as given, the lowest ones or those
-        nearest to the frequency ``near`` [Hz]. ModelError: a parameter is unknown, or moves the equilibrium of a loaded
-        model. ResponseError: the number of modes is not given, or is no such number.
+        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
+            maps, {variable: {parameter: rate}}. Default: every parameter of the model.
+        modes : int
+            Number of modes.
+        near : float
+            The frequency [Hz] whose nearest modes are taken; default: the lowest.
+
+        Returns
+        -------
+        ModeSensitivities
+            ``frequencies``, ``damped_frequencies``, ``damping_ratios`` and ``eigenvalues``, one row a variable, of its
+            ``modes``. Not a number where a parameter, changed alone, takes degrees of freedom away; asked for all
+            parameters, also where one by itself would be refused.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or moves the equilibrium of a loaded model.
+        ResponseError
+            If the number of modes is not given, or is no such number.
         """
         from mbsvib.api.modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
@@ -93,7 +136,27 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
     def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the frequency response as ``System.frequency_response``, from one sparse factorisation a frequency."""
+        """Return the frequency response from inputs to outputs, from one sparse factorisation a frequency.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
+        """
         from mbsvib.common.selection import port_numbers
         from mbsvib.sparse.response import frequency_response
 
@@ -102,10 +165,17 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return frequency_response(self, w)[np.ix_(rows, columns)]
 
     def static_compliance(self) -> Array:
-        """Return the static displacements (outputs, inputs) of outputs per unit input [output unit / input unit].
+        """Return the static displacements of the outputs per unit input, Cq K^-1 B (and D where it has accelerations).
 
-        Cq K^-1 B, and D where an output is an acceleration; refused if the mechanism can move without any spring
-        holding it.
+        Returns
+        -------
+        array, shape (outputs, inputs)
+            Compliances [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If the mechanism can move without any spring holding it.
         """
         from mbsvib.sparse.response import static_compliance
 
@@ -114,8 +184,23 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     def reachable(self, outputs: Names = None, inputs: Names = None) -> SparseSystem:
         """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
-        As ``System.reachable``, by bodies: those that are coupled to others only through ground move independently.
-        ``explain`` names the bodies that are left out. ResponseError: a name is unknown, or no port or body is left.
+        Bodies that are coupled to others only through ground move independently. Such a part has no share in the
+        transfer function if no given input acts on it, or no given output depends on it.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        SparseSystem
+            The same equations without the other bodies; ``explain`` names them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, there is none, or no body is left.
         """
         from mbsvib.sparse.reachable import reachable
 
@@ -199,10 +284,26 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return reduced_matrices(self, count, half, "static-corrected", System).reduced(order, half, "balanced")
 
     def truncation_error(self, small: System, omega: ArrayLike) -> Array:
-        """Return the errors (outputs, inputs, n) of responses of a reduced system at ``omega`` (n,) [rad/s].
+        """Return how far responses of a reduced system are off, as shares of the largest response in these frequencies.
 
-        |G_small - G| / max over omega of |G|, for each output and input; 0 where nothing responds. ``small`` is what
-        ``reduced`` made of this system.
+        |G_small - G| / max over omega of |G|, for each output and input
+
+        Parameters
+        ----------
+        small : System
+            What ``reduced`` made of this one.
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Errors; 0 where nothing responds.
+
+        Raises
+        ------
+        ResponseError
+            If the ports are not the same, a frequency is not finite, or is an undamped pole.
         """
         from mbsvib.sparse.response import truncation_error
 
@@ -211,10 +312,26 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     def state_space(
         self, realization: str = "modal", modes: int | None = None, *, correction: bool = False
     ) -> StateSpace:
-        """Return first-order equations of so many of the lowest ``modes``, as ``System.state_space``.
+        """Return first-order equations of the lowest modes.
 
-        States are modal ones; "physical" ones are modal amplitudes and their rates. ``correction``: whether D holds the
-        static part of all other modes, as in ``reduced``. ResponseError: the number of modes is not given.
+        Parameters
+        ----------
+        realization : str
+            "modal", or "physical" with modal amplitudes and their rates as the states.
+        modes : int
+            Number of modes.
+        correction : bool
+            Whether D holds the static part of all other modes, as in ``reduced``.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given.
         """
         if modes is None:
             self._refuse("state_space", "state_space(modes=k)")
@@ -223,8 +340,28 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None
     ) -> Array:
-        """Return the time response of so many of the lowest ``modes`` from rest, as ``System.time_response``;
-        ResponseError if their number is not given.
+        """Return the time response of the lowest modes, from rest.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        modes : int
+            Number of modes.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given, or the data are refused.
         """
         if modes is None:
             self._refuse("time_response", "time_response(t, u, modes=k)")
