@@ -39,7 +39,8 @@ def to_exudyn(model: Model, inputs: Mapping[str, Signal] | None = None) -> Any:
 
     Bodies, joints, springs, bushings and outputs become items of exudyn with their names; loads and inputs have
     ``.force`` or ``.torque`` behind their names, and ``.reaction`` those on the other body. An output is a user sensor
-    that gives the displacement from the described pose, its rate or acceleration. The system is assembled:
+    that gives the displacement from the described pose, its rate or acceleration. Of inputs between two bodies force
+    and reaction turn each with its body; outputs keep their directions in the world. The system is assembled:
     ``mbs.SolveDynamic()`` simulates it; ``mbs.ComputeLinearizedSystem`` gives its matrices, after ``mbs.SolveStatic()``
     where gravity or loads act.
 
@@ -168,11 +169,14 @@ class _Scene:
     def add_input(self, port: Input, signal: Signal) -> None:
         """Add a force or torque over time, and its reaction."""
         point = self.frames[port.body][0] if port.position is None else port.position
-        for body, kind, along in _ends(port):
+        turns = port.relative_to != "ground"
+        for body, kind, direction in _ends(port):
             name = f"{port.name}.{kind}{'' if body == port.body else '.reaction'}"
+            along = self.frames[body][1].T @ direction if turns else direction
             kwargs: dict[str, Any] = {"loadVector": along * signal} if not callable(signal) else {
                 "loadVector": along, "loadVectorUserFunction": _varying(signal)}  # fmt: skip
-            self.mbs.AddLoad(self.loads[kind](name=name, markerNumber=self.marker(body, point), **kwargs))
+            self.mbs.AddLoad(self.loads[kind](
+                name=name, markerNumber=self.marker(body, point), bodyFixed=turns, **kwargs))  # fmt: skip
 
     def add_output(self, port: Output) -> None:
         """Add a sensor of a component of the motion of a body against another."""

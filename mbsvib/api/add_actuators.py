@@ -44,7 +44,8 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
 
         F = T i,  L i' + R i = u - T x'
 
-        F pushes both bodies apart, x is their elongation. Driven by a current it is the input ``NAME.current`` [A].
+        F pushes both bodies apart, x is their elongation; where they move far, the force of the input turns with one
+        of them; springs and dampers follow the line. Driven by a current it is the input ``NAME.current`` [A].
         By a voltage, ``NAME.voltage`` [V], its back-EMF is the damper ``NAME.resistance`` of T^2 / R, with an
         inductance in series with the spring ``NAME.inductance`` of T^2 / L: its force is -T i. Between both is the
         body without mass ``NAME.node`` on the prismatic joint ``NAME.flux``, a first-order state: -T times it is the
@@ -99,7 +100,8 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
 
         F = T u - k x,  Q = T x + (C - T^2 / k) u
 
-        F pushes both bodies apart, x is their elongation. By a voltage it is the spring ``NAME.spring`` of stiffness k,
+        F pushes both bodies apart, x is their elongation; where they move far, the force of the input turns with one
+        of them; springs and dampers follow the line. By a voltage it is the spring ``NAME.spring`` of stiffness k,
         that of shorted electrodes, and the input ``NAME.voltage`` [V]; by a charge, ``NAME.charge`` [C], this spring is
         that of open electrodes, k / (1 - T^2 / (k C)). Fed through a resistance, or shunted by it, it has besides the
         spring ``NAME.capacitance`` in series with the damper ``NAME.resistance``, between them the body without mass

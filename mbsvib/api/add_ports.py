@@ -43,7 +43,8 @@ class PortedMechanism(Mechanism):
         position : array-like, shape (3,), optional
             The point it acts at [m], world axes; default: the body's centre of mass.
         relative_to : str or Body
-            The body that takes the equal and opposite reaction, at the same point.
+            The body that takes the equal and opposite reaction, at the same point; where it moves far, the direction
+            turns with it.
         per : str, optional
             Unit of the signal where it is no force, such as "V": the length of the direction is then the force per
             volt.
@@ -82,7 +83,7 @@ class PortedMechanism(Mechanism):
         position : array-like, shape (3,), optional
             The point on the body [m], world axes; default: its centre of mass.
         relative_to : str or Body
-            The body against which it is measured, at the same point.
+            The body against which it is measured, at the same point; where it moves far, the direction turns with it.
         quantity : str
             displacement, velocity or acceleration.
         absolute : bool, optional

@@ -65,9 +65,10 @@ class Posed(Mechanism):
         """Return a new model in another pose: joints moved by finite amounts, loops closed.
 
         Everything that belongs to a body goes with it: joints and their axes, ends of springs, points of inputs,
-        outputs and loads, and follower loads turn with it. The directions of inputs and outputs stay as they are in the
-        world. Springs get the tension that the motion gives them. The force of a bushing turns with its first body, its
-        moment goes with the rotation vector between its bodies, up to 172 degrees on the way there.
+        outputs and loads, and follower loads turn with it. The directions of inputs and outputs turn with the body
+        ``relative_to``, that of a torque in a joint with the joint. Springs get the tension that the motion gives them.
+        The force of a bushing turns with its first body, its moment goes with the rotation vector between its bodies,
+        up to 172 degrees on the way there.
 
         Parameters
         ----------

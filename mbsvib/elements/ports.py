@@ -18,7 +18,7 @@ from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.elements.deformations import Law
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.placement import Placement, Pose
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -51,7 +51,7 @@ class Port(Signal):
     """An input or output at the point ``position`` [m] of ``body`` along ``direction`` (``wrench``: its six-vector).
 
     ``position`` None is the body's centre of mass. ``relative_to`` is the body on which the reaction of an input acts,
-    or relative to which an output is measured.
+    or relative to which an output is measured; the direction turns with it.
     """
 
     roles = stated(body=BODY, position=replace(point("body"), unit=None), relative_to=BODY)
@@ -60,6 +60,13 @@ class Port(Signal):
     direction: str | Six
     position: Vector | None = None
     relative_to: str = "ground"
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Any:
+        there: Any = super(Port, self).in_pose(pose, relaxed)
+        if pose.is_unmoved(self.relative_to):
+            return there
+        force, moment = (pose.rotated_vector(self.relative_to, part) for part in (there.wrench[:3], there.wrench[3:]))
+        return replace(there, direction=place_direction(self.direction, (*force, *moment)), wrench=(*force, *moment))
 
     def placed(self, to: Placement) -> dict[str, Any]:
         six = to.six(with_wrench(self.direction, self.name)[1])

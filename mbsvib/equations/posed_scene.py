@@ -1,7 +1,7 @@
 """The scene of a mechanism in other poses, one or many: directions and points of rows go with the bodies they are on.
 
 Rows of elements along a line go from a point of the first body to one of the second; those of other elements turn with
-the first body, at a point of the second. Points of ports go with their bodies, while their directions stay. Forces
+the first body, at a point of the second. Points of ports go with their bodies, directions with the first. Forces
 follow from the pose, and with them the rows of bushings.
 
 Points of loads go with their bodies, follower loads turn with them. A tension changes by the stiffness at rest times
@@ -98,12 +98,14 @@ class PosedScene:
         )  # fmt: skip
 
     def _ports(self, port: Ports, pose: Pose) -> Ports:
-        """The ports as their points go with bodies."""
+        """The ports as their points go with bodies, and their directions with the first."""
         rows, forces = port.rows, len(port.force_inputs)
         at = pose.points(self.holder, rows.point.T)
         place = {output: forces + k for k, output in enumerate(port.motion_outputs.tolist())}
         inertial = tuple([(i, output, at[..., place[i], :]) for i, output, _ in port.inertial_outputs])
-        rows = Rows(rows.first, rows.second, np.ascontiguousarray(components_first(at)), rows.force, rows.moment)
+        point, force, moment = (np.ascontiguousarray(components_first(array)) for array in (
+            at, *(pose.vectors(rows.first, components_last(array)) for array in (rows.force, rows.moment))))
+        rows = Rows(rows.first, rows.second, point, force, moment)
         return changed(port, rows=rows, inertial_outputs=inertial)
 
     def _rows(self, scene: Scene, pose: Pose) -> ElementRows:

@@ -22,9 +22,8 @@ M = TypeVar("M", bound=Mechanism)
 def model_in_pose(model: M, pose: Pose, relaxed: bool = False) -> M:
     """Return a model in another pose.
 
-    Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
-    outputs stay as they are. If ``relaxed``, springs and bushings keep the forces of the reference pose; otherwise
-    these follow from the motion.
+    Points and axes go with the bodies that they belong to; forces fixed in the world stay as they are. If ``relaxed``,
+    springs and bushings keep the forces of the reference pose; otherwise these follow from the motion.
     """
     families: dict[type[Part], list[Part]] = {}
     for group in model.groups().values():

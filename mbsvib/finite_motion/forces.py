@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from mbsvib.elements import Body, Load
     from mbsvib.elements.motion_input import MotionForce
-    from mbsvib.elements.ports import BaseMotion, Input
+    from mbsvib.elements.ports import BaseMotion, Input, Output
     from mbsvib.finite_motion.connections import Connected
     from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.finite_motion.rotations import Expression
@@ -49,15 +49,22 @@ def load_power(part: Load, model: Mechanism, motion: Kinematics) -> Expression:
 
 
 def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression:
-    """Return the power [W] of a force input of 1 N or 1 N m; its direction is fixed in the world.
-
-    The reaction acts on the body ``relative_to`` at the same point of the pose as described.
-    """
+    """Return the power [W] of a force input of 1 N or 1 N m; its reaction acts at the same point."""
     point = model.bodies[part.body].position if part.position is None else part.position
-    at = ca.SX(np.array(point))
-    (v, w), (u, o) = velocity(motion, part.body, at), velocity(motion, part.relative_to, at)
-    wrench = ca.SX(np.array(part.wrench))
-    return ca.dot(wrench[:3], v - u) + ca.dot(wrench[3:], w - o)
+    _, speed, spin = relative_motion(part, ca.SX(np.array(point)), motion)
+    return ca.dot(part.wrench[:3], speed) + ca.dot(part.wrench[3:], spin)
+
+
+def relative_motion(part: Input | Output, point: Expression, motion: Kinematics) -> tuple[Expression, ...]:
+    """Return how far a point of a port's ``body`` has gone from that of ``relative_to`` [m], the velocity of this [m/s]
+    and the angular velocity [rad/s], in the axes of ``relative_to``, as described those of the world.
+
+    d = R^T (p - p0),  d' = R^T (v - v0 - w0 x (p - p0)),  R^T (w - w0)
+    """
+    frame = motion.frames[part.relative_to]
+    (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
+    away, back = motion.frames[part.body].point(point) - frame.point(point), frame.rotation.T
+    return back @ away, back @ (v - v0 - ca.cross(w0, away)), back @ (w - w0)
 
 
 def moved_end_force(part: MotionForce, element: Connected) -> Expression:

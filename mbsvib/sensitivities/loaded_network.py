@@ -230,6 +230,11 @@ class LoadedNetwork:
         moves = moved(self.motions[body][None], (point - self.network.position[body])[None])[0, :3]
         result[self.changes.count :] += product(moves.T, slope)
 
+    def add_turn(self, result: Field, body: int, wrench: Array, relative: Field) -> None:
+        """Add, in place, what the pose does by turning a ``wrench`` (6,) with a body, which acts along (6, ...)."""
+        force, moment = (np.cross(wrench[k : k + 3], relative[k : k + 3], axisb=0, axisc=0) for k in (0, 3))
+        result[self.changes.count :] += product(self.motions[body, 3:].T, force + moment)
+
     @cached_property
     def generalized_force_jacobian(self) -> Array:
         """Derivatives (size, m) of the forces along the coordinates to parameters and to motions of the pose; together

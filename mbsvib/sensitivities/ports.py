@@ -23,7 +23,7 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import SAME_PORT_ROW, ZERO_PORT_ROW, ZERO_STRESS
-from mbsvib.linalg.vectors import transformed
+from mbsvib.linalg.vectors import moved, transformed
 from mbsvib.sensitivities.adjoint_fields import (
     fields,
     in_joints,
@@ -371,17 +371,22 @@ def _move_ports(
     result: Field, groups: ParameterGroups, ports: tuple[Loads, Loads], vectors: tuple[Field, Field],
     by_order: Field, turns: Array,
 ) -> None:  # fmt: skip
-    """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
+    """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp); directions
+    turn with the first body by phi: dG = (phi x force) . linear + (phi x moment) . angular.
+    """
     (actuation, sensing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    rotations = sensing.virtual_displacements[:, 3:] * sensing.works
-    turned = np.concatenate((rotations, np.zeros((1, 3, len(sensing.wrench)))))
-    moves = [(actuation, i, result[:, :, i], np.tensordot(actuation.motion[i, 3:], left, axes=1)
-              + (turned[actuation.ends[i, 1]] - turned[actuation.ends[i, 0]])[:, :, None])
-             for i in range(len(actuation.wrench))]  # fmt: skip
-    moves += [(sensing, o, result[:, o], np.tensordot(sensing.motion[o, 3:], right, axes=1) * by_order[o]
-               + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(sensing.wrench))]  # fmt: skip
-    for port, k, form, theta in moves:
-        slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
+    works = np.concatenate((sensing.virtual_displacements * sensing.works, np.zeros((1, 6, len(sensing.wrench)))))
+    centres = np.concatenate((groups.network.position, np.zeros((1, 3))))
+    moves = [(actuation, i, result[:, :, i], np.tensordot(actuation.motion[i], left, axes=1)
+              - np.subtract(*moved(works[ends], actuation.point[i] - centres[ends]))[:, :, None])
+             for i, ends in enumerate(actuation.ends)]  # fmt: skip
+    turned = np.concatenate((np.zeros_like(turns), turns), axis=2)
+    moves += [(sensing, o, result[:, o], np.tensordot(sensing.motion[o], right, axes=1) * by_order[o]
+               + turned[o].T[:, :, None]) for o in range(len(sensing.wrench))]  # fmt: skip
+    for port, k, form, relative in moves:
+        slope = np.cross(port.wrench[k, :3], relative[3:], axisb=0, axisc=0)
+        if port.ends[k, 0] < len(groups.network.bodies) and groups.loaded is not None:
+            groups.loaded.add_turn(form, int(port.ends[k, 0]), port.wrench[k], relative)
         if port.carrier[k] >= 0 and groups.loaded is not None:
             groups.loaded.add_point_motion(form, int(port.carrier[k]), port.point[k], slope)
         for group in groups.of_bodies("position"):

@@ -12,7 +12,7 @@ from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic_nodes import point_as_described
-from mbsvib.finite_motion.forces import moved_end_force, velocity
+from mbsvib.finite_motion.forces import moved_end_force, relative_motion
 from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression, logarithm
@@ -186,20 +186,20 @@ def _motion(part: Output, state: _State) -> _Signal:
     """A displacement, velocity or acceleration of a point against another body."""
     motion = state.statement.motion
     point = ca.SX(_centre(part.body, state) if part.position is None else np.array(part.position))
-    (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
+    away, relative, spin = relative_motion(part, point, motion)
     wrench = np.array(part.wrench)
     along = ca.SX(wrench[:3])
-    speed = ca.dot(along, v - v0) + ca.dot(ca.SX(wrench[3:]), w - w0)
+    speed = ca.dot(along, relative) + ca.dot(ca.SX(wrench[3:]), spin)
     if part.quantity == "velocity":
         return _Signal(speed, state.onward(speed))
     if part.quantity == "acceleration":
         ground = ca.dot(along, state.ground) if part.inertial else 0.0
         return _Signal(state.onward(speed) + ground)
-    value = ca.dot(along, motion.point(part.body, point) - motion.point(part.relative_to, point))
+    value = ca.dot(along, away)
     if not wrench[3:].any():
         return _Signal(value, speed)
-    turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
-    return _Signal(value, speed, logarithm(turn), w - w0, wrench[3:])
+    turn = motion.frames[part.relative_to].rotation.T @ motion.frames[part.body].rotation
+    return _Signal(value, speed, logarithm(turn), spin, wrench[3:])
 
 
 def _centre(body: str, state: _State) -> Array:

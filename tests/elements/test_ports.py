@@ -76,3 +76,37 @@ def test_ports_are_immutable():
     for part in (*model.inputs.values(), *model.outputs.values()):
         with pytest.raises(FrozenInstanceError):
             part.direction = "y"
+
+
+def pan_and_lift(inertia=0.3):
+    """Two hinges, each with its torque and angle; the second turns a sphere about an axis that the first turns."""
+    model = mv.Model("pan_and_lift")
+    for first, second, axis in (("ground", "pan", (0, 0, 1)), ("pan", "lift", (0, 1, 0))):
+        model.add_body(second, 2.0, (inertia, inertia, inertia))
+        model.add_joint(f"{second}.hinge", "revolute", first, second, (0, 0, 0), axis=axis)
+        model.add_input(f"{second}.torque", second, (0, 0, 0, *axis), relative_to=first)
+        model.add_output(f"{second}.angle", second, (0, 0, 0, *axis), relative_to=first)
+    return model
+
+
+def test_directions_of_ports_turn_with_the_body_to_which_they_are_relative():
+    """Torque and angle of a hinge are those of its coordinate in all poses."""
+    model, angles = pan_and_lift(), [0.0, 1.5]
+    model.add_input("push", "lift", "x")
+    family = model.family({"pan.hinge.rz": angles})
+    plant = model.compile(["lift.mass"], pose=["pan.hinge.rz"])
+    for i, angle in enumerate(angles):
+        there = model.moved({"pan.hinge.rz": angle})
+        for system in (family[i], there.linearize(), plant.system([2.0, angle])):
+            assert system.coordinates == ("pan.hinge.rz", "lift.hinge.rz")
+            np.testing.assert_allclose(system.B[:, :2], np.eye(2), rtol=0, atol=1e-15)
+            np.testing.assert_allclose(system.Cq, np.eye(2), rtol=0, atol=1e-15)
+        assert there.inputs["push"].direction == "x"
+
+
+@pytest.mark.slow
+def test_directions_of_ports_turn_in_runs():
+    model = pan_and_lift()
+    run = model.simulate([0.0, 0.5], {"lift.torque": [0.6, 0.6]}, initial={"pan.hinge.rz": 1.5})
+    np.testing.assert_allclose(run["lift.angle"][-1], 0.5 * 0.6 / 0.3 * 0.5**2, rtol=1e-7)
+    np.testing.assert_allclose(run["pan.angle"], 1.5, rtol=1e-12)

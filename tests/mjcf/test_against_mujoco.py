@@ -158,3 +158,30 @@ def test_couplings_by_polynomials_under_load(tmp_path, kind):
     np.testing.assert_allclose(system.K, [[curvature]], rtol=1e-5)
     straight = model.replace("c", curvature={next(iter(model.couplers["c"].curvature))[0]: 0.0})
     assert abs(straight.equilibrium(preload="a.k").linearize(independent=["b.z"]).K / curvature - 1.0) > 0.1
+
+
+TURNING = """<worldbody>
+<body><joint name="a" axis="0 0 1" damping=".05"/><geom type="capsule" fromto="0 0 0 .4 0 .1" size=".03"/>
+<body pos=".4 0 .1"><joint name="b" axis="0 1 0" stiffness="3"/><geom type="capsule" fromto="0 0 0 .3 .1 0" size=".03"/>
+<body pos=".3 .1 0"><joint name="d" type="slide" axis="1 0 1" stiffness="200" damping="1"/>
+<geom type="box" size=".05 .04 .06"/></body></body></body></worldbody>"""
+
+
+@pytest.mark.slow
+def test_runs_by_torques_in_joints_that_turn_far(tmp_path):
+    path = write(tmp_path, TURNING)
+    api, t = pytest.importorskip("mujoco"), np.linspace(0.0, 0.8, 81)
+    drives = [lambda t: 3 * np.cos(2 * t), lambda t: 2 * np.sin(4 * t), lambda t: 10 * np.cos(7 * t)]
+    names = dict(zip(("a.torque", "b.torque", "d.force"), drives, strict=True))
+    run = mv.load_mjcf(path, gravity=(0, 0, 0)).simulate(t, names, tolerance=1e-9)
+    m = api.MjModel.from_xml_path(str(path))
+    m.opt.timestep, m.opt.integrator, m.opt.gravity[:] = 1e-3, api.mjtIntegrator.mjINT_RK4, 0.0
+    d = api.MjData(m)
+    api.set_mjcb_control(lambda _, data: np.copyto(data.qfrc_applied, [drive(data.time) for drive in drives]))
+    try:
+        for i in range(1, len(t)):
+            api.mj_step(m, d, 10)
+            np.testing.assert_allclose([run[name][i] for name in ("a.angle", "b.angle", "d.travel")], d.qpos, atol=1e-7)
+    finally:
+        api.set_mjcb_control(None)
+    assert d.qpos[0] > 0.5

@@ -178,3 +178,23 @@ def test_stiffness_beside_a_condensed_node_under_a_dead_torque():
     found = system.matrix_derivatives(names)
     for k, name in enumerate(names):
         np.testing.assert_allclose(found.K[k], of_variants(system, name)["K"], rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_directions_of_ports_turn_as_the_equilibrium_moves():
+    model = mv.Model("arm", gravity=(0, 0, -9.81))
+    model.add_body("a", 2.0, (0.02, 0.03, 0.04), (0.3, 0, -0.1))
+    model.add_joint("pin", "revolute", "ground", "a", (0, 0, 0), axis=(0, 1, 0))
+    model.add_bushing("k", "ground", "a", (0, 0, 0), (0, 0, 0, 0, 60, 0), (0, 0, 0, 0, 0.2, 0))
+    model.add_body("b", 1.0, (0.01, 0.01, 0.02), (0.8, 0.1, 0))
+    model.add_bushing("soft", "a", "b", (0.6, 0, 0), (900, 800, 700, 40, 50, 60), (1, 1, 1, 0.1, 0.1, 0.1))
+    model.add_input("f", "b", (1, 2, -1, 0.3, 0.2, 0.1), (0.7, 0.05, 0.02), "a")
+    model.add_output("y", "b", (1, -2, 1, 0.5, 0.2, 1), (0.65, 0.05, 0.02), "a")
+    model.add_force_output("r", "pin", (1, 0, 2, 0.5, 0, 0))
+    model, omega = model.equilibrium(), [5.0, 20.0]
+    system = model.linearize()
+    names = ["b.mass", "k.stiffness.ry", "soft.position.x"]
+    slopes = system.frequency_response_sensitivities(omega, names)
+    for slope, name in zip(slopes, names, strict=True):
+        expected, _ = settled(model, system, name, lambda s: s.frequency_response(omega))
+        np.testing.assert_allclose(slope, expected, rtol=0, atol=3e-6 * np.abs(expected).max())
