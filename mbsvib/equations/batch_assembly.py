@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations, joined
@@ -30,7 +31,6 @@ from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import applied_of_variants, has_antisymmetric_forces, loaded_in_variants, preloaded
 from mbsvib.errors import SingularPoseError
-from mbsvib.mechanism.changes import PLACES
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=BatchEquations)
 
+# Damping of beams that has rows of its own, and none where it is zero.
+BEGINNING = frozenset({"alpha", "damping_ratio"})
 # Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
 CHUNK = 2**20
 
@@ -172,14 +174,13 @@ class BatchPlan:
     @property
     def _replacing_alone(self) -> bool:
         """Whether what replaces a connection that varies has no rows for it, or forces or poses that follow it."""
-        names = {owner.name for owner, _, _ in self.geometry.replacing}
+        owners = {owner.name: owner for owner, _, _ in self.geometry.replacing}
         varied = set(self.slots.target.tolist())
-        rows = {int(row) for name in names for field, array in self.slots.index[name].items() if field not in PLACES
-                for row in array.reshape(-1)}  # fmt: skip
+        rows = {int(row) for name, owner in owners.items() if not isinstance(owner, Beam)
+                for array in self.slots.index[name].values() for row in array.reshape(-1)}  # fmt: skip
         absent = not self.slots.nominal[list(rows & varied)].all()
-        follows = self.with_forces and any(getattr(owner, "free_length", None) is not None
-                                           for owner, _, _ in self.geometry.replacing)  # fmt: skip
-        return bool(names) and (absent or follows or self.posed is not None)
+        follows = self.with_forces and any(getattr(owner, "free_length", None) is not None for owner in owners.values())
+        return bool(owners) and (absent or follows or self.posed is not None)
 
     def chunk_size(self, count: int) -> int:
         """Return the number of variants to compute at once, of ``count``."""
@@ -280,10 +281,20 @@ def batch_plan(
     if forces_alone:
         scene = replace(scene, inertia=unit_inertia(len(scene.bodies)))
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
+    if begins := _damping_that_begins(slots):
+        with_nodes = with_maxwell_nodes(expanded(user_model.with_values(begins)))
+        scene = replace(scene_of(with_nodes, cut), inertia=scene.inertia)
     if (stated := prestress(with_nodes, scene)) is not None:
         with_nodes, scene = stated[0].model, stated[1]
     return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots,
                      prestress=None if stated is None else stated[0])  # fmt: skip
+
+
+def _damping_that_begins(slots: Slots) -> dict[str, float]:
+    """Values of the damping of beams that has no rows in the model, as it is zero there, and varies."""
+    parts, entries = slots.parameters.parts, [slots.parameters.entry(name) for name in slots.names]
+    return {entry.name: 1.0 for entry in entries if not entry.value and entry.field in BEGINNING
+            and isinstance(parts[entry.part], Beam)}  # fmt: skip
 
 
 def _displacements(scene: Scene) -> tuple[Triplets, Array]:

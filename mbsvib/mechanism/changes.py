@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 P = TypeVar("P", bound=Part)
 
 _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
-# Fields by which parts are elsewhere.
-PLACES = frozenset({"position", "orientation", "start", "end"})
 # Fields by which connections have a row, or none.
 COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
 

@@ -151,13 +151,27 @@ def test_their_tangents_are_slopes_between_variants(name):
     check_tangents(model, names)
 
 
+@pytest.mark.few(1)
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize("build", [lambda: columns("tube"), lambda: loaded_beam("tube"), lambda: flexure("leaf")])
+def test_damping_and_poissons_ratio_begin_at_zero(build):
+    model = build().with_values({"bar.nu": 0.0})
+    names = ["bar.alpha", "bar.beta", "bar.damping_ratio", "bar.nu"]
+    check_alone(model, {name: scale * np.array([0.0, 1.0, 0.5]) for name, scale in zip(names, (0.3, 1e-4, 0.02, 0.3),
+                                                                                       strict=True)})  # fmt: skip
+    plant, rates = model.compile(names), np.array([0.3, 1e-4, 0.02, 0.0])
+    tangent = plant.tangent(plant.nominal, rates)
+    for key in ("M", "C", "K"):  # linear in all of them
+        slope = getattr(plant(rates), key) - getattr(plant(np.zeros(4)), key)
+        assert_allclose(getattr(tangent, key), slope, atol=1e-11 * np.abs(getattr(plant(rates), key)).max())
+
+
 def test_what_else_varies_is_computed_alone():
-    """Damping that the model does not have, axes that jump, and strain that follows the section."""
+    """Axes that jump, and strain that follows the section."""
     model = beam("tube")
     model.add_beam("upright", "tip", None, SECTIONS["rectangle"], STEEL, (1, 0.2, 0.1), (1, 0.2, 0.5), elements=1)
-    for name, values in (("bar.alpha", np.ones(2)), ("upright.end.x", np.array([1.0, 1.1]))):
-        assert model.compile([name])._plan.one_by_one
-        check_alone(model, {name: values})
+    assert model.compile(["upright.end.x"])._plan.one_by_one
+    check_alone(model, {"upright.end.x": np.array([1.0, 1.1])})
     model = beam("circle")
     model.add_strain_output("eps", "bar.e1")
     assert model.compile(["bar.radius"])._plan.one_by_one
