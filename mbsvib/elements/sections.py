@@ -5,8 +5,8 @@ The section's axes are the beam's local y and z; Iy = integral of z^2 dA belongs
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from math import pi
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -232,11 +232,16 @@ def constructor_kwargs(shape: Shape) -> dict[str, Any]:
 
 def with_fields(record: R, values: Mapping[str, Any]) -> R:
     """Return the same with those of the ``values`` that are its fields, unchecked, such as arrays of many variants."""
-    result = copy(record)
-    for item in fields(record):  # type: ignore[arg-type]
-        if item.name in values:
-            object.__setattr__(result, item.name, values[item.name])
+    result = object.__new__(type(record))
+    kind: Any = type(record)
+    for name in _names(kind):
+        object.__setattr__(result, name, values[name] if name in values else getattr(record, name))
     return result
+
+
+@cache
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple([item.name for item in fields(kind)])
 
 
 def built(kind: type, kwargs: Mapping[str, Any], who: str, field: str) -> Any:
