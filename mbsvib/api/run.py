@@ -246,7 +246,7 @@ class Run(Columnar, Displayed):
             By body, ground among them: rotation R (n, 3, 3) and shift s (n, 3) [m], so that what was at p in the pose
             as described is at R p + s.
         """
-        from mbsvib.simulation.poses import frames
+        from mbsvib.simulation.trace import frames
 
         return frames(self.trace)
 

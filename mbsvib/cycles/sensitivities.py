@@ -35,7 +35,7 @@ class CycleSensitivities(Columnar, Displayed):
     @cached_property
     def reactions(self) -> Mapping[str, Array]:
         """Derivatives (k, n, 6) of the reactions by joint; not a number where these are undetermined."""
-        from mbsvib.cycles.reaction_sensitivities import reaction_sensitivities
+        from mbsvib.cycles.reactions import reaction_sensitivities
 
         return reaction_sensitivities(self.cycle, self.parameters)
 

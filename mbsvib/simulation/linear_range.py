@@ -1,23 +1,142 @@
-"""How far the linear model holds: amplitudes at which the second-order part of a free vibration reaches a share."""
+"""How far the linear model holds: amplitudes at which the second-order part of a free vibration reaches a share.
+
+Second-order parts of free vibration: exact second derivatives of equations of motion, closures and outputs.
+
+R(q, q', q'', mu) = M q'' - f - J^T mu = 0,  phi(q) = 0,  q = a Re(q1 e^(lambda t)) + a^2 q2 + ...
+L(s) q2 - J^T mu2 = -1/4 R''(x1, x1),  J q2 = -1/4 phi''(q1, q1)    at s = 2 lambda
+L(s) q2 - J^T mu2 = -1/4 R''(x1, x1*),  J q2 = -1/4 phi''(q1, q1*)  at s = lambda + lambda*
+
+with x = (q, q', q'', mu) and L(s) the derivative of R to q, q' and q'' times 1, s and s^2.
+
+Source: Nayfeh & Mook, Nonlinear Oscillations (1979), section 2.3, method of Lindstedt and Poincare.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.kinematics.pose import size_of
+from mbsvib.linalg.qr import minimum_norm_solution
+from mbsvib.linalg.rank import REDUNDANT_LOOPS
 from mbsvib.simulation.outputs import measured
 from mbsvib.simulation.reactions import is_reaction
-from mbsvib.simulation.second_order import SecondOrder, second_order
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
+    from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.result import Modes
+    from mbsvib.simulation.outputs import Measured
+
+
+# A force that acts along motions without stiffness counts as rounding below this share of all forces.
+BALANCED = 1e-8
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """Derivatives of a mechanism's equations in the pose as described.
+
+    ``to_all`` T (n, m) are the motions of tree coordinates by the independent ones, ``independent`` (m,) their numbers.
+    ``linear`` are R_q, R_q', R_q'' (n, n) and ``jacobian`` J (rows, n); ``curvature`` is a function (x, u, v) ->
+    (R''(u, v), phi''(u, v), y''(u, v)), ``outputs`` (outputs, 3 n) are derivatives of the outputs to (q, q', q'').
+    """
+
+    to_all: Array
+    independent: Index
+    linear: tuple[Array, Array, Array]
+    jacobian: Array
+    outputs: Array
+    reactions: Array
+    curvature: Any
+
+    def operator(self, s: complex) -> Complex:
+        """Return L(s) (n, n)."""
+        stiffness, damping, mass = self.linear
+        return np.asarray(stiffness + s * damping + s**2 * mass)
+
+    def first(self, shape: Array | Complex, s: complex) -> Complex:
+        """Return x1 = (q1, s q1, s^2 q1, mu1) of a shape (m,) of the independent coordinates."""
+        q = self.to_all @ shape
+        forces = minimum_norm_solution(self.jacobian.T, self.operator(s) @ q)
+        return np.concatenate((q, s * q, s**2 * q, forces))
+
+    def residual(self, shape: Array | Complex, s: complex) -> float:
+        """Return the share of the forces along the independent coordinates that a mode leaves unbalanced."""
+        q = self.to_all @ shape
+        parts = [self.to_all.T @ (matrix * s**k @ q) for k, matrix in enumerate(self.linear)]
+        return float(np.abs(sum(parts)).max() / max(max(float(np.abs(part).max()) for part in parts), 1e-300))
+
+    def along(self, x: Complex) -> tuple[list[Complex], list[Complex]]:
+        """Return 1/4 of R''(u, v), phi''(u, v) and y''(u, v) for u = v = x, and for u = x, v = conj(x)."""
+        parts = self.curvature(np.column_stack((x.real, x.real, x.imag)), np.column_stack((x.real, x.imag, x.imag)))
+        values = [0.25 * np.asarray(part).T for part in parts]
+        return [rr - ii + 2j * ri for rr, ri, ii in values], [rr + ii + 0j for rr, _, ii in values]
+
+    def dependent_part(self, opening: Complex) -> Complex:
+        """Return motions (n,) of the dependent coordinates alone that close loops open by ``opening`` (rows,)."""
+        result = np.zeros(len(self.to_all), dtype=complex)
+        dependent = np.setdiff1d(np.arange(len(result)), self.independent)
+        if len(dependent):
+            result[dependent] = -minimum_norm_solution(self.jacobian[:, dependent], opening)
+        return result
+
+    def forced(self, force: Complex, opening: Complex, s: complex) -> tuple[Complex, bool]:
+        """Return q2 (n,) at s, and whether there is one: none if forces act along motions that nothing holds."""
+        start, operator = self.dependent_part(opening), self.operator(s)
+        reduced = self.to_all.T @ operator @ self.to_all
+        right = -self.to_all.T @ (force + operator @ start)
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(reduced).max(axis=0), 1e-300))
+        scaled = reduced * np.outer(scale, scale)
+        answer = np.linalg.lstsq(scaled, scale * right, rcond=REDUNDANT_LOOPS)[0]
+        residual = float(np.abs(scaled @ answer - scale * right).max(initial=0.0))
+        size = float(np.abs(scale * (np.abs(self.to_all.T) @ np.abs(force))).max(initial=0.0))
+        return start + self.to_all @ (scale * answer), residual <= BALANCED * max(size, 1e-300)
+
+
+def second_order(statement: FiniteMotion, measured: Measured, independent: Index, u: Array) -> SecondOrder:
+    """Return the derivatives of a mechanism's equations in the pose as described, a pose of equilibrium.
+
+    ``statement``: its finite motion, without bases and first-order states. ``independent`` (m,): numbers of the
+    independent coordinates. ``u`` (inputs,): inputs [N, N m, m/s^2].
+    """
+    motion, n = statement.motion, len(statement.motion.names)
+    q, qd, qdd = motion.q, motion.qd, ca.SX.sym("qdd", n)
+    mu = ca.SX.sym("mu", motion.closures.shape[0])
+    x = ca.vertcat(q, qd, qdd, mu)
+    closures = ca.densify(motion.closures)
+    balance = ca.jtimes(statement.momenta, motion.qd, qdd) - statement.forces - ca.gradient(ca.dot(closures, mu), q)
+    values, vectors, _, _ = measured.function(q, qd, qdd, statement.yields, motion.bases, ca.SX(u))
+    weights = ca.DM(measured.weights)
+    turned = [ca.dot(weights[i, :].T, vectors[3 * i : 3 * i + 3]) for i in range(len(measured.names))]
+    outputs = values + ca.vertcat(*turned) if turned else ca.SX(0, 1)
+    every = [ca.densify(balance), closures, ca.densify(outputs)]
+    zero = np.zeros(x.shape[0])
+    a, b, identity = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0]), np.eye(x.shape[0])
+    once = [ca.densify(ca.jtimes(part, x, a)) for part in every]
+    slopes = ca.Function("slopes", [x, a], [every[0], *once])
+    unbalanced, _, opening, _ = map(np.asarray, slopes(zero, identity[:, :n]))
+    J = opening.reshape(-1, n)
+    zero[3 * n :] = minimum_norm_solution(J.T, unbalanced[:, 0])
+    _, loop_slopes, _, output_slopes = map(np.asarray, slopes(zero, identity))
+    twice = [ca.densify(ca.jtimes(part, x, b)) for part in once]
+    full = ca.Function("curvature", [x, a, b], twice)
+    dependent = np.setdiff1d(np.arange(n), independent)
+    to_all = np.eye(n)[:, independent]
+    if len(dependent):
+        to_all[dependent] = -minimum_norm_solution(J[:, dependent], J[:, independent])
+    return SecondOrder(
+        to_all, independent, (loop_slopes[:, :n], loop_slopes[:, n : 2 * n], loop_slopes[:, 2 * n : 3 * n]), J,
+        output_slopes.reshape(-1, x.shape[0])[:, : 3 * n], zero[3 * n :], lambda left, right: full(zero, left, right),
+    )  # fmt: skip
+
 
 # Parts of outputs below this share of the terms that they are sums of are rounding.
 ROUNDING = 1e-10

@@ -17,11 +17,9 @@ from mbsvib.finite_motion.following import straight_way
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
-from mbsvib.simulation.charts import Chart, chart_at
 from mbsvib.simulation.equations import MotionEquations, first_order, motion_equations
-from mbsvib.simulation.integrator import Integrator
-from mbsvib.simulation.magnitudes import coordinate_units, magnitudes
-from mbsvib.simulation.states import FreeRotation, free_rotations
+from mbsvib.simulation.integrator import Integrator, coordinate_units, magnitudes
+from mbsvib.simulation.states import Chart, FreeRotation, chart_at, free_rotations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

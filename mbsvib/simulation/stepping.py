@@ -10,8 +10,16 @@ import numpy as np
 
 from mbsvib.errors import SimulationError
 from mbsvib.linalg.dead_points import no_dead_point
-from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, Chart, chart_at, conditioning
-from mbsvib.simulation.states import State, restarted
+from mbsvib.simulation.states import (
+    LONG_TURN,
+    LONGEST_TURN,
+    POOR_IN_BLOCK,
+    Chart,
+    State,
+    chart_at,
+    conditioning,
+    restarted,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

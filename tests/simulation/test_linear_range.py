@@ -6,8 +6,8 @@ import pytest
 import mbsvib as mv
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.library import toggle
+from mbsvib.simulation.linear_range import second_order
 from mbsvib.simulation.outputs import measured
-from mbsvib.simulation.second_order import second_order
 
 
 @pytest.mark.few(2)

@@ -5,8 +5,8 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.simulation.linear_range import second_order
 from mbsvib.simulation.outputs import measured
-from mbsvib.simulation.second_order import second_order
 
 SHARE = 0.1
 
