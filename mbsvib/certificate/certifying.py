@@ -1,18 +1,23 @@
-"""Certify: linearize a model; check its balance, ranks, digits, units and linear range, and ask another engine."""
+"""Certify: linearize a model; check its balance, ranks, digits, units and linear range, and ask another engine.
+
+How far the last printed digit of the data moves the eigenvalues, to first order.
+
+The same model in other units: eigenvalues must not depend on them.
+"""
 
 from __future__ import annotations
 
 import platform
 import warnings
+from decimal import Decimal
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from mbsvib.api.linear_range import participating
 from mbsvib.certificate.engines import by_exudyn, masses_of_tree
-from mbsvib.certificate.radius import accuracy_radius, rolling_slopes
-from mbsvib.certificate.restated import difference, restated
 from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
 from mbsvib.common.expected import a_model
 from mbsvib.equations.equations import Equations
@@ -22,10 +27,113 @@ from mbsvib.rolling.equations import rolling_equations
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mbsvib.api.model import Model
+    from mbsvib.api.rolling_system import RollingSystem
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
+
+
+# A number with as many significant digits was computed, or printed with all its digits: it is known to its rounding.
+ALL_DIGITS = 15
+
+
+def half_last_digit(value: float) -> float:
+    """Return half a unit in the last printed digit of a number; half its spacing if it has all digits, 0 for zero.
+
+    The digits are the shortest that give the number back. Zeros behind the last other digit and before the decimal
+    point count as printed: 200.0 is known to 0.5.
+    """
+    if value == 0.0:
+        return 0.0
+    _, digits, exponent = Decimal(repr(value)).normalize().as_tuple()
+    if len(digits) >= ALL_DIGITS:
+        return 0.5 * float(np.spacing(abs(value)))
+    return 0.5 * 10.0 ** min(int(exponent), 0)
+
+
+def accuracy_radius(
+    values: Mapping[str, float], eigenvalues: Complex, slopes: Complex
+) -> tuple[float, float, str, int, tuple[str, ...]]:
+    """Return bounds on the relative change of eigenvalues, to first order in all numbers of the model at once.
+
+    ``values`` of the parameters (p) by name, ``slopes`` (p, eigenvalues) of the eigenvalues to them.
+
+    |d lambda_k| <= sum over p of |d lambda_k / dp| delta_p,  delta_p half a unit in the last printed digit of p
+
+    Returns the largest bound over all eigenvalues that are not 0; the same with delta_p = eps |p| / 2; the parameter
+    with the largest part in the first; the number of its eigenvalue; and the parameters without a derivative, such as
+    those that tilt one pin of a planar loop, which are taken as exact. Numbers that are 0 are taken as exact.
+    """
+    names, at = list(values), np.array(list(values.values()))
+    slopes = np.abs(slopes)
+    exact = ~np.asarray(np.isfinite(slopes).all(axis=1))
+    slopes[exact] = 0.0
+    moving = eigenvalues != 0.0
+    if not moving.any() or not names:
+        return 0.0, 0.0, "", 0, ()
+    relative: Array = slopes[:, moving] / np.abs(eigenvalues[moving])
+    parts = relative * np.array([half_last_digit(float(value)) for value in at])[:, None]
+    total = parts.sum(axis=0)
+    k = int(total.argmax())
+    rounding = float((relative * (0.5 * np.finfo(float).eps * np.abs(at))[:, None]).sum(axis=0).max())
+    known = zip(names, exact.tolist(), at.tolist(), strict=True)
+    left_out = tuple(name for name, one, value in known if one and value != 0.0)
+    return float(total[k]), rounding, names[int(parts[:, k].argmax())], int(np.flatnonzero(moving)[k]), left_out
+
+
+def rolling_slopes(system: RollingSystem, values: Mapping[str, float]) -> Complex:
+    """Return derivatives (p, eigenvalues) of a system on rolling wheels; not a number where a change is refused, as one
+    of a wheel's axle alone, and zero for parameters that are 0.
+    """
+    result = np.zeros((len(values), len(system.states)), dtype=complex)
+    for row, (name, value) in zip(result, values.items(), strict=True):
+        if value != 0.0:
+            try:
+                row[:] = system.eigenvalue_sensitivities(name)[0]
+            except MbsvibError:
+                row[:] = np.nan
+    return result
+
+
+# Numbers of a model in mm, ms and g, of which none is a power of two: all digits are rounded anew.
+SCALES = {"m": 1e3, "s": 1e3, "kg": 1e3, "N": 1e3 * 1e3 / 1e3**2, "rad": 1.0, "-": 1.0, "1": 1.0}
+
+
+def factor(unit: str) -> float:
+    """Return the value of an SI unit in mm, ms, g; raises KeyError where it is not one of products of powers."""
+    above, _, below = unit.partition("/")
+    result = 1.0
+    for words, sign in ((above, 1), (below, -1)):
+        for word in words.split():
+            base, _, power = word.partition("^")
+            result *= SCALES[base] ** (sign * int(power or 1))
+    return result
+
+
+def restated(model: Model) -> Model:
+    """Return a model with all numbers in mm, ms and g."""
+    parameters = model.parameters
+    return model.with_values({name: value * factor(parameters.units[name]) for name, value in parameters.items()
+                              if value != 0.0 and factor(parameters.units[name]) != 1.0})  # fmt: skip
+
+
+def difference(found: Complex, expected: Complex) -> float:
+    """Return the largest relative difference of eigenvalues, paired so that their sum is least; inf if numbers differ.
+
+    Eigenvalues that are expected to be 0 are left out, as double ones scatter by the root of rounding; those below 1e-3
+    of the largest are compared with that, as the rounding of matrices is relative to the largest.
+    """
+    if len(found) != len(expected):
+        return np.inf
+    expected = expected[expected != 0.0]
+    if not len(expected):
+        return 0.0
+    size = np.maximum(np.abs(expected), 1e-3 * float(np.abs(expected).max()))
+    off = np.abs(np.asarray(found)[:, None] - expected[None]) / size
+    return float(off[linear_sum_assignment(off)].max())
+
 
 # Eigenvalues in other units agree to what results are promised to, 1e-12, and the condition of badly scaled models.
 SAME_UNITS = 1e-9

@@ -14,9 +14,8 @@ from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.closing import closed_space, regular
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
-from mbsvib.feedback.loop import LoopPlant, Resolution
+from mbsvib.feedback.loop import LoopPlant, Resolution, with_noise
 from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
-from mbsvib.feedback.noise import with_noise
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.linalg.products import nonzero_eigenrows

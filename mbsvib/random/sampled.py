@@ -14,12 +14,9 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Gathered
-from mbsvib.feedback.loop import LoopPlant
-from mbsvib.feedback.noise import NOISE
-from mbsvib.feedback.sampled_norm import mean_squares
-from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers
-from mbsvib.feedback.sampled_power_slopes import power_slopes
-from mbsvib.feedback.sampled_slopes import Slopes, square_slopes
+from mbsvib.feedback.loop import NOISE, LoopPlant
+from mbsvib.feedback.sampled_norm import Slopes, mean_squares, square_slopes
+from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers, power_slopes
 from mbsvib.random.mean_squares import MeanSquares, Random
 from mbsvib.random.moments import Equations, filtered
 from mbsvib.responses import extrema

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.certificate import certifying, engines, restated
-from mbsvib.certificate.radius import half_last_digit
-from mbsvib.certificate.restated import difference, factor
+from mbsvib.certificate import certifying, engines
+from mbsvib.certificate.certifying import SCALES, difference, factor, half_last_digit
 from mbsvib.equations import assembly
 from mbsvib.library import bicycle
 from mbsvib.sparse import choice
@@ -97,7 +96,7 @@ def test_an_engine_that_finds_others_fails_it(monkeypatch):
 
 
 def test_what_depends_on_units_fails_it(monkeypatch):
-    monkeypatch.setitem(restated.SCALES, "N", 1.001)
+    monkeypatch.setitem(SCALES, "N", 1.001)
     certificate = mv.certify(slider())
     assert certificate.content()["failed"] == ["units.invariance"]
 

@@ -6,8 +6,7 @@ from scipy.linalg import expm
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.feedback.sampled_power import mean_powers
-from mbsvib.feedback.sampled_power_slopes import power_slopes
+from mbsvib.feedback.sampled_power import mean_powers, power_slopes
 from mbsvib.random import slopes
 from mbsvib.random.budget import random
 from tests.random.scenes import oscillator, two_masses

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.reduction.balanced import balanced, gramian_factors
-from mbsvib.reduction.reduced import reduced_space
+from mbsvib.reduction.reduced import balanced, gramian_factors, reduced_space
 from mbsvib.responses.state_space import StateSpace
 
 DATA = Path(__file__).parent.parent / "data" / "slicot.npz"
