@@ -1,8 +1,6 @@
 """Certify: linearize a model; check its balance, ranks, digits, units and linear range, and ask another engine.
 
-How far the last printed digit of the data moves the eigenvalues, to first order.
-
-The same model in other units: eigenvalues must not depend on them.
+The eigenvalues must not depend on units; the last printed digit of the data moves them, to first order.
 """
 
 from __future__ import annotations

@@ -23,16 +23,14 @@ from mbsvib.isolation.actuated import Active, actuated
 from mbsvib.isolation.collocation import Collocation, Pair, collocation
 from mbsvib.isolation.design import Design, Front
 from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
-from mbsvib.isolation.isolation_study import Isolation, study
-from mbsvib.isolation.maxwell_parts import unfolded
+from mbsvib.isolation.isolation_study import Isolation, Vibration, study
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.placement import PlacedSet, Placement, placement
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import ClosedLoop, RootLocus, SampledLoop, root_locus
 from mbsvib.isolation.structured import structured_singular_values
-from mbsvib.isolation.struts import Struts, ring, struts
+from mbsvib.isolation.struts import Struts, ring, struts, unfolded
 from mbsvib.isolation.synthesis import hinf, lqg
-from mbsvib.isolation.vibration import Vibration
 from mbsvib.random.curves import road_spectrum, seismic_spectrum, vc_curve, vc_spectrum
 from mbsvib.random.roads import RoadCorrelation, RoadProfile, road_bump, road_correlation, road_profile
 from mbsvib.random.sources import BaseNoise

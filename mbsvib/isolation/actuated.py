@@ -13,10 +13,9 @@ from mbsvib.errors import ModelError, counted
 from mbsvib.feedback.closed_loop import connected
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.isolation.isolation_study import figures
-from mbsvib.isolation.plant import Plant
 from mbsvib.isolation.root_locus import ClosedLoop, close
 from mbsvib.isolation.struts import active_legs
-from mbsvib.isolation.study_scene import scene
+from mbsvib.isolation.study_scene import Plant, scene
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:

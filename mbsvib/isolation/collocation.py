@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.plant import Plant
+    from mbsvib.isolation.study_scene import Plant
 
 
 PARALLEL = 1e-9  # difference of the directions of actuator and sensor below which they are dual

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.plant import Plant
+    from mbsvib.isolation.study_scene import Plant
 
 COORDINATES = ("legs", "modal")
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.controller import Controller
     from mbsvib.isolation.isolation_study import Isolation
-    from mbsvib.isolation.plant import Plant
+    from mbsvib.isolation.study_scene import Plant
 
 
 class StudyFigures(FeedbackLoop):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.plant import Plant
+    from mbsvib.isolation.study_scene import Plant
 
 # Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there
 # is one, and where it ends: a bisection to within NEAR, as poles of controllers go to infinity towards the least norm.

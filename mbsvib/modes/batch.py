@@ -12,8 +12,7 @@ from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.equations.batch_equations import of_variant
 from mbsvib.modes import RTOL, Modes, modes
-from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
-from mbsvib.modes.batch_undamped import undamped_batch
+from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined, undamped_batch
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
 

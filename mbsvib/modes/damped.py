@@ -30,9 +30,9 @@ from mbsvib.modes.classical import (
 )
 from mbsvib.modes.pairs import pair_numbers, with_neighbours
 from mbsvib.modes.rayleigh import Forms, both, forms_in, rayleigh
-from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
+from mbsvib.modes.zero_subspaces import unbraked
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
@@ -238,7 +238,7 @@ def _uncertain_refined(
 
 def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Eigensolution | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if they are not ``count``."""
-    from mbsvib.modes.general_spectrum import spectrum
+    from mbsvib.modes.general import spectrum
 
     try:
         _, solution = spectrum(system, rtol)

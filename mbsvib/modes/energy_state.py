@@ -29,9 +29,8 @@ from mbsvib.equations.unresisted_motion import (
 from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, ZERO_SUM
-from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
-from mbsvib.modes.zero_subspaces import long_chains, zero_subspaces
+from mbsvib.modes.zero_subspaces import long_chains, unbraked, zero_subspaces
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

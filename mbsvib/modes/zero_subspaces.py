@@ -1,4 +1,4 @@
-"""Invariant subspaces of the eigenvalue 0 of a system in energy coordinates."""
+"""Rigid-body motions that no damper resists, and invariant subspaces of the eigenvalue 0 in energy coordinates."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.unresisted_motion import matrix_scales
+from mbsvib.equations.unresisted_motion import coordinate_sizes, free_motions, matrix_scales, null_pair, rounding_scale
+from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
@@ -86,3 +88,17 @@ def _lost(a: Array) -> Array:
             break
         basis = np.asarray(basis @ u[:, :rank], dtype=float)
     return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
+
+
+def unbraked(system: Equations, rigid: Array) -> Array:
+    """Return the rigid-body motions among (m, r) that no damper resists, (m, f); with negative dampers, those that
+    deform neither a spring nor a damper.
+    """
+    if (system.row_stiffness >= 0.0).all() or (system.row_damping < 0.0).any():
+        free = free_motions(system.elastic_rows[(system.row_stiffness != 0.0) | (system.row_damping != 0.0)])
+        return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
+    # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
+    relative_motion = product_with_zeros(system.elastic_rows, rigid)
+    most = np.abs(system.elastic_rows) @ rounding_scale(rigid, coordinate_sizes(system))
+    c = system.row_damping
+    return rigid @ null_pair(weighted_gram(relative_motion, c), weighted_gram(most, c))[0]

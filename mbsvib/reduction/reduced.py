@@ -1,9 +1,7 @@
 """Reduced models of a system by four methods, to an order or to an error: the largest singular value of the difference
 of two frequency responses.
 
-Balanced truncation: hardly controllable or hardly observable states are left out.
-
-Factors of the Gramians of stable state spaces.
+Balanced truncation leaves out hardly controllable or hardly observable states, by the Gramians of stable state spaces.
 
 A P + P A^T + B B^T = 0 and A^T Q + Q A + C^T C = 0 are solved for factors, P = L_p L_p^T and Q = L_q L_q^T, by Newton's
 iteration for the sign of A: a product is never formed, so that small Hankel singular values keep their digits.

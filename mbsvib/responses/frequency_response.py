@@ -23,7 +23,7 @@ from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import residues, sum_of_motions
-from mbsvib.responses.tiny_outputs import recomputed, vanishing
+from mbsvib.responses.refined import recomputed, vanishing
 
 if TYPE_CHECKING:
     from collections.abc import Callable

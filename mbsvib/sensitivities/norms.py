@@ -20,7 +20,6 @@ from mbsvib.responses.first_order_solver import decaying_response
 from mbsvib.responses.lasting_modes import last
 from mbsvib.responses.norms import Norm, decaying_part, h2, hinf
 from mbsvib.responses.realizations import state_space
-from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
 from mbsvib.sensitivities.variables import variables
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from mbsvib.linalg.lasting import Separation
     from mbsvib.responses.basis import Basis
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.variables import Requested
 
     Ports = str | Sequence[str] | None

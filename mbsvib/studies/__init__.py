@@ -17,11 +17,10 @@ figures           figures of all of these
 """
 
 from mbsvib.studies.design import Tie, rates_at
-from mbsvib.studies.machines import CycleMeasures, cycle
+from mbsvib.studies.machines import CycleMeasures, cycle, equimomental, with_counterweights
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
 from mbsvib.studies.optimizing import optimize
 from mbsvib.studies.optimum import Optimum
-from mbsvib.studies.point_masses import equimomental, with_counterweights
 from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.responses.entry_slopes import gain_slope
+from mbsvib.responses.first_order_solver import gain_slope
 from mbsvib.tuning.weights import apply
 
 if TYPE_CHECKING:

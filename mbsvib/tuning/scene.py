@@ -19,7 +19,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Closure, Gathered, regular, transfer
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.random.mean_squares import first_order
-from mbsvib.responses.entry_slopes import pole_slope
+from mbsvib.responses.first_order_solver import pole_slope
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.sensitivities.states import changed, states
 from mbsvib.tuning.peaks import Response, eigen

@@ -16,8 +16,7 @@ from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.closing import Closure, regular
 from mbsvib.linalg.lasting import separated
 from mbsvib.random.mean_squares import first_order
-from mbsvib.responses.entry_slopes import gain_slope, pole_slope
-from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.responses.first_order_solver import first_order_solver, gain_slope, pole_slope
 from mbsvib.responses.norms import hinf
 
 if TYPE_CHECKING:

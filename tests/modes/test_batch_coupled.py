@@ -5,10 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.modes import batch_coupled
-from mbsvib.modes.batch_coupled import starts
-from mbsvib.modes.batch_damped import damped_batch
-from mbsvib.modes.batch_undamped import undamped_batch
+from mbsvib.modes import batch_damped
+from mbsvib.modes.batch_damped import damped_batch, starts, undamped_batch
 from tests.support.compare import nearest_pairs
 
 
@@ -42,7 +40,7 @@ def test_both_starts_find_the_same(size, monkeypatch):
     gamma, square = forms(size)
     first = oscillating(gamma, square)
     check(gamma, square, first.values, first.y)
-    monkeypatch.setattr(batch_coupled, "STEPS", 0)
+    monkeypatch.setattr(batch_damped, "STEPS", 0)
     second = oscillating(gamma, square)
     assert_allclose(np.sort_complex(first.values), np.sort_complex(second.values), rtol=1e-9)
 
@@ -51,7 +49,7 @@ def test_no_eigensolver_is_needed_where_damping_is_light(monkeypatch):
     def none(*_):
         raise AssertionError
 
-    monkeypatch.setattr(batch_coupled, "_by_eigensolver", none)
+    monkeypatch.setattr(batch_damped, "_by_eigensolver", none)
     oscillating(*forms(1e-3))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.modes.energy_state import energy_state
-from mbsvib.modes.general_spectrum import _inverse, _separated
+from mbsvib.modes.general import _inverse, _separated
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import undamped
 from tests.support.sizes import few

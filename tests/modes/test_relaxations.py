@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.general_spectrum import spectrum
+from mbsvib.modes.general import spectrum
 from mbsvib.modes.pairs import with_neighbours, within_reach
 from mbsvib.modes.rayleigh import forms_in
 from tests.modes.test_general import loose_chain

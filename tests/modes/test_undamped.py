@@ -14,7 +14,7 @@ from mbsvib.linalg.products import single_entries
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes import modes
 from mbsvib.modes import undamped as ladder
-from mbsvib.modes.batch_undamped import undamped_batch
+from mbsvib.modes.batch_damped import undamped_batch
 from mbsvib.modes.undamped import cleaned, undamped
 from tests.support.unsymmetric import eigenvalues
 

@@ -10,7 +10,7 @@ import pytest
 import mbsvib as mv
 from mbsvib.linalg.double_double import DoubleDouble, Sliced, two_sum
 from mbsvib.responses import frequency_response as module
-from mbsvib.responses import tiny_outputs
+from mbsvib.responses import refined as corrections
 from tests.stress import reference
 from tests.stress.families import wide
 from tests.support.exact import Exact
@@ -41,7 +41,7 @@ def compared(model):
 def wrong(system, omega, result, expected):
     """Largest relative error of what is no sum that cancels to less than 1e-7 of its terms, and no zero."""
     modal = system.basis.modal
-    forward = tiny_outputs._forward(
+    forward = corrections._forward(
         system, modal, omega, lambda w: module._solver(system.basis, modal, w, modal.vectors is None)
     )
     clear = np.abs(expected) > np.maximum(1e-7 * forward.size, 1e4 * forward.floor + 1e-60)
@@ -70,7 +70,7 @@ def test_scenes_without_such_outputs_are_left_alone(name, monkeypatch):
     system = model.linearize()
     natural = system.modes().natural
     omega = np.geomspace(natural[0] / 10, 3 * natural[-1], 50)
-    monkeypatch.setattr(tiny_outputs, "refined", None)
+    monkeypatch.setattr(corrections, "refined", None)
     result = system.frequency_response(omega)
     monkeypatch.setattr(module, "recomputed", lambda system, modal, w, result, solver: result[0])
     np.testing.assert_array_equal(result, system.frequency_response(omega))
@@ -78,7 +78,7 @@ def test_scenes_without_such_outputs_are_left_alone(name, monkeypatch):
 
 def test_corrections_that_do_not_settle_are_warned_of(monkeypatch):
     system = scene(409, (1e-3, 1e6), 6.0, 3.0).linearize()
-    refined = tiny_outputs.refined
+    refined = corrections.refined
 
     def restless(factors, shapes, load, outputs, solve):
         result = refined(factors, shapes, load, outputs, solve)
@@ -88,8 +88,8 @@ def test_corrections_that_do_not_settle_are_warned_of(monkeypatch):
 
     omega = 0.3 * system.modes().natural[:1]
     entries = np.ones((len(system.outputs), len(system.inputs)), dtype=bool)
-    monkeypatch.setattr(tiny_outputs, "_entries", lambda *_: entries)
-    monkeypatch.setattr(tiny_outputs, "refined", restless)
+    monkeypatch.setattr(corrections, "_entries", lambda *_: entries)
+    monkeypatch.setattr(corrections, "refined", restless)
     with pytest.warns(mv.AccuracyWarning, match=r"wide409: '.*' is so small compared with the motions due to 'in0' at"):
         system.frequency_response(omega)
 
@@ -110,8 +110,8 @@ def test_many_rows_of_inertia_for_one_coordinate(stiffness):
     # six digits of a solution are enough to start with
     rough = 14.0 * (1.0 + 1e-6) / exact
     shapes = np.array([[1.0 / np.sqrt(14.0)]])
-    factors = tiny_outputs.Factors.of(system, w)
-    result = tiny_outputs.refined(factors, shapes, load, outputs, lambda right: right * rough)
+    factors = corrections.Factors.of(system, w)
+    result = corrections.refined(factors, shapes, load, outputs, lambda right: right * rough)
     np.testing.assert_allclose(result.value[0, 0], 1.0 / exact, rtol=4 * EPS)
     assert result.relative_motion.shape == (4 if stiffness else 3, 1, 2)
 
