@@ -6,6 +6,7 @@ where it is known.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,32 +27,30 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Table(Displayed):
-    """A density over ``frequencies`` [Hz]: straight between its break-points on log-log axes, zero beyond them."""
+class Spectrum(Displayed):
+    """A one-sided density, at all frequencies unless it says otherwise."""
 
-    frequencies: Array
-    values: Array
-    """One-sided densities (n,) at the break-points [unit^2/Hz]."""
-    unit: str = ""
-    """Unit of the signal, empty where it may have any."""
+    __slots__ = ()
 
-    filter = None
+    @property
+    def filter(self) -> Shaped | None:
+        """The filter of white noise, None of other noise."""
+        return None
 
     @property
     def poles(self) -> Complex:
-        """Poles of a filter [1/s], none."""
+        """Poles of the filter [1/s]."""
         return np.zeros(0, dtype=complex)
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last frequency [Hz] at which there is noise."""
-        return float(self.frequencies[0]), float(self.frequencies[-1])
+        """First and last frequency [Hz] at which there may be noise."""
+        return 0.0, np.inf
 
     @property
     def breaks(self) -> Array:
-        """Frequencies [Hz] at which it is not smooth."""
-        return self.frequencies
+        """Frequencies [Hz] at which it is known not to be smooth."""
+        return np.zeros(0)
 
     def at(self, frequencies: Array) -> Array:
         """Return the density.
@@ -65,8 +64,40 @@ class Table(Displayed):
         -------
         array, shape (n,)
             One-sided densities.
+
+        Raises
+        ------
+        ResponseError
+            If a function returns another shape, or what no density is.
         """
-        f = np.asarray(frequencies, dtype=float)
+        return self._values(np.asarray(frequencies, dtype=float))
+
+    @abstractmethod
+    def _values(self, f: Array) -> Array:
+        """Densities at frequencies [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Table(Spectrum):
+    """A density over ``frequencies`` [Hz]: straight between its break-points on log-log axes, zero beyond them."""
+
+    frequencies: Array
+    values: Array
+    """One-sided densities (n,) at the break-points [unit^2/Hz]."""
+    unit: str = ""
+    """Unit of the signal, empty where it may have any."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last frequency [Hz] at which there is noise."""
+        return float(self.frequencies[0]), float(self.frequencies[-1])
+
+    @property
+    def breaks(self) -> Array:
+        """Frequencies [Hz] at which it is not smooth."""
+        return self.frequencies
+
+    def _values(self, f: Array) -> Array:
         inside = (f >= self.frequencies[0]) & (f <= self.frequencies[-1])
         result = np.zeros_like(f)
         result[inside] = np.exp(np.interp(np.log(f[inside]), np.log(self.frequencies), np.log(self.values)))
@@ -74,7 +105,7 @@ class Table(Displayed):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Shaped(Displayed):
+class Shaped(Spectrum):
     """White noise of the one-sided density ``level`` through the filter H = c (s - a)^-1 b + d: ``level`` |H|^2."""
 
     level: float
@@ -105,30 +136,8 @@ class Shaped(Displayed):
         """
         return all(np.array_equal(getattr(self, part), getattr(other, part)) for part in "abcd")
 
-    @property
-    def span(self) -> tuple[float, float]:
-        """First and last frequency [Hz] at which there is noise."""
-        return 0.0, np.inf
-
-    @property
-    def breaks(self) -> Array:
-        """Frequencies [Hz] at which it is not smooth, none."""
-        return np.zeros(0)
-
-    def at(self, frequencies: Array) -> Array:
-        """Return the density.
-
-        Parameters
-        ----------
-        frequencies : array, shape (n,)
-            Frequencies [Hz].
-
-        Returns
-        -------
-        array, shape (n,)
-            One-sided densities.
-        """
-        return np.asarray(self.level * np.abs(self.response(2j * np.pi * np.asarray(frequencies, dtype=float))) ** 2)
+    def _values(self, f: Array) -> Array:
+        return np.asarray(self.level * np.abs(self.response(2j * np.pi * f)) ** 2)
 
     def response(self, s: Complex) -> Complex:
         """Return the transfer function of the filter.
@@ -155,49 +164,14 @@ class Shaped(Displayed):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Density(Displayed):
+class Density(Spectrum):
     """A density by a ``function`` of the frequencies (n,) [Hz], at all of them."""
 
     function: Callable[[Array], ArrayLike]
     name: str = "density"
     unit: str = ""
 
-    filter = None
-
-    @property
-    def poles(self) -> Complex:
-        """Poles of a filter [1/s], none."""
-        return np.zeros(0, dtype=complex)
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """First and last frequency [Hz] at which there may be noise."""
-        return 0.0, np.inf
-
-    @property
-    def breaks(self) -> Array:
-        """Frequencies [Hz] at which it is known not to be smooth, none."""
-        return np.zeros(0)
-
-    def at(self, frequencies: Array) -> Array:
-        """Return the density.
-
-        Parameters
-        ----------
-        frequencies : array, shape (n,)
-            Frequencies [Hz].
-
-        Returns
-        -------
-        array, shape (n,)
-            One-sided densities.
-
-        Raises
-        ------
-        ResponseError
-            If the function returns another shape, or what no density is.
-        """
-        f = np.asarray(frequencies, dtype=float)
+    def _values(self, f: Array) -> Array:
         result = np.asarray(self.function(f), dtype=float)
         if result.shape != f.shape:
             raise ResponseError(f"{self.name}: the function returns the shape {result.shape} for {len(f)} frequencies; "
