@@ -42,6 +42,11 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         """Return the poles as columns by name: those of the table of ``modes()``."""
         return dict(self.modes().columns())
 
+    if TYPE_CHECKING:
+
+        def state_space(self, realization: str = "modal") -> StateSpace:
+            """Return first-order equations of the closed loop."""
+
     @property
     @abstractmethod
     def sampled_form(self) -> type[Any]:
@@ -65,26 +70,6 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
     @abstractmethod
     def _loop_gain(self, w: Array) -> Complex:
         """-K G at the actuators, (n, actuators, actuators), of a sampled loop from sample to sample."""
-
-    @abstractmethod
-    def state_space(self, realization: str = "modal") -> StateSpace:
-        """Return first-order equations of the closed loop.
-
-        Parameters
-        ----------
-        realization : str
-            "modal": the mechanism's states are modal, the controllers' their own.
-
-        Returns
-        -------
-        StateSpace
-            Matrices, names and units.
-
-        Raises
-        ------
-        ResponseError
-            If the realization is another one, or there are no such equations.
-        """
 
     def _between(self, w: Array) -> Complex:
         """The response of the plant from actuators to sensors, (n, sensors, actuators)."""

@@ -20,7 +20,6 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside, spectrum
 from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
-from mbsvib.responses.frequency_grid import frequency_grid
 from mbsvib.responses.norms import Norm
 
 if TYPE_CHECKING:
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.linalg.spectrum import Spectrum
     from mbsvib.modes.state_modes import StateModes
+    from mbsvib.responses.linear import LinearVerbs
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -144,33 +144,8 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         zeros = self.rate * np.log(z)
         return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])
 
-    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
-        """Return the H2 norm, the rms of all outputs under white noise, averaged over time, between samples as well.
-
-        What sampling folds from other frequencies is in it.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Their units are not weighed.
-        parameters : None
-            Derivatives belong to systems of a mechanism; here there are none.
-
-        Returns
-        -------
-        Norm
-            ``value``.
-
-        Raises
-        ------
-        ResponseError
-            If the norm is infinite, because a pole does not decay, an input acts directly on an output, or noise is
-            sampled without a filter; or if a name is unknown.
-        ModelError
-            If parameters are given.
-        """
-        self._refuse_parameters("h2_norm", parameters)
-        return Norm(h2_norm(self.with_ports(outputs, inputs)))
+    def _h2(self, part: SampledLoop) -> Norm:
+        return Norm(h2_norm(part))
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Names = None,
@@ -209,34 +184,8 @@ class SampledLoop(SampledEquations, FeedbackLoop):
                                 "are those of loop.continuous.")  # fmt: skip
         return time_response(self.with_ports(outputs, inputs), t, u, hold)
 
-    def frequency_grid(
-        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
-        f_max: float | None = None,
-    ) -> Array:  # fmt: skip
-        """Return angular frequencies that resolve resonances and antiresonances from inputs to outputs.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. The zeros of each pair under continuous controllers count.
-        n : int, optional
-            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
-        f_min, f_max : float, optional
-            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
-            but at most half the rate.
-
-        Returns
-        -------
-        array, shape (points,)
-            Ascending angular frequencies [rad/s].
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
-        """
-        return frequency_grid(self.continuous.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max,
-                              highest=0.5 * self.rate)  # fmt: skip
+    def _resolved(self) -> tuple[LinearVerbs, float]:
+        return self.continuous, 0.5 * self.rate
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.

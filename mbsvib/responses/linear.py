@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common.selection import key_ports
@@ -199,11 +200,12 @@ class LinearVerbs(StepVerbs):
         Parameters
         ----------
         outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Each pair's zeros count.
+            Names or patterns; default: all. Each pair's zeros count, of a sampled loop under continuous controllers.
         n : int, optional
             Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
         f_min, f_max : float, optional
-            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency.
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
+            of a sampled loop at most half the rate.
 
         Returns
         -------
@@ -217,12 +219,20 @@ class LinearVerbs(StepVerbs):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max)
+        resolved, highest = self._resolved()
+        return frequency_grid(resolved.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max,
+                              highest=highest)  # fmt: skip
+
+    def _resolved(self) -> tuple[LinearVerbs, float]:
+        """The equations whose zeros a grid resolves, and the highest frequency [Hz] that they are looked for up to."""
+        return self, inf
 
     def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.
 
         ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
+
+        That of a sampled loop is averaged over time, between samples as well, with what sampling folds.
 
         Parameters
         ----------
@@ -239,14 +249,18 @@ class LinearVerbs(StepVerbs):
         Raises
         ------
         ResponseError
-            If the norm is infinite, or a name is unknown.
+            If the norm is infinite, because a pole does not decay, an input acts directly on an output, or noise is
+            sampled without a filter; or if a name is unknown.
         ModelError
             If parameters are given.
         """
+        self._refuse_parameters("h2_norm", parameters)
+        return self._h2(self.with_ports(outputs, inputs))
+
+    def _h2(self, part: Any) -> Norm:
         from mbsvib.responses.norms import h2
 
-        self._refuse_parameters("h2_norm", parameters)
-        return h2(self.with_ports(outputs, inputs).state_space())
+        return h2(part.state_space())
 
     def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the highest peak of the frequency response, of its largest singular value.
