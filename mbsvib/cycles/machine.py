@@ -67,8 +67,8 @@ def followed(loops: DrivenLoops, motion: Prescribed) -> Array:
         if smallest < least:
             least, where = smallest, i
     if least < NEAR_SINGULAR:
-        warnings.warn(f"cycle: at {motion.at_sample(where)} the mechanism is near a singular pose (smallest singular "
-                      f"value of its loops {least:.1e}); rates and forces lose as many digits there.",
+        warnings.warn(f"cycle: at {motion.words(motion.values[where])} the mechanism is near a singular pose (smallest "
+                      f"singular value of its loops {least:.1e}); rates and forces lose as many digits there.",
                       NearSingularWarning, stacklevel=USER)  # fmt: skip
     return result
 

@@ -49,10 +49,6 @@ class Prescribed:
         both = (array[:1].repeat(2, axis=0) for array in (self.rates, self.accelerations))
         return Prescribed(self.names, self.values[0] + np.array([[0.0], [period]]) * rates, *both)
 
-    def at_sample(self, i: int) -> str:
-        """Return the values of the drives at sample i in words."""
-        return self.words(self.values[i])
-
     def words(self, values: Array) -> str:
         """Return values of the drives in words."""
         return ", ".join(f"{name} = {value:.6g} {'rad' if turns(name) else 'm'}"

@@ -133,13 +133,7 @@ class CycleData(Displayed):
         return float(np.sqrt((self.values(quantity, drive) ** 2).sum(axis=1).max()))
 
     def table(self) -> dict[str, Any]:
-        """Return the table of rms values and peaks as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of rms values and peaks as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = [(f"shaking {quantity} [{unit}]", f"{self.rms(quantity):.7g}", f"{self.peak(quantity):.7g}")
                 for quantity, unit in (("force", "N"), ("moment", "N m"))]  # fmt: skip
         for drive in self.drives:

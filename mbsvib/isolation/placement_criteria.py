@@ -114,16 +114,14 @@ class Experiments:
     def _sensors(self, actuators: Array) -> Information:
         return Information(np.tensordot(actuators, self.matrices, (0, 1)), self.parts, self.reference)
 
-    def _actuators(self, sensors: Array) -> Information:
-        return Information(np.tensordot(sensors, self.matrices, 1), self.parts, self.reference)
-
     def losses(self, sensors: Array, actuators: Array) -> Array:
         """Return the losses (k, l)."""
         return np.stack([self._sensors(weights).of(sensors) for weights in actuators], axis=1)
 
     def slopes(self, sensors: Array, actuators: Array) -> Slopes:
         """Return the loss and its gradients."""
-        gradients = self._sensors(actuators).slope(sensors), self._actuators(sensors).slope(actuators)
+        exciting = Information(np.tensordot(sensors, self.matrices, 1), self.parts, self.reference)
+        gradients = self._sensors(actuators).slope(sensors), exciting.slope(actuators)
         return float(self.losses(sensors[None], actuators[None])[0, 0]), gradients
 
     def values(self, sensors: Array, actuators: Array) -> dict[str, float]:

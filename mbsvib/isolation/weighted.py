@@ -106,10 +106,8 @@ class MeanSquares:
     def at(self, point: DesignPoint, outputs: Sequence[str]) -> Dual:
         """Return the mean squares of some of the outputs, with derivatives."""
         if self._last is None or self._last[0] is not point.system or self._last[1] is not point.rates:
-            self._last = (point.system, point.rates, *self._computed(point))
+            squares = mean_squares(point.system, self.outputs, base_sources(self.noise), self.band,
+                                   lambda w: _by_laws(point, w, self.outputs, self.inputs, self._laws))  # fmt: skip
+            self._last = (point.system, point.rates, *squares)
         rows = [self.outputs.index(name) for name in outputs]
         return point.dual(self._last[2][rows], self._last[3][rows])
-
-    def _computed(self, point: DesignPoint) -> tuple[Array, Array]:
-        return mean_squares(point.system, self.outputs, base_sources(self.noise), self.band,
-                            lambda w: _by_laws(point, w, self.outputs, self.inputs, self._laws))  # fmt: skip

@@ -316,7 +316,7 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     # variants with rigid-body modes or modes of negative stiffness are solved separately
     accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1)
     square[~accurate] = 1.0
-    growth = _growth(batch, shapes) ** 2
+    growth = (np.sqrt(np.einsum("vii->vi", batch.M))[:, None] @ np.abs(shapes))[:, 0] ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
     rounding = drift(batch.elastic_rows[0], batch.inertia_factor[0])
     errors += rounding
@@ -338,10 +338,6 @@ def _by_products(batch: BatchEquations) -> tuple[Array, Array, Mask]:
     inverse = np.linalg.inv(root) * scale[:, None]
     square, vectors = np.linalg.eigh(inverse @ batch.K @ inverse.swapaxes(1, 2))
     return square, inverse.swapaxes(1, 2) @ vectors, accurate
-
-
-def _growth(batch: BatchEquations, shapes: Array) -> Array:
-    return np.asarray((np.sqrt(np.einsum("vii->vi", batch.M))[:, None] @ np.abs(shapes))[:, 0])
 
 
 def _refined(

@@ -90,7 +90,7 @@ class Scene:
         if change is not None and self.base is not None:
             da, db, dc, dd = changed(self.base, change, list(range(len(self.system.inputs))),
                                      list(range(len(self.system.outputs))))  # fmt: skip
-            n, first, rows = self.system_states, self.base.first, self.gathered.rows
+            n, first, rows = len(self.plant[0]), self.base.first, self.gathered.rows
             columns = np.array(self.gathered.columns, dtype=np.intp)
             known = np.flatnonzero(columns >= 0)
             plant = np.zeros((len(da), n + len(rows), n + len(columns)))
@@ -98,11 +98,6 @@ class Scene:
             plant[:, first:n, n + known] = db[:, :, columns[known]]
             plant[:, n:, n + known] = dd[:, rows][:, :, columns[known]]
         return np.asarray(plant if self.closure is None else self.closure.along(plant, law))
-
-    @property
-    def system_states(self) -> int:
-        """Number of states of the plant."""
-        return len(self.plant[0])
 
 
 def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, float]]:

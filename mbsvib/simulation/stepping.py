@@ -136,7 +136,8 @@ def _halved(
     """The state at the end of an interval that has to be gone in parts."""
     if interrupted():
         raise KeyboardInterrupt
-    if (not halvings or _is_next_to_singular(run, sample)) and _singular_before(run, sample, end):
+    next_to = conditioning(run.loops, sample.chart, sample.state.q).smallest < NEXT_TO
+    if (not halvings or next_to) and _singular_before(run, sample, end):
         raise _stopped(run, sample.state, SINGULAR)
     if not halvings:
         name = run.at_limit(sample.state.q, sample.chart.bases)
@@ -150,10 +151,6 @@ def _halved(
         else:
             sample = _halved(run, sample, time, powers, halvings - 1, interrupted)
     return sample
-
-
-def _is_next_to_singular(run: Session, sample: Sample) -> bool:
-    return conditioning(run.loops, sample.chart, sample.state.q).smallest < NEXT_TO
 
 
 def _singular_before(run: Session, sample: Sample, end: float) -> bool:

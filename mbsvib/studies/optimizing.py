@@ -121,10 +121,11 @@ def optimize(
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
         try:
-            ends.append(_descended(search, x, lambda at, z: solve(at, z, dict(options or {})), options is None))
-            if options is None and method.lower() == "slsqp" and _failed_above_start(ends[-1]):
+            end = _descended(search, x, lambda at, z: solve(at, z, dict(options or {})), options is None)
+            ends.append(end)
+            if options is None and method.lower() == "slsqp" and not end.success and end.objective > end.began:
                 other = _descended(search, x, lambda at, z: solver("trust-constr")(at, z, {}), True)
-                ends[-1] = min(ends[-1], other, key=_rank)
+                ends[-1] = min(end, other, key=_rank)
             descents.append(ends[-1].starts[0])
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:
@@ -210,10 +211,6 @@ def _check_failures(search: Search, z: Array, solver_result: SolverResult) -> No
 def _ended(search: Search, z: Array, solver_result: SolverResult) -> bool:
     """Whether so little of the gradient is left over that the solver may end there."""
     return _left_over(search, z) <= (DOUBTED if solver_result.success else OPTIMAL)
-
-
-def _failed_above_start(end: Optimum) -> bool:
-    return not end.success and end.objective > end.began
 
 
 def _rank(end: Optimum) -> tuple[float, float]:
