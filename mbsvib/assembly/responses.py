@@ -70,13 +70,7 @@ class AssembledMeasurement(Measurement):
     connections: tuple[Connection, ...] = ()
 
     def table(self) -> dict[str, Any]:
-        """Return what was joined and how well, as arguments of ``mbsvib.common.tables.text``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return what was joined and how well, as arguments of ``mbsvib.common.tables.text``."""
         rows = [(one.first, one.second, " ".join(one.directions), "rigid" if one.stiffness is None else "spring-damper",
                  "" if one.distance is None else f"{1e3 * one.distance:.3g}") for one in self.connections]  # fmt: skip
         notes = []

@@ -39,7 +39,10 @@ _TWO_COLUMNS: list[tuple[str, tables.Justify]] = [("", "left"), ("", "left")]
 
 
 class Displayed(Completed):
-    """A result: ``repr`` is one short line, ``str`` and notebooks have its ``table()``, or else its fields."""
+    """A result: ``repr`` is one short line, ``str`` and notebooks have its ``table()``, or else its fields.
+
+    A table is a dict of title, columns, rows and notes, the arguments of ``tables.text`` and ``tables.html``.
+    """
 
     __slots__ = ()
 

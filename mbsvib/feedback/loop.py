@@ -272,13 +272,7 @@ class Loop(Displayed, ABC):
         return np.asarray(-self.vibrating.real / np.abs(self.vibrating))
 
     def table(self) -> dict[str, Any]:
-        """Return the table of the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         damping = shown_damping(self.vibrating, self._eigen[1][self._vibrating])
         values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
         rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])

@@ -89,13 +89,7 @@ class Margins(Columnar, Displayed):
                 "phase_deg": self.phase, "delay_s": self.delay, "modulus": self.modulus_each}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         loops = zip(self.actuators, self.lower, self.gain, self.phase, self.delay, self.modulus_each, strict=True)
         rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * delay:.3g}", f"{modulus:.3g}")
                 for name, low, high, phase, delay, modulus in loops]  # fmt: skip

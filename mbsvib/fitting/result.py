@@ -308,13 +308,7 @@ class Fit(Columnar, Displayed):
                 "value": np.array(list(self.values.values())), "low": low, "high": high}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the values with their intervals, as arguments of ``mbsvib.common.tables.text``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the values with their intervals, as arguments of ``mbsvib.common.tables.text``."""
         rows = []
         for name, value in self.values.items():
             low, high = self.intervals[name]

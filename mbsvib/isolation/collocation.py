@@ -71,13 +71,7 @@ class Collocation(Columnar, Displayed):
                 for name, column in zip(names, zip(*rows, strict=True), strict=True)}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the report as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the report as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         words = {True: "yes", False: "no", None: "-"}
         rows = [(p.actuator, p.sensor, words[p.dual], words[p.interlaced], words[p.passive]) for p in self.pairs]
         columns: list[tuple[str, Any]] = [("actuator", "left"), ("sensor", "left"), ("collocated", "left"),

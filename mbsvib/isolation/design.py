@@ -49,13 +49,7 @@ class Design(Columnar, Displayed):
         return self.optimum.columns()
 
     def table(self) -> dict[str, Any]:
-        """Return variables, objective and figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return variables, objective and figures as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         table = self.optimum.table()
         both = zip(self.before.table()["rows"], self.after.table()["rows"], strict=True)
         table["rows"] = [*table["rows"], *((name, before, after) for (name, before), (_, after) in both)]
@@ -84,13 +78,7 @@ class Front(Columnar, Displayed):
                 "optimal": np.array([one.success for one in self.designs])}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the front as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the front as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         names = list(self.designs[0].values)
         rows = [(f"{p:.5g}", f"{x:.5g}", *(f"{design.values[name]:.5g}" for name in names),
                  "" if design.success else "not optimal")

@@ -253,13 +253,7 @@ class Figures(Columnar):
         return self._asymptote.size if self._asymptote and not self._asymptote.order else 0.0
 
     def table(self) -> dict[str, Any]:
-        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         f = self.frequencies
         static = self.compliance_values[:, 0]
         # a maximum at the first frequency is the end of a response that only falls

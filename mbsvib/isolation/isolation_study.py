@@ -130,13 +130,7 @@ class Vibration(Columnar, Displayed):
         return max(curves.LOWEST, band[0]), min(curves.HIGHEST, band[1])
 
     def table(self) -> dict[str, Any]:
-        """Return the table of root mean squares as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of root mean squares as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         size = self.acceleration * self.study.scene.scale(DIRECTIONS)
         rest = size <= ROUNDED * size.max()
         rows = [(f"{self.study.scene.body} {direction}", "0" if none else f"{value:.4g}",

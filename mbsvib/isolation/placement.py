@@ -89,13 +89,7 @@ class Placement(Columnar, Displayed):
                 **{name: np.array([one.values[name] for one in self.sets]) for name in self.best.values}}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the sets as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the sets as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         shown = [*self.sets, self.everything]
         sides = [side for side in ("sensors", "actuators") if any(getattr(one, side) for one in self.sets)]
         values = list(self.targets) if self.targets else list(self.best.values)

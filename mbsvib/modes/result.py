@@ -229,13 +229,7 @@ class Modes(Columnar, Displayed):
                 "largest_motion": np.array([" ".join(most) for most in self.strongest()])}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the table of modes as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of modes as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
         columns = [*((header, "right") for header in headers), (self.MOST, "left")]
         damping = np.where(self._undamped, 0.0, self.damping_ratios)

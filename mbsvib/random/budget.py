@@ -225,13 +225,7 @@ class Budget(Columnar, Displayed):
         return law_sensitivities(self._random)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of contributions as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of contributions as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows: list[tuple[str, ...]] = []
         for name, parts in self.contributions.items():
             total, unit = self.rms[name], pretty(self.units[name])

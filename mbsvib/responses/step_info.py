@@ -82,13 +82,7 @@ class StepInfo(Columnar, Displayed):
                 **{name: getattr(self, name).ravel() for name in names}}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the figures as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = []
         for i, output in enumerate(self.outputs):
             for j, source in enumerate(self.inputs):

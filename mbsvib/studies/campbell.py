@@ -248,13 +248,7 @@ class Campbell(Columnar, Displayed):
         return growing(self.eigenvalues, self.errors)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of frequencies as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes: critical speeds, and where the system is unstable.
-        """
+        """Return frequencies, critical speeds and instability as arguments of ``mbsvib.common.tables.text``."""
         from mbsvib.modes.result import digits
 
         signs = {"forward": " F", "backward": " B", "": "  "}

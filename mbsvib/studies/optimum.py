@@ -95,13 +95,7 @@ class Optimum(Columnar, Displayed):
                 "optimum": np.array(list(self.values.values()))}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = [(name + (f" [{self.units[name]}]" if name in self.units else ""), f"{self.start[name]:.7g}",
                  f"{value:.7g}") for name, value in self.values.items()]  # fmt: skip
         rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))

@@ -201,13 +201,7 @@ class Sweep(Columnar, Displayed):
         return dataset("to_xarray", variables, coordinates, self.name)
 
     def table(self) -> dict[str, Any]:
-        """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         columns = self.columns()
         columns.pop("error", None)
         names = list(columns)[:SHOWN_COLUMNS]

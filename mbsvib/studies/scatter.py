@@ -236,13 +236,7 @@ class Tolerances(Columnar, Displayed):
                 "std_first_order": self.first, "worst_first_order": self.worst}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the table of all numbers as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of all numbers as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         names = list(self.tolerance)
         rows = []
         for i, label in enumerate(self.labels):

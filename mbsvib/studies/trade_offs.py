@@ -74,13 +74,7 @@ class TradeOff(Columnar, Displayed):
         return {**self.values, **self.variables}
 
     def table(self) -> dict[str, Any]:
-        """Return the table of designs as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of designs as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         listed = list(self.variables)[:LISTED]
         columns: list[tuple[str, str]] = [(name, "right") for name in self.values]
         columns += [(name + (f" [{self.units[name]}]" if name in self.units else ""), "right") for name in listed]

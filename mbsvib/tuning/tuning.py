@@ -83,13 +83,7 @@ class Design(Columnar, Displayed):
         return "minimised" if reached is None else "reached" if reached else "not reached"
 
     def table(self) -> dict[str, Any]:
-        """Return the table of goals as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of goals as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = [(label, f"{value:.6g}", self._verdict(label)) for label, value in self.achieved.items()]
         missed = [label for label, reached in self.reached.items() if not reached]
         notes = [f"Not reached: {', '.join(missed)}."] if missed else []

@@ -243,13 +243,7 @@ class UncertainPlant(Displayed):
         return worst_rms(self, outputs, floor)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of parameters as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of parameters as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = [(block.name, f"{block.low:.6g}", f"{block.nominal:.6g}", f"{block.high:.6g}", block.unit,
                  str(block.repetitions)) for block in self.parameters]  # fmt: skip
         columns: list[tuple[str, Any]] = [("parameter", "left"), ("lower", "right"), ("nominal", "right"),

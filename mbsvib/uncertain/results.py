@@ -75,13 +75,7 @@ class RobustStability(_AtValues):
     parameters: tuple[Block, ...] = field(default=(), repr=False)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of factors and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of factors and values as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         verdict = ("Stable at all values within the limits." if self.lower >= 1.0 else
                    "Not stable at all values within the limits." if self.upper <= 1.0 else
                    "Whether it is stable at all values within the limits is neither proven nor refuted.")  # fmt: skip
@@ -115,13 +109,7 @@ class WorstGain(_AtValues):
     unit: str = ""
 
     def table(self) -> dict[str, Any]:
-        """Return the table of bounds and values as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of bounds and values as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         unit = "" if self.unit in ("", "1") else f" {pretty(self.unit)}"
         notes = [f"Reached at the values of the table: {self.lower:.6g}{unit} at {self.omega / (2.0 * np.pi):.4g} Hz.",
                  f"Proven for all values within the limits: no more than {self.upper:.6g}{unit}."]  # fmt: skip
@@ -164,13 +152,7 @@ class WorstRms(Columnar, Displayed):
             for output, value in self.lower.items()])  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
+        """Return the table of outputs as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         rows = []
         for name, value in self.lower.items():
             places = [f"{p} = {v:.5g}" for p, v in self.values[name].items()]
