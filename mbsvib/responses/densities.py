@@ -137,7 +137,7 @@ class Shaped(Spectrum):
         return all(np.array_equal(getattr(self, part), getattr(other, part)) for part in "abcd")
 
     def _values(self, f: Array) -> Array:
-        return np.asarray(self.level * np.abs(self.response(2j * np.pi * f)) ** 2)
+        return np.asarray(self.level * np.abs(self.response((2j * np.pi * f).astype(complex))) ** 2)
 
     def response(self, s: Complex) -> Complex:
         """Return the transfer function of the filter.
