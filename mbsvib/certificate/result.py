@@ -58,13 +58,7 @@ class Certificate(Columnar, Displayed):
         return self.verdict == PASSED
 
     def table(self) -> dict[str, Any]:
-        """Return the checks as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows, and notes on what was skipped.
-        """
+        """Return the checks, and what was skipped, as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         marks = {True: "passed", False: "FAILED", None: ""}
         rows = [(check.name, "-" if check.value is None else f"{check.value:.2g}", check.limit, marks[check.passed],
                  check.words) for check in self.checks]  # fmt: skip

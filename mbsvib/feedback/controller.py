@@ -102,24 +102,7 @@ class Controller(LinearVerbs, Displayed):
         """
         return transfer((self.A, self.B, self.C, self.D), s)
 
-    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
-        """Return the controller with some of its actuators and sensors, as ``controller[actuators, sensors]`` does.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns of actuators and of sensors; default: all.
-
-        Returns
-        -------
-        Controller
-            With the same states.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pattern picks nothing.
-        """
+    def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
         units = self.input_units, self.output_units
         return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)],

@@ -160,12 +160,8 @@ class RootLocus(Columnar, Displayed):
         return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, unmoved)))
 
     def table(self) -> dict[str, Any]:
-        """Return what each mode reaches, and what closed forms promise a mode that keeps its shape.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes, as arguments of ``mbsvib.common.tables.text`` and ``show``.
+        """Return what each mode reaches, and what closed forms promise a mode that keeps its shape, as arguments of
+        ``mbsvib.common.tables.text`` and ``show``.
         """
         rows: list[tuple[Any, ...]] = []
         zeros = self._zeros()

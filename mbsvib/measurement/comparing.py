@@ -100,13 +100,7 @@ class Comparison(Columnar, Displayed):
         return by_name(names, [(p.a, p.b, p.mac, *p.frequencies, *p.damping_ratios, p.motion) for p in self.pairs])
 
     def table(self) -> dict[str, Any]:
-        """Return title, columns, rows and notes of the table that ``print`` shows.
-
-        Returns
-        -------
-        dict of str to object
-            The arguments of a table.
-        """
+        """Return title, columns, rows and notes of the table that ``print`` shows."""
         rows = [(p.a, p.b, f"{p.mac:.3f}", *(f"{f:.6g}" for f in p.frequencies),
                  f"{round(100 * p.difference, 2) + 0.0:+.2f}",  # no minus zero
                  *("" if np.isnan(z) else f"{100 * z:.3g}" for z in p.damping_ratios),

@@ -135,13 +135,7 @@ class Matching(Columnar, Displayed):
         return by_name(("kind", *[field.name for field in fields(Partner)]), rows)
 
     def table(self) -> dict[str, Any]:
-        """Return title, columns and rows of the table that ``print`` shows.
-
-        Returns
-        -------
-        dict of str to object
-            The arguments of a table.
-        """
+        """Return title, columns and rows of the table that ``print`` shows."""
         rows = []
         for kind, partners in (("output", self.outputs), ("input", self.inputs)):
             for p in partners:

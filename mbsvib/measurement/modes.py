@@ -135,13 +135,7 @@ class MeasuredModes(Matched, Columnar, Displayed):
                 "sd_hz": unknown if self.sd is None else self.sd}  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return title, columns and rows of the table that ``print`` shows.
-
-        Returns
-        -------
-        dict of str to object
-            The arguments of a table.
-        """
+        """Return title, columns and rows of the table that ``print`` shows."""
         ratios = [""] * len(self.frequencies) if self.damping_ratios is None else \
             [f"{100 * ratio:.3g}" for ratio in self.damping_ratios]  # fmt: skip
         sd = [""] * len(self.frequencies) if self.sd is None else [f"{value:.2g}" for value in self.sd]

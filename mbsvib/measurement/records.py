@@ -236,13 +236,7 @@ class Records(Matched, Columnar, Displayed):
                 f"{counted(self.experiments, 'experiment')} of {self.samples * self.t:g} s)")  # fmt: skip
 
     def table(self) -> dict[str, Any]:
-        """Return title, columns and rows of the table that ``print`` shows.
-
-        Returns
-        -------
-        dict of str to object
-            The arguments of a table.
-        """
+        """Return title, columns and rows of the table that ``print`` shows."""
         rows = [(kind, name, unit or "?", f"{np.sqrt(np.mean(values**2)):.4g}")
                 for kind in ("output", "input") for (name, values), unit in
                 zip(getattr(self, f"{kind}s").items(), getattr(self, f"{kind}_units"), strict=True)]  # fmt: skip

@@ -304,13 +304,7 @@ class Modes(Columnar, Displayed):
         return energy
 
     def remarks(self) -> tuple[str, ...]:
-        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy.
-
-        Returns
-        -------
-        tuple of str
-            One sentence each.
-        """
+        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy."""
         if not len(self):
             return ("No modes: the mechanism is locked, or what its joints leave free has neither mass nor damping.",)
         result = []

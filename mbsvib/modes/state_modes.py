@@ -57,13 +57,7 @@ class StateModes(Modes):
         return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
-        """Return notes on the table.
-
-        Returns
-        -------
-        tuple of str
-            One sentence each.
-        """
+        """Return notes on the table."""
         if not len(self):
             return ("There are no states.",)
         growing = np.flatnonzero(self.growing)
