@@ -147,42 +147,14 @@ class SampledLoop(SampledEquations, FeedbackLoop):
     def _h2(self, part: SampledLoop) -> Norm:
         return Norm(h2_norm(part))
 
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Names = None,
-        inputs: Names = None,
-    ) -> Array:  # fmt: skip
-        """Return the time response from rest, between samples as well; the first sample is taken at t[0].
-
-        Parameters
-        ----------
-        t : array-like, shape (n,)
-            Ascending times [s], which need not be those of the samples.
-        u : array-like, shape (inputs, n), or (n,) for a single input
-            Inputs w at these times, which add to what the controllers demand.
-        hold : str
-            "first": linear between these times; "zero": constant from each to the next.
-        initial : None
-            A sampled loop starts at rest.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
-
-        Returns
-        -------
-        array, shape (outputs, n)
-            Outputs at these times.
-
-        Raises
-        ------
-        ResponseError
-            If times do not ascend, shapes do not match, the hold or a name is unknown, initial states are given, or
-            there are more than two million samples.
-        """
+    def _over_time(self, part: SampledLoop, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
         from mbsvib.feedback.sampled_time import time_response
 
+        t, u, hold, initial = record
         if initial is not None:
             raise ResponseError("time_response: initial: a sampled loop starts at rest; expected None. Initial states "
                                 "are those of loop.continuous.")  # fmt: skip
-        return time_response(self.with_ports(outputs, inputs), t, u, hold)
+        return time_response(part, t, u, hold)
 
     def _resolved(self) -> tuple[LinearVerbs, float]:
         return self.continuous, 0.5 * self.rate

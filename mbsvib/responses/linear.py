@@ -150,6 +150,7 @@ class LinearVerbs(StepVerbs):
             "first": linear between samples; "zero": constant from each sample to the next.
         initial : array-like, optional
             At t[0]: q and q' where the equations are of second order, else the states of ``state_space()``; default: 0.
+            A sampled loop starts at rest, and takes its first sample there.
         outputs, inputs : str or sequence of str, optional
             Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
 
@@ -161,9 +162,14 @@ class LinearVerbs(StepVerbs):
         Raises
         ------
         ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown.
+            If times do not ascend, shapes do not match, or the hold or a name is unknown; of a sampled loop also if
+            initial states are given, or there are more than two million samples.
         """
-        result: Array = self.with_ports(outputs, inputs).equations.time_response(t, u, hold, initial)
+        return self._over_time(self.with_ports(outputs, inputs), (t, u, hold, initial))
+
+    def _over_time(self, part: Any, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
+        """The time response of a part to times, inputs, how these are held, and initial states."""
+        result: Array = part.equations.time_response(*record)
         return result
 
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:

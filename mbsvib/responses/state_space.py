@@ -255,41 +255,10 @@ class StateSpace(LinearVerbs, Displayed):
                 return solver.frequency_response(omega, rest.b, rest.c, part.D)
         return self._solver.frequency_response(omega, part.B, part.C, part.D)
 
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None,
-        outputs: Names = None, inputs: Names = None,
-    ) -> Array:  # fmt: skip
-        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
-
-        x(t + h) = exp(A h) x(t) + integral over the step of exp(A (h - s)) B u(t + s) ds
-
-        Parameters
-        ----------
-        t : array-like, shape (n,)
-            Ascending times [s].
-        u : array-like, shape (inputs, n), or (n,) for a single input
-            Inputs at these times.
-        hold : str
-            "first": linear between samples; "zero": constant from each sample to the next.
-        initial : array-like, shape (states,), optional
-            States at t[0]; default: 0.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
-
-        Returns
-        -------
-        array, shape (outputs, n)
-            Outputs at these times.
-
-        Raises
-        ------
-        ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown.
-        """
+    def _over_time(self, part: StateSpace, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
         from mbsvib.responses.first_order_solver import time_response
 
-        part = self.with_ports(outputs, inputs)
-        return time_response((part.A, part.B, part.C, part.D), part.inputs, (t, u, hold, initial))
+        return time_response((part.A, part.B, part.C, part.D), part.inputs, record)
 
     def __repr__(self) -> str:
         groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
