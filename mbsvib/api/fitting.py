@@ -14,9 +14,10 @@ from mbsvib.common.progress import counting
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import AccuracyWarning, MbsvibError, ModelError
-from mbsvib.fitting.data import KINDS, ModeData, conditioned, mode_data, record_data, response_data
+from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data
 from mbsvib.fitting.knowledge import knowledge
 from mbsvib.fitting.minimizing import STEPS, STEPS_FAR, minimized
+from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.problem import Problem
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 LINES = 24
 # Relative error of a measured factor, unless it is stated: of good tests of elastomers.
 NOISE = 0.05
-# Sizes of the first factor of a table; beyond, it may be in other units than the stiffness of the element.
-USUAL = 5e-3, 500.0
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -287,9 +285,7 @@ class Dynamic(Displayed):
                 f"{100 * least_error(function, 2 * np.pi * f[0], 2 * np.pi * f[-1]):.2g} %.")  # fmt: skip
             raise ModelError(f"{WHO}.table: the factor at {f[wrong[0]]:g} Hz is {values[wrong[0]]:g}; expected finite "
                              f"factors with an imaginary part of 0 or more, as only these take energy.{share}")
-        if not USUAL[0] <= abs(values[0]) <= USUAL[1]:
-            warn(f"{WHO}.table: the factor at {f[0]:g} Hz is {abs(values[0]):.3g}. Factors are parts of the stiffness "
-                 "of the element: divide stiffnesses by that, both in N/m.", AccuracyWarning, stacklevel=2)  # fmt: skip
+        forms.warn_of_stiffnesses(f[0], abs(values[0]))
         return Dynamic(f"table of {len(f)} factors", function, noise=float(forms.vector([noise], "noise", 0.0)[0]))
 
     @staticmethod
@@ -395,7 +391,8 @@ class Dynamic(Displayed):
         return replace(result, error=error, least_error=least, late=self.late)
 
     def __repr__(self) -> str:
-        return f"Dynamic({self.name!r}{f', {len(self.weights)} relaxations' if self.weights is not None else ''})"
+        states = "" if self.weights is None else f", {counted(len(self.weights), 'relaxation')}"
+        return f"Dynamic({self.name!r}{states})"
 
 
 def _rational(name: str, static: float, viscous: float, weights: Array, times: Array, late: float = 0.0) -> Dynamic:

@@ -32,6 +32,8 @@ A_DECADE, BEYOND = 4, 10.0
 HELD = 0.5
 # Weights below this share of the largest are none.
 NONE = 1e-9
+# Sizes of the first factor of a table; beyond, it may be in other units than the stiffness of the element.
+USUAL = 5e-3, 500.0
 # A frequency beyond a table by this share is rounding of its end.
 END = 1e-12
 
@@ -43,6 +45,13 @@ def vector(value: Any, label: str, least: float) -> Array:
         limit = ", 0 or more" if least == 0.0 else ""
         raise ModelError(f"{WHO}: {label} = {shown(value)}; expected finite numbers{limit}.", field=label)  # fmt: skip
     return array
+
+
+def warn_of_stiffnesses(frequency: float, size: float) -> None:
+    """Warn of a table whose first factor has the size of a stiffness."""
+    if not USUAL[0] <= size <= USUAL[1]:
+        warn(f"{WHO}.table: the factor at {frequency:g} Hz is {size:.3g}. Factors are parts of the stiffness of the "
+             f"element: divide stiffnesses by that, both in N/m.", AccuracyWarning, stacklevel=3)  # fmt: skip
 
 
 def band(given: Any) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from mbsvib.equations.batch_prestress import prestress
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
-from mbsvib.equations.expansion import expanded
+from mbsvib.equations.expansion import expanded, with_damping_that_varies
 from mbsvib.equations.geometry_plan import geometry_plan
 from mbsvib.equations.inertia import check_masses, unit_inertia
 from mbsvib.equations.loaded import spins_otherwise
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=BatchEquations)
 
-# Damping of beams that has rows of its own, and none where it is zero.
-BEGINNING = frozenset({"alpha", "damping_ratio"})
 # Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
 CHUNK = 2**20
 
@@ -281,20 +279,13 @@ def batch_plan(
     if forces_alone:
         scene = replace(scene, inertia=unit_inertia(len(scene.bodies)))
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    if begins := _damping_that_begins(slots):
-        with_nodes = with_maxwell_nodes(expanded(user_model.with_values(begins)))
+    if (damped := with_damping_that_varies(user_model, slots)) is not user_model:
+        with_nodes = with_maxwell_nodes(expanded(damped))
         scene = replace(scene_of(with_nodes, cut), inertia=scene.inertia)
     if (stated := prestress(with_nodes, scene)) is not None:
         with_nodes, scene = stated[0].model, stated[1]
     return BatchPlan(user_model, with_nodes, scene, nominal, None if cut is None else tuple(cut), slots,
                      prestress=None if stated is None else stated[0])  # fmt: skip
-
-
-def _damping_that_begins(slots: Slots) -> dict[str, float]:
-    """Values of the damping of beams that has no rows in the model, as it is zero there, and varies."""
-    parts, entries = slots.parameters.parts, [slots.parameters.entry(name) for name in slots.names]
-    return {entry.name: 1.0 for entry in entries if not entry.value and entry.field in BEGINNING
-            and isinstance(parts[entry.part], Beam)}  # fmt: skip
 
 
 def _displacements(scene: Scene) -> tuple[Triplets, Array]:

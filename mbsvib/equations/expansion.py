@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.errors import ModelError
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
+    from mbsvib.mechanism.changes import Slots
 
 
 _EXPANDED = ("bodies", "joints", "springs", "inputs", "outputs")
@@ -70,6 +72,17 @@ def expanded(model: M) -> M:
         result = turning(result, model.beams)
     displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result
+
+
+def with_damping_that_varies(model: M, slots: Slots) -> M:
+    """Return a mechanism whose beams have the damping that varies; where it is zero it has no rows.
+
+    Without such beams it is the same mechanism.
+    """
+    entries = [model.parameters.entry(name) for name in slots.names]
+    begins = {entry.name: 1.0 for entry in entries if not entry.value and entry.field in ("alpha", "damping_ratio")
+              and isinstance(slots.parameters.parts[entry.part], Beam)}  # fmt: skip
+    return model.with_values(begins) if begins else model
 
 
 def _prestressed(result: M, model: M) -> M:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mbsvib.fitting.data import ModeData
+from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.response_data import Block, ResponseData
 
 if TYPE_CHECKING:
