@@ -13,7 +13,7 @@ from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
-from mbsvib.equations.batch_equations import FACTORS, BatchEquations, joined
+from mbsvib.equations.batch_equations import FACTORS, BatchEquations, chunk_size, joined
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, linearized_variant, one_by_one, stacked
 from mbsvib.equations.batch_prestress import prestress
@@ -29,7 +29,13 @@ from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
-from mbsvib.equations.wrenches import applied_of_variants, has_antisymmetric_forces, loaded_in_variants, preloaded
+from mbsvib.equations.wrenches import (
+    applied_of_variants,
+    has_antisymmetric_forces,
+    keeps_forces,
+    loaded_in_variants,
+    preloaded,
+)
 from mbsvib.errors import SingularPoseError
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 
@@ -50,9 +56,6 @@ if TYPE_CHECKING:
 
 
 B = TypeVar("B", bound=BatchEquations)
-
-# Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
-CHUNK = 2**20
 
 
 def linearize_batch(
@@ -159,15 +162,20 @@ class BatchPlan:
         fixed = any(coupler.curvatures for coupler in scene.couplers) or bool(self.model.derived(driven_coordinates))
         fixed = fixed and (self.posed is not None or not self.geometry.constant)
         # tension of beams follows the loads
-        shared = scene.shared is not None and bool(scene.shared.base) and self.with_forces and (
-            self.prestress is None or self.posed is not None or (
-                "gravity" in self.slots.index and not any(self.model.gravity or ())))  # fmt: skip
+        begins = "gravity" in self.slots.index and not any(self.model.gravity or ())
+        shared = self.strained and (self.posed is not None or begins or (
+            self.prestress is None and not keeps_forces(self.user_model, self.slots.index)))  # fmt: skip
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
         # strain follows the section of a beam
         ports = (*self.user_model.inputs.values(), *self.user_model.outputs.values())
         strained = bool(self.geometry.elastic) and any(type(part) in EXPANSIONS for part in ports)
         return bool(shared or fixed or varies or strained or self._replacing_alone)
+
+    @property
+    def strained(self) -> bool:
+        """Whether a variant may have forces in beams or superelements at its pose."""
+        return self.with_forces and self.scene.shared is not None and bool(self.scene.shared.base)
 
     @property
     def _replacing_alone(self) -> bool:
@@ -182,16 +190,8 @@ class BatchPlan:
 
     def chunk_size(self, count: int) -> int:
         """Return the number of variants to compute at once, of ``count``."""
-        scene = self.scene
         elastic = all(fields.keys() <= {"stiffness", "damping"} for fields in self.slots.index.values())
-        if scene.loads is None and elastic and self.posed is None:
-            return count
-        rows, n = scene.coordinates.path.shape
-        if scene.loads is not None:
-            rows += len(scene.loads[0].names) + n
-        if scene.shared is not None:
-            rows += sum(len(part.first) for part in scene.shared.base)
-        return int(max(16, CHUNK // max(1, rows * n * 6)))
+        return count if self.scene.loads is None and elastic and self.posed is None else chunk_size(self.scene)
 
     def at_once(self, variants: Values) -> bool:
         """Return whether the equations of these variants can be computed at once."""

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 
+# Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
+CHUNK = 2**20
 FACTORS = ("inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "body_motion")
 
 
@@ -227,6 +230,16 @@ def _provenance(batch: BatchEquations, k: int, parts: bool) -> Provenance:
 
     return replace(nominal, topology=replace(topology, joints=at(topology.joints)), parts=at(nominal.parts),
                    reduction=reduction, origin=None if origin is None else origin.with_changed(changed))  # fmt: skip
+
+
+def chunk_size(scene: Scene) -> int:
+    """Return the number of variants of a scene whose arrays fit a cache."""
+    rows, n = scene.coordinates.path.shape
+    if scene.loads is not None:
+        rows += len(scene.loads[0].names) + n
+    if scene.shared is not None:
+        rows += sum(len(part.first) for part in scene.shared.base)
+    return int(max(16, CHUNK // max(1, rows * n * 6)))
 
 
 def joined(parts: list[Any], key: str, count: int, size: int) -> Any:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
+# Fields by which forces at the pose stay as they are, where springs have no free length.
+KEEPING_FORCES = frozenset({"stiffness", "static_stiffness", "damping", "inertance", "inertia", "alpha", "beta",
+                            "damping_ratio"})  # fmt: skip
+
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -163,6 +167,12 @@ def leading(vectors: Array) -> Array:
 def loaded_in_variants(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> bool:
     """Return whether gravity, or the preload of an element, is among the fields that vary, by part and name."""
     return bool("gravity" in varying and model.gravity is not None) or bool(preloaded(model, varying))
+
+
+def keeps_forces(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether no variant has other forces at the pose, by the part and name of the fields that vary."""
+    kept = KEEPING_FORCES if any(model.gravity or ()) else KEEPING_FORCES | {"mass"}
+    return not preloaded(model, varying) and all(fields.keys() <= kept for fields in varying.values())
 
 
 def preloaded(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import mbsvib as mv
 import mbsvib.equations.assembly
-import mbsvib.equations.batch_assembly
+import mbsvib.equations.batch_equations
 from mbsvib import library
 from tests.support.compare import elastic_size
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
@@ -168,7 +168,7 @@ def test_a_loop_that_locks_is_refused_by_its_index(monkeypatch):
     tilt[37] = 0.2
     with pytest.raises(mv.SingularPoseError, match=r"variant 37: .*tie the coordinates d\.rz of the nominal pose"):
         four_bar().linearize(values={"b.orientation.rx": tilt}, independent=["d.rz"])
-    monkeypatch.setattr(mbsvib.equations.batch_assembly, "CHUNK", 1)
+    monkeypatch.setattr(mbsvib.equations.batch_equations, "CHUNK", 1)
     with pytest.raises(mv.SingularPoseError, match=r"variant 37: "):
         four_bar().linearize(values={"b.orientation.rx": tilt})
     four_bar().linearize(values={"*.orientation.rz": 5.0 * tilt})
@@ -263,7 +263,7 @@ def test_pieces_of_a_batch_are_put_together_in_order(monkeypatch):
     model = library.stewart()
     values = {"leg1.head.position.x": 0.05 + np.linspace(0, 1e-2, 40), "platform.mass": np.linspace(1, 2, 40)}
     full = model.linearize(values=values)
-    monkeypatch.setattr(mbsvib.equations.batch_assembly, "CHUNK", 1)
+    monkeypatch.setattr(mbsvib.equations.batch_equations, "CHUNK", 1)
     parts = model.linearize(values=values)
     for key in MATRICES:
         np.testing.assert_allclose(getattr(parts, key), getattr(full, key), rtol=1e-14, atol=0)

@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.errors import ModelError
+from mbsvib.sensitivities.variables import Direction
+from mbsvib.sensitivities.variants import Variants
 
 STEEL, COUNT = {"E": 2e11, "rho": 7800.0, "nu": 0.3}, 4
 SECTIONS = {
@@ -264,15 +266,36 @@ def test_tangents_of_loaded_ones_are_slopes_between_variants(name):
 
 
 def test_forces_that_are_not_stated_for_variants_are_computed_alone():
-    """Beams that are bent in the loaded pose, and gravity where the model has none."""
+    """Beams that are bent in the loaded pose, weights on them, and gravity where the model has none."""
     model = loaded_beam()
     assert not model.compile(["bar.E"])._plan.one_by_one
     bent = model.equilibrium()
-    bent = bent[0] if isinstance(bent, tuple) else bent
-    assert bent.compile(["bar.E"])._plan.one_by_one
+    for name in ("bar.E", "tip.mass", "pull.preload", "tip.position.x"):
+        assert bent.compile([name])._plan.one_by_one, name
     still = beam("tube", gravity=(0.0, 0.0, 0.0))
     assert still.compile(["gravity.z"])._plan.one_by_one
     check_alone(still, {"gravity.z": np.array([-9.0, -1.0])})
+
+
+@pytest.mark.usefixtures("at_once")
+def test_forces_in_bent_beams_stay_where_nothing_else_loads_them():
+    bent = loaded_beam().equilibrium()
+    names = ["line.stiffness", "line.damping", "end.inertia.xx"]
+    check_alone(bent, {name: bent.parameters[name] * np.array([1.0, 1.2, 0.9]) for name in names})
+    check_tangents(bent, names)
+
+
+@pytest.mark.slow
+def test_derivatives_of_bent_beams_are_those_of_differences(monkeypatch):
+    """Steps along some parameters leave the others, and the motion of the pose, to differences."""
+    system = loaded_beam().equilibrium().linearize()
+    names = ["line.stiffness", "line.damping", "end.inertia.xx", "tip.mass"]
+    directions = [Direction(name, ((name, 1.0),)) for name in names]
+    stepped = Variants(system).slopes(directions)
+    monkeypatch.setattr(Variants, "_add_tangents", lambda *_: None)
+    differenced = Variants(system).slopes(directions)
+    for key in ("M", "C", "K"):
+        assert_allclose(stepped[key], differenced[key], rtol=1e-7, atol=1e-9 * np.abs(differenced[key]).max())
 
 
 def test_forces_of_other_parts_beside_loaded_beams_are_checked():
