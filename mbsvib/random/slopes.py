@@ -108,6 +108,9 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
     """
     scene = Scene(under.linear)
     if scene.base is None:
+        if hasattr(scene.system, "ends"):
+            raise ModelError(f"sensitivities: '{under.linear.name}' has motions as inputs, and derivatives of mean "
+                             f"squares are those of systems with forces; compare variants by model.with_values.")
         raise ModelError(f"sensitivities: '{under.linear.name}' has matrices and no parameters; derivatives are those "
                          f"of a system of a mechanism, model.linearize().")  # fmt: skip
     result: dict[str, dict[str, float]] = {}

@@ -213,6 +213,15 @@ def test_changes_that_make_it_infinite():
 def test_refusals():
     with pytest.raises(mv.ModelError, match="has matrices and no parameters"):
         plain(two_masses()).state_space().budget({"F1": 1.0}).sensitivities()
+    driven = mv.Model("driven")
+    driven.add_body("b", 1.0, (1, 1, 1))
+    driven.add_joint("j", "prismatic", "ground", "b", (0, 0, 0), axis=(0, 0, 1))
+    driven.add_spring("s", "ground", "b", (0, 0, -1), (0, 0, 0), 100.0, 2.0)
+    driven.add_motion_input("u", "s")
+    driven.add_input("F", "b", "z")
+    driven.add_output("z", "b", "z")
+    with pytest.raises(mv.ModelError, match="'driven' has motions as inputs"):
+        driven.linearize().budget({"F": 1.0}).sensitivities()
     with pytest.raises(mv.ResponseError, match="has no controller"):
         plain(two_masses()).budget({"F1": 1.0}).controller_sensitivities()
     with pytest.raises(mv.ResponseError, match="averages over a time"):
