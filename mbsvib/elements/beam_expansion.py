@@ -23,7 +23,7 @@ from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array
@@ -37,17 +37,6 @@ def expand(beam: Beam, *_: Any) -> ExpandedPart:
         massless_bodies(beam.node_names), {joint.name: joint for joint, _ in pairs},
         {spring.name: spring for _, spring in pairs}, mass=tuple(mass), elastic=tuple(dampers(beam, mass)),
     )  # fmt: skip
-
-
-def varied_rows(beam: Beam, fields: Mapping[str, Array]) -> tuple[list[SharedRows], list[SharedRows]]:
-    """Return the mass rows of a beam with the numbers of many variants, and the rows of its damping.
-
-    ``fields``: values of its ``batched_fields``, with the variants on the last axis. Matrices and coefficients that
-    vary have an axis of variants in front, points of nodes components of variants.
-    """
-    varied = beam.of_variants(fields)
-    mass = masses(varied)
-    return mass, dampers(varied, mass)
 
 
 def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:

@@ -163,7 +163,7 @@ class BatchPlan:
         fixed = fixed and (self.posed is not None or not self.geometry.constant)
         # tension of beams follows the loads
         begins = "gravity" in self.slots.index and not any(self.model.gravity or ())
-        shared = self.strained and (self.posed is not None or begins or (
+        shared = self.stressed and (self.posed is not None or begins or (
             self.prestress is None and not keeps_forces(self.user_model, self.slots.index)))  # fmt: skip
         parts = self.slots.parameters.parts
         varies = any(not fields.keys() <= parts[name].batched_fields for name, fields in self.slots.index.items())
@@ -173,7 +173,7 @@ class BatchPlan:
         return bool(shared or fixed or varies or strained or self._replacing_alone)
 
     @property
-    def strained(self) -> bool:
+    def stressed(self) -> bool:
         """Whether a variant may have forces in beams or superelements at its pose."""
         return self.with_forces and self.scene.shared is not None and bool(self.scene.shared.base)
 

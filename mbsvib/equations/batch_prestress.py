@@ -12,6 +12,7 @@ from mbsvib.equations.beam_prestress import bent_lines, check_compression, least
 from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
+from mbsvib.linalg.components import stacked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,7 +50,7 @@ class Prestress:
         for beam in self.beams:
             if varied is None and beam.name not in values.fields:
                 continue
-            masses, points = self._in_variants(beam, values).node_weights()
+            masses, points = values.beams.get(beam.name, beam).node_weights()
             for i in range(masses.shape[-1]):
                 fields = {"force": gravity * masses[..., i], "position": points[..., i, :].T.reshape(3, -1)}
                 result[f"{beam.name}.weight{i}"] = {
@@ -79,11 +80,8 @@ class Prestress:
         assert scene.shared.elastic is not None
         applied, elastic, count, names = scene.loads[0], scene.shared.elastic, values.count, self.elements
         at = np.array([applied.names.index(name) for name in names])
-        axes = np.array([self.model.springs[name].orientation for name in names])
-        turning = [k for k, name in enumerate(names) if name in values.slots.turning]
-        if turning:
-            axes = values.repeated(axes)
-            axes[:, turning] = values.rotations[:, [values.slots.turning[names[k]] for k in turning]] @ axes[:, turning]
+        axes = np.stack(np.broadcast_arrays(*[
+            stacked(own) for beam in self.beams for _, own in values.beams.get(beam.name, beam).frames()]), axis=-3)
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
         lost: Bools = np.asarray(np.isnan(preload.imag).any(axis=(-1, -2)))
@@ -116,15 +114,11 @@ class Prestress:
         for beam in self.beams:
             own = preload[:, start : start + len(beam.element_names)]
             falls = np.broadcast_to(fall, (*own.shape[:-1], 3))
-            varied = self._in_variants(beam, values)
+            varied = values.beams.get(beam.name, beam)
             check_compression(varied, own)
             result += bent_lines(varied, own, falls, every=True)
             start += own.shape[1]
         return result
-
-    @staticmethod
-    def _in_variants(beam: Beam, values: Values) -> Beam:
-        return beam.of_variants(values.fields[beam.name]) if beam.name in values.fields else beam
 
 
 def _with_wrenches(applied: Any, at: Index, wrenches: Array) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
@@ -78,6 +79,12 @@ class Values:
     def rotations(self) -> Array:
         """The rotations (n, k, 3, 3) of the parts whose orientations vary, ``slots.turning`` numbers them."""
         return exponential(self.numbers[self.slots.turns].transpose(2, 1, 0))
+
+    @cached_property
+    def beams(self) -> Mapping[str, Beam]:
+        """The beams and flexures whose numbers vary, with arrays of all variants, by name."""
+        parts = {name: self.parameters.parts[name] for name in self.slots.index}
+        return {name: part.of_variants(self.fields[name]) for name, part in parts.items() if isinstance(part, Beam)}
 
     @property
     def in_equations(self) -> Values:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_expansion import varied_rows
+from mbsvib.elements.beam_expansion import dampers, masses
 from mbsvib.elements.bushing import Bushing, rows_of_matrices
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
@@ -133,10 +133,11 @@ class GeometryPlan:
         loaded = any(rows.stiffness is not None for rows in self.expansion.elastic)
         mass, elastic, lines = {}, {}, {}
         for part in self.elastic:
-            own = values.fields[part.name]
-            mass[part.name], elastic[part.name] = map(iter, varied_rows(part, own))
+            varied = values.beams[part.name]
+            rows = masses(varied)
+            mass[part.name], elastic[part.name] = iter(rows), iter(dampers(varied, rows))
             if loaded and part.element_names[0] in self.index:
-                lines[part.name] = iter(unloaded_lines(part.of_variants(own)))
+                lines[part.name] = iter(unloaded_lines(varied))
         points: dict[Node, Any] = {}
 
         def of_variants(constant: Sequence[SharedRows], made: Mapping[str, Iterator[SharedRows]]) -> list[SharedRows]:

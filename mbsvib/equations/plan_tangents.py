@@ -120,7 +120,7 @@ def along_poses(plan: BatchPlan, names: Sequence[str]) -> dict[str, Array] | Non
 
     Forces change as those of springs and loads do. ``names``: of the coordinates, among those of the plan.
     """
-    if plan.strained:
+    if plan.stressed:
         return None
     posed = posed_scene(plan.user_model, plan.model, plan.scene, False, ())
     parameters = plan.slots.parameters

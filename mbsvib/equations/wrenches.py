@@ -28,11 +28,10 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
+
 # Fields by which forces at the pose stay as they are, where springs have no free length.
 KEEPING_FORCES = frozenset({"stiffness", "static_stiffness", "damping", "inertance", "inertia", "alpha", "beta",
                             "damping_ratio"})  # fmt: skip
-
-
 ORIGIN = (0.0, 0.0, 0.0)
 
 

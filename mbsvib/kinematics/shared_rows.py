@@ -125,8 +125,9 @@ def stack(
     force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
     second = np.repeat(np.array([number[node.body] for node in nodes], dtype=np.intp), 6)
     first = np.repeat(np.array([number[node.relative_to] for node in nodes], dtype=np.intp), 6)
-    places: Any = [stacked(points[node]) if node in points else np.array(node.point) for node in nodes]
-    place = np.array(places) if not points else np.stack(np.broadcast_arrays(*places), axis=-2)
+    place = np.array([node.point for node in nodes], dtype=float)
+    if points:
+        place = np.stack(np.broadcast_arrays(*[stacked(points.get(node, node.point)) for node in nodes]), axis=-2)
     point = np.repeat(components_first(place), 6, axis=-1)
     blocks = tuple([
         ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -126,7 +125,7 @@ class Slots:
         """
         rows, result = len(self.nominal), {}
         for name, fields in self._places(self.nominal[:, None]).items():
-            result[name] = {field: rows + np.arange(k, k + 3) for k, field in zip(count(0, 3), fields, strict=False)}
+            result[name] = {field: rows + 3 * k + np.arange(3) for k, field in enumerate(fields)}
             rows += 3 * len(fields)
         return result
 
