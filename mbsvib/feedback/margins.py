@@ -44,6 +44,7 @@ class Margins(Columnar, Displayed):
     ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the delay margin and
     ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit.
     ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN without limit.
+    A loop gain that stays above 1 however high the frequency, as of accelerations, has no delay margin: 0 at infinity.
     """
 
     name: str
@@ -120,7 +121,8 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     """
     band, poles, largest, frequency = _disk(loop, frequencies)
     limits = band.response(band.ends[[0, -1]])[: 2 if frequencies is None else 0]
-    single_margins = [_single(band, poles, limits[:, i, i], i) for i in range(len(loop.actuators))]
+    endless = np.isinf(loop.resolution.period)
+    single_margins = [_single(band, poles, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
     (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
     lower_at, gain_at, phase_at, delay_at, modulus_at = at
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
@@ -172,9 +174,11 @@ def _sensitivity(loop: Loop, hertz: Array) -> Complex:
     return s
 
 
-def _single(band: Band, poles: Complex, limits: Complex, i: int) -> list[tuple[float, float]]:
+def _single(band: Band, poles: Complex, limits: Complex, i: int, endless: bool) -> list[tuple[float, float]]:
     """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed,
     each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1. ``poles`` in Hz; ``limits`` of S.
+
+    ``endless``: the last limit is that of infinite frequency. Where L is 1 or more there, any delay turns it to -1.
     """
     ends = band.ends[[0, -1]]
     critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)[:, i, i])), poles, *ends.tolist())
@@ -191,12 +195,14 @@ def _single(band: Band, poles: Complex, limits: Complex, i: int) -> list[tuple[f
     factors, at = np.divide(s[real].real, s[real].real - 1.0), at[real]
     unit = band.crossings(lambda s: s[:, i, i].real - 0.5)
     turn = np.angle(1.0 - 1.0 / band.response(unit)[:, i, i])
-    delays = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit)
+    delays = _limit(np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit), unit, np.inf)
+    if endless and (limits[1:].real <= 0.5).any():
+        delays = 0.0, np.inf
     where, largest = band.highest(lambda s: np.abs(s[:, i, i]) ** 2)
     below, above = (factors > 0.0) & (factors < 1.0), factors >= 1.0
     return [
         _limit(-factors[below], at[below], 0.0, -1.0), _limit(factors[above], at[above], np.inf),
-        _limit(np.degrees(np.abs(turn)), unit, np.inf), _limit(delays, unit, np.inf), (largest**-0.5, float(where)),
+        _limit(np.degrees(np.abs(turn)), unit, np.inf), delays, (largest**-0.5, float(where)),
     ]  # fmt: skip
 
 

@@ -143,3 +143,35 @@ def test_no_limit_of_all_gains_is_infinite():
     margins = plant.with_gains(isolation.force_feedback(plant, 40.0, 2.0)).margins()
     assert margins.all_gains[1] == np.inf
     assert "0.5 ... inf" in str(margins)
+
+
+@pytest.mark.parametrize("gain", [-1.9, 1.2])
+def test_delay_margin_of_accelerations_against_the_delayed_equation(gain):
+    """m x'' + c x' + k x = g x''(t - T), by its solutions exp(i w t)."""
+    m, c, k = 2.0, 12.0, 800.0
+    plant = mv.System.from_matrices([[m]], [[c]], [[k]], [[1.0]], Ca=[[1.0]])
+    got = plant.feedback([[gain]], plant.outputs, plant.inputs).margins()
+    w = np.sqrt(np.roots([m * m - gain**2, c * c - 2 * m * k, k * k]).astype(complex))
+    w = w.real[np.abs(w.imag) < 1e-9]
+    late = np.mod(-np.angle((k - m * w * w + 1j * c * w) / (-gain * w * w)), 2 * np.pi) / w
+    assert got.delay[0] == pytest.approx(min(late), rel=1e-9)
+
+
+@pytest.mark.parametrize("gain", [-2.1, -9.0])
+def test_no_delay_margin_where_more_than_the_acceleration_is_fed_back(gain):
+    """The equation with a delay T is neutral: for g < -m and any T > 0 it has solutions near
+    exp((log(-g / m) + i n pi) t / T), n even and large, which grow.
+    """
+    m, c, k, late = 2.0, 12.0, 800.0, 1e-3
+    plant = mv.System.from_matrices([[m]], [[c]], [[k]], [[1.0]], Ca=[[1.0]])
+    loop = plant.feedback([[gain]], plant.outputs, plant.inputs)
+    s = complex(np.log(-gain / m), 1001 * np.pi) / late
+    for _ in range(20):
+        turned = gain * np.exp(-s * late)
+        s -= (m * s * s + c * s + k - turned * s * s) / (2 * m * s + c + turned * (late * s - 2) * s)
+    assert s.real == pytest.approx(np.log(-gain / m) / late, abs=1.0)
+    assert s.real > 0
+    got = loop.margins()
+    assert loop.stable
+    assert (got.delay[0], got.delay_at[0]) == (0.0, np.inf)
+    assert loop.margins([0.1, 1e3]).delay[0] > 0.0
