@@ -246,7 +246,7 @@ class SensitiveVerbs:
             Names or patterns; default: all. Their units are not weighed.
         parameters : str, iterable of str or mapping, optional
             Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
-            parameter; ``[]`` for none.
+            parameter, computed when ``slopes`` is first asked for; ``[]`` for none.
 
         Returns
         -------
@@ -273,7 +273,7 @@ class SensitiveVerbs:
             Names or patterns; default: all. Their units are not weighed.
         parameters : str, iterable of str or mapping, optional
             Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
-            parameter; ``[]`` for none.
+            parameter, computed when ``slopes`` is first asked for; ``[]`` for none.
 
         Returns
         -------

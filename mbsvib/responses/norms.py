@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,18 +26,39 @@ if TYPE_CHECKING:
 # The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are
 # the same.
 LAST, ROUNDING = 1e3, 1e-9
+LISTED = 4  # poles in a message
+
+
+class _Slopes:
+    """A field that holds an array, or a function that returns it when it is first asked for."""
+
+    def __get__(self, norm: Any, kind: type | None = None) -> Array:
+        if norm is None:
+            return ()  # type: ignore[return-value]  # the default, which __set__ makes an array
+        held: Array | Callable[[], Array] = norm.__dict__["slopes"]
+        if callable(held):
+            held = norm.__dict__["slopes"] = held()
+        return held
+
+    def __set__(self, norm: Any, value: Array | Callable[[], Array]) -> None:
+        norm.__dict__["slopes"] = value if callable(value) else np.asarray(value)
 
 
 @dataclass(frozen=True, repr=False)
 class Norm(Columnar, Displayed):
     """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
     of the peak, inf where the response only tends to it, None for the H2 norm.
+
+    Slopes to all parameters, which nobody named, are computed when they are first asked for.
     """
 
     value: float
     variables: tuple[str, ...] = ()
-    slopes: Array = field(default_factory=lambda: np.zeros(0))
+    slopes: _Slopes = _Slopes()
     omega: float | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "slopes": self.slopes}
 
     def columns(self) -> dict[str, Any]:
         """Return the norm, in one row or one for each variable, as columns by name.
@@ -69,12 +90,13 @@ def decaying_part(space: Any, question: str, answer: str) -> Separation:
     shown = [group for group in parts.lasting if group.shown.any()]
     if shown:
         o, i = (int(k) for k in np.argwhere(shown[0].shown)[0])
-        words = [f"{pole_words(group.pole)}{_origin(space, group)}" for group in shown]
-        which = f"the poles {'; '.join(word.removeprefix('the pole ') for word in words)} do" if len(words) > 1 else \
-            f"{words[0]} does"
-        raise ResponseError(f"{question}: {which} not decay and appears in the response of '{space.outputs[o]}' to "
-                            f"'{space.inputs[i]}', so that {answer}. Give it damping, change the controller, or choose "
-                            f"other outputs or inputs.")  # fmt: skip
+        words = [f"{pole_words(group.pole)}{_origin(space, group)}" for group in shown[:LISTED]]
+        more = f" and {len(shown) - LISTED} more" if len(shown) > LISTED else ""
+        which = f"the poles {'; '.join(word.removeprefix('the pole ') for word in words)}{more} do not decay and " \
+            f"appear" if len(words) > 1 else f"{words[0]} does not decay and appears"
+        raise ResponseError(f"{question}: {which} in the response of '{space.outputs[o]}' to '{space.inputs[i]}', so "
+                            f"that {answer}. Give {'them' if len(words) > 1 else 'it'} damping, change the controller, "
+                            f"or choose other outputs or inputs.")  # fmt: skip
     for group in parts.lasting:
         pole, errors = group.pole, group.part.errors[0]
         if (group.part.poles.real > errors).any():

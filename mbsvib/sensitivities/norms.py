@@ -93,16 +93,20 @@ def h2_norm(
     value = h2(replace(space, D=np.zeros_like(space.D))).value
     if not names:
         return Norm(value)
-    slopes, k = np.zeros(len(names)), base.first
-    parts = separated(base.A, base.B, base.C)
-    p, q = gramians(parts)
-    state, force, observed = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
-    for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
-        da, db, dc, dd = changed(base, change, *ports)
-        total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * observed).sum(axis=(1, 2))
-        infinite = dd.any(axis=(1, 2)) | hidden_appear(parts, base.first, da, db, dc)
-        slopes[which] = np.where(infinite, np.inf, total / value if value else total)
-    return Norm(value, names, slopes)
+
+    def slopes() -> Array:
+        result, k = np.zeros(len(names)), base.first
+        parts = separated(base.A, base.B, base.C)
+        p, q = gramians(parts)
+        state, force, observed = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
+        for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
+            da, db, dc, dd = changed(base, change, *ports)
+            total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * observed).sum(axis=(1, 2))
+            infinite = dd.any(axis=(1, 2)) | hidden_appear(parts, base.first, da, db, dc)
+            result[which] = np.where(infinite, np.inf, total / value if value else total)
+        return result
+
+    return Norm(value, names, slopes if parameters is None else slopes())
 
 
 def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:
@@ -227,10 +231,13 @@ def hinf_norm(
     at = omega or (STATIC * float(np.abs(values).min()) if parts.lasting else 0.0)
     if not names:
         return Norm(value, omega=omega)
-    u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([at]))[0])
-    change = frequency_response_sensitivities(basis, [at], parameters, *named)[..., 0]
-    slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
-    return Norm(value, names, slopes, omega)
+
+    def slopes() -> Array:
+        u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([at]))[0])
+        change = frequency_response_sensitivities(basis, [at], parameters, *named)[..., 0]
+        return np.asarray(np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real)
+
+    return Norm(value, names, slopes if parameters is None else slopes(), omega)
 
 
 def _at_infinity(

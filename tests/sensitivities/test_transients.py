@@ -1,10 +1,13 @@
 """Sensitivities of time responses and of norms: closed forms, and differences of the whole computation."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 
 import mbsvib as mv
+from mbsvib.sensitivities import norms
 from tests.sensitivities.differences import difference
 from tests.sensitivities.test_responses import isolator
 from tests.support.random_models import seeds, spatial
@@ -100,6 +103,26 @@ def test_static_compliance_is_that_of_the_spring():
     assert result[:, 0, 0] == pytest.approx([-1 / 800.0**2, 0], rel=1e-13)
 
 
+@pytest.mark.parametrize(("verb", "engine"), [("hinf_norm", "frequency_response_sensitivities"),
+                                              ("h2_norm", "changed")])  # fmt: skip
+def test_slopes_of_norms_that_nobody_named_are_computed_when_asked_for(verb, engine, monkeypatch):
+    system = isolator().linearize()
+    norm, kept = (getattr(system, verb)("way", "push") for _ in range(2))
+    named = getattr(system, verb)("way", "push", list(system.parameters))
+    same = pickle.loads(pickle.dumps(kept))
+
+    def refuse(*_, **__):
+        raise NotImplementedError
+
+    monkeypatch.setattr(norms, engine, refuse)
+    assert (norm.value, norm.variables, norm.omega) == (named.value, named.variables, named.omega)
+    np.testing.assert_array_equal(same.slopes, named.slopes)
+    with pytest.raises(NotImplementedError):
+        getattr(system, verb)("way", "push", "mass.mass")
+    monkeypatch.undo()
+    np.testing.assert_array_equal(norm.slopes, named.slopes)
+
+
 def test_infinite_norms_are_refused():
     system = isolator().linearize()
     with pytest.raises(mv.ResponseError, match="'felt' sees input 'push' at once"):
@@ -111,6 +134,13 @@ def test_infinite_norms_are_refused():
         undamped.hinf_norm("way", "push")
     with pytest.raises(mv.ModelError, match=r"Did you mean 'mass\.mass'"):
         system.hinf_norm("way", "push", "mass.mas")
+
+
+def test_poles_of_an_infinite_norm_are_listed_in_few_words():
+    chain = mv.System.from_matrices(np.eye(6), None, 4 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1), np.eye(6)[0])
+    with pytest.raises(mv.ResponseError, match=r": the poles ([^;]*; ){3}[^;]* and 2 more do not decay and appear in "
+                                               r"the response .* Give them damping"):  # fmt: skip
+        chain.hinf_norm()
 
 
 @pytest.mark.parametrize(("k", "c"), [(1.0, 2e-3), (1e-6, 2e-9)])
