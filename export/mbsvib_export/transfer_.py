@@ -9,6 +9,9 @@ import numpy as np
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
+from mbsvib.feedback.closing import transfer
+from mbsvib.feedback.sampled import SampledLoop
+from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import linear_of, only_port, refusal
 from mbsvib_export.packages import need
@@ -21,6 +24,9 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.responses.state_space import StateSpace
 
+    # points s or z, the response there, poles, zeros, and the sample time
+    _Parts = tuple[Complex, Complex, Complex, Complex, float]
+
 
 WORST = 1e-6  # relative error of a response by polynomials, above which they are refused
 # Poles and zeros closer than this, relative to their size, are one motion that the input does not reach or the output
@@ -29,18 +35,18 @@ SAME = 1e-9
 
 
 def to_transfer_function(
-    system: System | ClosedLoop | StateSpace, output: str | None = None, input: str | None = None
+    system: System | ClosedLoop | SampledLoop | StateSpace, output: str | None = None, input: str | None = None
 ) -> tuple[control.TransferFunction, float]:
     """Return the transfer function of one input and output as polynomials, and its error.
 
-    G(s) = gain prod(s - zero) / prod(s - pole)
+    G(s) = gain prod(s - zero) / prod(s - pole),  of a sampled loop G(z) from a held input to samples
 
     Polynomials of many or far-apart poles lose digits: the frequency response of the result is compared with that of
     the system on its frequency grid, and an inaccurate one is refused. Prefer ``to_control`` wherever it is taken.
 
     Parameters
     ----------
-    system : System, ClosedLoop, StateSpace or control.StateSpace
+    system : System, ClosedLoop, SampledLoop, StateSpace or control.StateSpace
         The equations of motion.
     output : str, optional
         Name of the output; may be left out where there is one.
@@ -68,12 +74,12 @@ def to_transfer_function(
                       "computed from its factors")  # fmt: skip
     source, target = (only_port(linear, name, kind, "to_transfer_function")
                       for name, kind in ((input, "input"), (output, "output")))  # fmt: skip
-    omega = _grid(linear, source, target)
-    exact = linear.frequency_response(omega)[linear.outputs.index(target), linear.inputs.index(source)]
-    poles, zeros = _without_common(linear.poles(), linear.transmission_zeros(outputs=target, inputs=source))
-    numerator, denominator = _polynomials(poles, zeros, omega, exact)
+    at, exact, poles, zeros, period = (_sampled if isinstance(linear, SampledLoop) else _continuous)(
+        linear, source, target)  # fmt: skip
+    poles, zeros = _without_common(poles, zeros)
+    numerator, denominator = _polynomials(poles, zeros, at, exact)
     with np.errstate(all="ignore"):  # what overflows is refused below
-        response = np.polyval(numerator, 1j * omega) / np.polyval(denominator, 1j * omega)
+        response = np.polyval(numerator, at) / np.polyval(denominator, at)
     error = _error(response, exact)
     if not error <= WORST:
         raise ExportError(
@@ -82,10 +88,24 @@ def to_transfer_function(
             f"to_control, whose state space keeps the digits, or a model of fewer modes."
         )
     result = control.TransferFunction(
-        numerator, denominator, inputs=[SignalNames.to_control(source)], outputs=[SignalNames.to_control(target)],
-        name=SignalNames.system_to_control(linear.name, (source, target)),
+        numerator, denominator, period, inputs=[SignalNames.to_control(source)],
+        outputs=[SignalNames.to_control(target)], name=SignalNames.system_to_control(linear.name, (source, target)),
     )  # fmt: skip
     return result, error
+
+
+def _continuous(system: Any, source: str, target: str) -> _Parts:
+    omega = _grid(system, source, target)
+    exact = system.frequency_response(omega)[system.outputs.index(target), system.inputs.index(source)]
+    return np.asarray(1j * omega), exact, system.poles(), system.transmission_zeros(outputs=target, inputs=source), 0.0
+
+
+def _sampled(loop: Any, source: str, target: str) -> _Parts:
+    """From held input to samples; poles and zeros at z = 0, of delays, among them."""
+    space = loop.with_ports(target, source).sample_to_sample
+    z = np.exp(1j * loop.period * _grid(loop, source, target))
+    matrices = space.A, space.B, space.C, space.D
+    return z, transfer(matrices, z)[:, 0, 0], np.linalg.eigvals(space.A), first_order_zeros(*matrices), loop.period
 
 
 def _grid(system: Any, source: str, target: str) -> Array:
@@ -105,9 +125,9 @@ def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
     return np.array(remaining, dtype=complex), np.array(remaining_zeros, dtype=complex)
 
 
-def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:
+def _polynomials(poles: Complex, zeros: Complex, at: Complex, exact: Complex) -> tuple[Array, Array]:
     """Numerator and denominator; the gain is a median over the grid, which single antiresonances do not affect."""
-    s = 1j * omega[:, None]
+    s = at[:, None]
     log = np.log(s - zeros).sum(axis=1) - np.log(s - poles).sum(axis=1)
     numerator, denominator = (np.atleast_1d(np.real(np.poly(roots))) for roots in (zeros, poles))
     if not exact.any():

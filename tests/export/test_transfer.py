@@ -1,5 +1,6 @@
 """Transfer functions from poles and zeros, refused where polynomials lose too much."""
 
+import control
 import numpy as np
 import pytest
 
@@ -70,3 +71,25 @@ def test_rigid_and_locked_mechanisms():
     locked, error = mx.to_transfer_function(slider(locked=True))
     assert locked(1j) == 0.0
     assert error == 0.0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.02, 0.033])
+@pytest.mark.parametrize("output", ["x", "v"])
+def test_sampled_loop_between_its_samples_and_held_inputs(delay, output):
+    """It was compared with the response to a sine, which is none of z, and refused as off by 100 %."""
+    model = mv.Model("axis")
+    model.add_body("mass", 2.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("k", "ground", "mass", (-1, 0, 0), (0, 0, 0), stiffness=800.0, damping=4.0)
+    model.add_input("F", "mass", "x")
+    for name, quantity in (("x", "displacement"), ("v", "velocity"), ("a", "acceleration")):
+        model.add_output(name, "mass", "x", quantity=quantity)
+    loop = model.linearize().feedback([[-20.0]], ["v"], ["F"]).sampled(50.0, delay)
+    result, error = mx.to_transfer_function(loop, output, "F")
+    assert result.dt == loop.period
+    # its impulse response is that of the loop, in which a force is held for one sample
+    k = np.arange(40)
+    expected = loop.time_response(k * loop.period, (k == 0)[None] * 1.0, "zero")[loop.outputs.index(output)]
+    found = control.forced_response(result, k * loop.period, (k == 0) * 1.0).outputs
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    assert error < 1e-6
