@@ -14,7 +14,7 @@ from mbsvib.common.file_content import ContentError, check_dense
 from mbsvib.common.number_text import nastran_integer, nastran_real
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
     Label = tuple[int, int]
 
@@ -32,7 +32,7 @@ class Cards:
     of ``entries`` on the cards of each. ``left_out`` says of the names of other matrices why they are not read.
     """
 
-    matrices: dict[str, NDArray[np.float64]]
+    matrices: dict[str, Array]
     labels: tuple[Label, ...]
     entries: dict[str, int]
     left_out: dict[str, str]

@@ -14,7 +14,7 @@ from mbsvib.errors import MbsvibError, ModelError, ResponseError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
 
 T = TypeVar("T")
@@ -89,7 +89,7 @@ def names(value: Any, caller: str, field: str, error: Callable[..., MbsvibError]
 
 
 def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[str], MbsvibError] = ResponseError) -> \
-        NDArray[np.float64]:  # fmt: skip
+        Array:  # fmt: skip
     """Return ``value`` as an array of floats; numpy alone drops imaginary parts, so that i omega would become 0."""
     try:
         array = np.asarray(value)
@@ -155,7 +155,7 @@ def mode_index(
     return int(number) - 1
 
 
-def angular(omega: Any) -> NDArray[np.float64]:
+def angular(omega: Any) -> Array:
     """Return angular frequencies [rad/s] as a vector whose squares neither overflow nor underflow."""
     w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
@@ -167,7 +167,7 @@ def angular(omega: Any) -> NDArray[np.float64]:
     return w
 
 
-def hertz(frequencies: Any) -> NDArray[np.float64]:
+def hertz(frequencies: Any) -> Array:
     """Return a copy of ascending ``frequencies`` (n,) [Hz], from 0 Hz on."""
     try:
         f = np.array(frequencies, dtype=float, ndmin=1)

@@ -24,7 +24,8 @@ from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_den
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import AnyArray
+
 
 HEADER = 128
 LONGEST_NAME = 60  # characters of a name in MATLAB, which has 63, less what makes it differ
@@ -174,7 +175,7 @@ class _Reader:
 
     def numbers(
         self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], dtype: str, is_complex: bool, subject: str
-    ) -> NDArray[Any]:
+    ) -> AnyArray:
         expected = 2 if is_complex else 1
         if len(parts) != expected:
             raise ContentError(f"{subject}: {len(parts)} blocks of numbers; expected {expected}")
@@ -186,7 +187,7 @@ class _Reader:
         values = real[0] + 1j * real[1] if is_complex else real[0].astype(dtype)
         return values.reshape(shape, order="F")
 
-    def vector(self, kind: int, data: memoryview, subject: str) -> NDArray[Any]:
+    def vector(self, kind: int, data: memoryview, subject: str) -> AnyArray:
         if kind not in _DTYPES or len(data) % int(_DTYPES[kind][1]):
             raise ContentError(f"{subject}: {len(data)} bytes of type {kind} are no numbers")
         return np.frombuffer(data, self.order + _DTYPES[kind])
@@ -230,7 +231,7 @@ class _Reader:
 
     def sparse(
         self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], is_complex: bool, subject: str
-    ) -> NDArray[Any]:
+    ) -> AnyArray:
         if len(parts) != (4 if is_complex else 3) or len(shape) != 2:
             raise ContentError(f"{subject}: no sparse matrix that is read")
         rows, starts, *blocks = (self.vector(*part, subject) for part in parts)
@@ -250,7 +251,7 @@ class _Reader:
         return result
 
 
-def cells(values: Sequence[Any], shape: tuple[int, ...] | None = None) -> NDArray[Any]:
+def cells(values: Sequence[Any], shape: tuple[int, ...] | None = None) -> AnyArray:
     """Return values as a cell array, by default one in a column."""
     result = np.empty(len(values), dtype=object)
     for k, value in enumerate(values):

@@ -21,7 +21,8 @@ from mbsvib.common.number_text import nastran_integer, nastran_real
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import AnyArray
+
 
 # Rows from which on strings have headers of two numbers (BIGMAT), whatever the sign of their number.
 BIG = 65_536
@@ -30,7 +31,7 @@ _DEFAULT_FORMAT = 5, 16
 _SHORT_HEADER, _LONG_HEADER = 24, 48  # bytes of the first record, by which byte order and size of integers are known
 
 
-def read_op4_file(raw: bytes, names: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+def read_op4_file(raw: bytes, names: Collection[str] | None = None) -> dict[str, AnyArray]:
     """Return the matrices of an OP4 file, dense, by their names in capitals.
 
     ``names``: matrices to read; others are only counted and None. Default: all.
@@ -130,7 +131,7 @@ class _Text:
             raise ContentError(f"line {self.at}: the format '{rest[8:]}' is none")
         return _head(columns, rows, kind, rest[:8], per_line, width)
 
-    def columns(self, head: _Head) -> Iterator[tuple[int, int, NDArray[Any]]]:
+    def columns(self, head: _Head) -> Iterator[tuple[int, int, AnyArray]]:
         per_value = 1 if head.kind % 2 else 2
         while True:
             column, row, words = self.integers(self.line(), 8, 8, 8)
@@ -157,7 +158,7 @@ class _Text:
                     raise ContentError(f"line {self.at}: a string of {length} words does not fit its column")
                 yield column, row, self.values(length // per_value, head, head.is_complex)
 
-    def values(self, count: int, head: _Head, is_complex: bool = False) -> NDArray[Any]:
+    def values(self, count: int, head: _Head, is_complex: bool = False) -> AnyArray:
         lines = -(-count // head.per_line)
         if lines > len(self.lines) - self.at:
             raise ContentError(f"line {self.at}: {count} numbers are to follow; {len(self.lines) - self.at} lines are "
@@ -218,7 +219,7 @@ class _Binary:
         name = bytes(record[4 * self.word :]).decode("ascii", "replace").replace("\0", " ")
         return _head(columns, rows, kind, name)
 
-    def columns(self, head: _Head) -> Iterator[tuple[int, int, NDArray[Any]]]:
+    def columns(self, head: _Head) -> Iterator[tuple[int, int, AnyArray]]:
         width = 8 if head.kind % 2 == 0 else self.word
         per_value = width // self.word
         dtype = f"{self.order}f{width}"
@@ -245,13 +246,13 @@ class _Binary:
                 yield column, row, self.numbers(data[: length * self.word], dtype, head)
                 data = data[length * self.word :]
 
-    def numbers(self, data: memoryview, dtype: str, head: _Head) -> NDArray[Any]:
+    def numbers(self, data: memoryview, dtype: str, head: _Head) -> AnyArray:
         if len(data) % int(dtype[-1]):
             raise ContentError(f"{len(data)} bytes are no numbers of {dtype[-1]} bytes")
         return _combined(np.frombuffer(data, dtype).astype(float), head.is_complex)
 
 
-def _combined(values: NDArray[Any], is_complex: bool) -> NDArray[Any]:
+def _combined(values: AnyArray, is_complex: bool) -> AnyArray:
     if not np.isfinite(values).all():
         raise ContentError("NaN or infinity among its numbers")
     if not is_complex:

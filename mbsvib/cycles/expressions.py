@@ -19,8 +19,7 @@ from mbsvib.finite_motion.statement import FiniteMotion, finite_motion
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Bools
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -54,7 +53,7 @@ class Statement:
         return self.functions[key]
 
     @cached_property
-    def closing(self) -> NDArray[np.bool_]:
+    def closing(self) -> Bools:
         """Which parameters p loops depend on, so that the motion does."""
         return np.array(ca.which_depends(self.closures[0], self.p, 1, False), dtype=bool)
 

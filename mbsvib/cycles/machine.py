@@ -31,9 +31,9 @@ from mbsvib.mechanism.unit_warnings import TURNS_OF_CYCLES, with_angles
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -214,7 +214,7 @@ class Solved:
     qd: Array
     qdd: Array
     coefficients: Array
-    driven: NDArray[np.intp]
+    driven: Index
 
 
 def machine(

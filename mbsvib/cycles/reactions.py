@@ -39,9 +39,7 @@ from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.result import CycleData
     from mbsvib.elements import Joint
@@ -119,7 +117,7 @@ def _units(model: Mechanism, points: Array, effects: Array) -> tuple[Array, Arra
     (6 joints, rows): the largest wrenches that multipliers make.
     """
     names, rows = list(model.joints), effects.shape[1]
-    in_loop: NDArray[np.bool_] = effects.reshape(len(names), 6, rows).max(axis=1) > 0.0
+    in_loop: Bools = effects.reshape(len(names), 6, rows).max(axis=1) > 0.0
     terms = [(rows - len(model.couplers) + k, names.index(name.rpartition(".")[0]), turns(name), value)
              for k, part in enumerate(model.couplers.values()) for name, value in part.terms]  # fmt: skip
     for row, joint, _, _ in terms:

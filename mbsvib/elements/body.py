@@ -19,8 +19,7 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.roles import Mask
+    from mbsvib.common.arrays import Array, Bools
 
 INERTIA = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -40,7 +39,7 @@ def tensors(entries: Array) -> Array:
     return entries.take(_TENSOR, axis=-1).reshape(*entries.shape[:-1], 3, 3)
 
 
-def _is_doubtful(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
+def _is_doubtful(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Bools:
     """Whether no body might have these inertias (6, bodies, variants)."""
     low, middle, high = np.moveaxis(np.linalg.eigvalsh(tensors(np.moveaxis(values[field], 0, -1))), -1, 0)
     slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)

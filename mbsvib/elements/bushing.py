@@ -29,16 +29,10 @@ from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.linalg.rotations import components_first, inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.placement import Pose
-    Mask = NDArray[np.bool_]
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Index
 
 
 Six = tuple[float, ...]
@@ -165,7 +159,7 @@ def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[S
             for i, (part, values) in enumerate(zip(bushings, wrench.tolist(), strict=True))]
 
 
-def about(k: Array, c: Array, preload: Array, d: Array, rho: Array) -> tuple[Array, Array, Array, Mask]:
+def about(k: Array, c: Array, preload: Array, d: Array, rho: Array) -> tuple[Array, Array, Array, Bools]:
     """Return stiffness, damping (..., n, 6, 6) and preload (..., n, 6) of bushings about a pose, in their axes there.
 
     ``k``, ``c`` (..., n, 6, 6) and ``preload`` (..., n, 6) as described; ``d`` [m], ``rho`` [rad] (..., n, 3): the
@@ -181,7 +175,7 @@ def about(k: Array, c: Array, preload: Array, d: Array, rho: Array) -> tuple[Arr
     return tangent, transposed @ c @ jacobian, (transposed @ wrench[..., None])[..., 0], np.asarray(has_moment)
 
 
-def check_angles(bushings: Sequence[Any], rho: Array, has_moment: Mask) -> None:
+def check_angles(bushings: Sequence[Any], rho: Array, has_moment: Bools) -> None:
     """Refuse bushings with a moment (..., n) that are turned by rotation vectors ``rho`` (..., n, 3) close to pi."""
     beyond = np.argwhere(has_moment & (np.square(rho).sum(axis=-1) > LARGEST_ANGLE**2)).tolist()
     if beyond:
@@ -209,7 +203,7 @@ def _with_same_range(matrix: Array, sizes: Array) -> Array:
     return np.asarray(symmetric + (units.T * values) @ units / np.multiply.outer(sizes, sizes))
 
 
-def _finite(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:
+def _finite(matrices: Array, bushings: Sequence[Bushing], field: str, which: Bools) -> dict[int, Matrix6]:
     """Some of the matrices, by number; those that should be symmetric are so exactly."""
     result: dict[int, Matrix6] = {}
     for i in which.nonzero()[0].tolist():

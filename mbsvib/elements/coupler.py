@@ -37,10 +37,9 @@ from mbsvib.elements.roles import ParameterField
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements.joint import Joint
     from mbsvib.elements.placement import Placement
-    from mbsvib.elements.roles import Mask
 
 Terms = tuple[tuple[str, float], ...]
 ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")
@@ -77,7 +76,7 @@ class Coupling(Part):
         """
         return values["coefficient"]
 
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+    def suspects(self, values: Mapping[str, Array]) -> Bools | bool:
         return np.asarray(~self.coefficients_of(values).all(axis=0))
 
 

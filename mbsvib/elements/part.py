@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements.placement import Placement, Pose
-    from mbsvib.elements.roles import Mask, ParameterField, Role
+    from mbsvib.elements.roles import ParameterField, Role
 
 
 # What checks the arguments of the call that adds a part and builds it, by class, as the table of families has it.
@@ -78,7 +78,7 @@ class Part(Completed):
         """Fields of which the part accepts all values that have the signs of its own; others are checked each time."""
         return _fields_that(type(self), "signed")  # type: ignore[arg-type]
 
-    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+    def suspects(self, values: Mapping[str, Array]) -> Bools | bool:
         """Return which variants have values that such a part might refuse, so that it is to be built with them.
 
         Parameters
@@ -97,7 +97,7 @@ class Part(Completed):
         return result if isinstance(result, bool) else result[0]
 
     @classmethod
-    def suspects_among(cls, values: Mapping[str, Array], nominal: Mapping[str, Array]) -> Mask | bool:
+    def suspects_among(cls, values: Mapping[str, Array], nominal: Mapping[str, Array]) -> Bools | bool:
         """Return which of many such parts have values that they might refuse, by the roles of their fields.
 
         Parameters
@@ -114,7 +114,7 @@ class Part(Completed):
         """
         if not values.keys() <= cls.roles.keys():
             return True
-        result: Mask | bool = False
+        result: Bools | bool = False
         for name in values:
             result = result | cls.roles[name].doubtful(nominal, name, values)
         return result

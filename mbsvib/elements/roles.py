@@ -18,13 +18,11 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.fast_init import fast_init
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
 
-    Mask = NDArray[np.bool_]
     # Where parts might refuse values (..., parts, variants) of a field, from nominal ones (..., parts, 1) by field.
-    Doubtful = Callable[[Mapping[str, Array], str, Mapping[str, Array]], Mask | bool]
+    Doubtful = Callable[[Mapping[str, Array], str, Mapping[str, Array]], Bools | bool]
 
 Index = tuple[int, ...]
 Unit = str | Callable[[Index], str]
@@ -70,7 +68,7 @@ def is_unsymmetric(value: Any) -> bool:
     return isinstance(value[0], tuple) and value != tuple(zip(*value, strict=True))
 
 
-def _becomes_zero(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
+def _becomes_zero(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Bools:
     """Where an entry is zero that is not so in the part."""
     zero = (values[field] == 0.0) & (nominal[field] != 0.0)
     return np.asarray(zero.any(axis=tuple(range(zero.ndim - 2))))
@@ -117,7 +115,7 @@ def point(on: str = "", *, other: str = "", batched: bool | None = None) -> Role
 
     ``other`` is the field of the point at the other end of a line through both.
     """
-    def no_line(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask | bool:
+    def no_line(nominal: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Bools | bool:
         far = values.get(other, nominal.get(other)) if other else None
         if far is None:
             return False
@@ -158,7 +156,7 @@ def six(units: tuple[str, str, str], *, wrench: bool = False) -> Role:
                 placed="local" if wrench else "matrix")  # fmt: skip
 
 
-def _not_positive(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Mask:
+def _not_positive(_: Mapping[str, Array], field: str, values: Mapping[str, Array]) -> Bools:
     return np.asarray(~(values[field] > 0.0))
 
 

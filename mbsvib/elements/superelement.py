@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
@@ -18,9 +17,9 @@ from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement, Pose
 
-Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 # Finite element programs print seven to sixteen digits. Limits relative to the size of terms:
 # of forces under a rigid-body motion of all nodes,

@@ -35,15 +35,12 @@ from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR, ZERO_ALONG
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Variants
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import LoopGroup, Reduction
-
-    Mask = NDArray[np.bool_]
 
 
 # Where 1 / |A^-1| is below this factor times the limit of a nearly singular pose, the pivots of the variant decide ...
@@ -164,7 +161,7 @@ def reduce_batch(
     return reduction, len(own)
 
 
-def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: Reduction) -> Mask:
+def _may_jump(scene: Scene, variants: Variants, pivots: LoopPivots, reduction: Reduction) -> Bools:
     """Mask of variants whose redundant constraints may be independent in neighbouring poses."""
     assert scene.cuts is not None
     assert reduction.matrix is not None
@@ -187,7 +184,7 @@ def _scaled(cuts: Cuts, phi: Array, block: Block) -> Array:
     return result
 
 
-def _solved(cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
+def _solved(cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Bools]:
     """Parts of B'' (variants, g, r, others), the residuals (variants, g) of the redundant rows, and a mask of variants
     and groups in which A may be nearly singular.
     """
@@ -216,7 +213,7 @@ def _solved(cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
     return np.asarray(solution), remainder, doubtful
 
 
-def near_singular(reciprocal_condition: Array, nominal: Array) -> Mask:
+def near_singular(reciprocal_condition: Array, nominal: Array) -> Bools:
     """Return where the dependent columns of groups of loops may be nearly singular, ``nominal`` is that of the pose."""
     return np.asarray(reciprocal_condition < np.minimum(CLEARLY_REGULAR * NEAR_SINGULAR, AS_NOMINAL * nominal))
 

@@ -19,12 +19,8 @@ from mbsvib.mechanism.changes import FieldsOf, Slots, resolved, variant
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.mechanism.parameters import Parameters
-
-    Mask = NDArray[np.bool_]
 
 
 P = TypeVar("P", bound=Part)
@@ -165,7 +161,7 @@ def with_checked_parts(values: Values) -> Values:
     return values
 
 
-def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
+def refused(parameters: Parameters, values: Mapping[str, Any]) -> Bools:
     """Return a mask of the variants with a value that a part refuses, or with a body without mass.
 
     ``values`` (n,): finite values by name or pattern. Returns (n,): true where a variant is refused.

@@ -48,9 +48,7 @@ from mbsvib.linalg.rank import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.matrices import Terms
     from mbsvib.equations.unresisted_motion import Scale
@@ -116,7 +114,7 @@ def check_gap(motion: Array, unit: Array, names: tuple[str, ...], smallest: floa
 
 def separate_massless(
     null: Array, terms: Terms, size: Array, scale: Scale, names: tuple[str, ...], bodies: tuple[str, ...],
-    ports: tuple[Sequence[str], Sequence[str]], required: NDArray[np.bool_],
+    ports: tuple[Sequence[str], Sequence[str]], required: Bools,
     force_rows: Mapping[str, Array] | None = None,
 ) -> tuple[Terms, Condensation | None, tuple[str, ...]]:  # fmt: skip
     """Return the equations of motion with massless motions condensed or separated.
@@ -280,7 +278,7 @@ class Condensation:
 
 
 def condense(
-    null: Array, terms: Terms, unit: Array, names: tuple[str, ...], required: NDArray[np.bool_],
+    null: Array, terms: Terms, unit: Array, names: tuple[str, ...], required: Bools,
     bodies: tuple[str, ...] = (), force_rows: Mapping[str, Array] | None = None,
 ) -> Condensation:  # fmt: skip
     """Return the static condensation of motions with neither mass nor damping.

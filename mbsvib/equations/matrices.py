@@ -13,9 +13,8 @@ from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
@@ -30,11 +29,11 @@ class MinimalRows:
 
     motion: Array
     rows: Array
-    used: NDArray[np.bool_] | None = None
+    used: Bools | None = None
 
 
 def minimal_rows(
-    scene: Scene, relative: Triplets, reduction: Reduction, used: NDArray[np.bool_] | None = None
+    scene: Scene, relative: Triplets, reduction: Reduction, used: Bools | None = None
 ) -> MinimalRows:
     """Return the rows of a scene in minimal coordinates.
 

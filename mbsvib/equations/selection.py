@@ -22,10 +22,7 @@ from mbsvib.linalg.groups import part_numbers
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    Mask = NDArray[np.bool_]
+    from mbsvib.common.arrays import Array, Bools, Index
 
 
 E = TypeVar("E", bound=Equations)
@@ -89,7 +86,7 @@ def reachable(
     return _part(with_port_numbers(system, o, i), np.flatnonzero(controllable & observable), removed)
 
 
-def _names(system: Equations, mask: Mask) -> tuple[str, ...]:
+def _names(system: Equations, mask: Bools) -> tuple[str, ...]:
     return tuple(system.coordinates[k] for k in np.flatnonzero(mask))
 
 
@@ -122,7 +119,7 @@ def _part(system: E, remaining: Index, removed: Removed) -> E:
     )  # fmt: skip
 
 
-def _block(matrix: Array | None, square: tuple[NDArray[np.intp], ...]) -> Array | None:
+def _block(matrix: Array | None, square: tuple[Index, ...]) -> Array | None:
     if matrix is None or not (block := matrix[square]).any():
         return None
     return np.asarray(block)

@@ -32,9 +32,7 @@ from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Cuts, Reduction
 
@@ -223,12 +221,12 @@ def _combinations(phi: Array, scale: Array, rows: Index, kept: Index, dependent:
     return np.asarray(result / np.sqrt(np.square(result.real / scale.real[..., None]).sum(axis=-2, keepdims=True)))
 
 
-def _joints_of_loops(scene: Scene, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _joints_of_loops(scene: Scene, cuts: Cuts, wrenches: Array) -> tuple[Bools, Bools]:
     """Return a mask (rows, joints) of the joints in each loop, loops of cut joints without locked directions last, and
     a mask of the joints that can transmit a force: those with locked directions, or that a coupler measures.
     """
     joints, number = scene.topology.joints, scene.topology.body_numbers
-    in_loop: NDArray[np.bool_] = np.array(wrenches.any(axis=(*range(wrenches.ndim - 3), -3)).T)
+    in_loop: Bools = np.array(wrenches.any(axis=(*range(wrenches.ndim - 3), -3)).T)
     transmits = np.array([bool(joint.locked) for joint in joints])
     if cuts.couplings is not None:
         first, touched, column = len(cuts.rows.first), cuts.couplings.touched, cuts.couplings.column

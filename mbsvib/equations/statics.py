@@ -34,9 +34,7 @@ from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements import Joint
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
@@ -150,7 +148,7 @@ def _dot(vectors: Array, rows: Array) -> Array:
     return np.asarray((flat @ rows)[..., 0, :])
 
 
-def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
+def rounding(stiffness: Array, position: Array, turns: Bools) -> Array:
     """Return the forces due to rounding of the pose along the minimal coordinates.
 
     ``stiffness`` (m, m): K of the springs. ``position`` (bodies, 3): centres of mass [m], whose size is that of the

@@ -20,9 +20,7 @@ from mbsvib.linalg.rank import CERTAIN_MASS, CLOSURE_NOISE, DEPENDENT_ROWS, EPS,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.loops import Reduction
@@ -75,7 +73,7 @@ def rounding_scale(motions: Array, size: Array) -> Array:
     return np.asarray(size[:, None] * np.abs(motions / size[:, None]).max(axis=0, initial=0.0))
 
 
-def without_free_motions(rows: Array, all_rows: Array, columns: NDArray[np.intp]) -> Array:
+def without_free_motions(rows: Array, all_rows: Array, columns: Index) -> Array:
     """Return rows (n, k) with the smallest changes of nonzero entries after which free motions do not change them.
 
     Free motions are those that change none of the rows ``all_rows`` (n, m), restricted to the coordinates ``columns``
@@ -141,7 +139,7 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
     return np.linalg.qr(right / size[:, None])[0], np.linalg.qr(left / size[:, None])[0]
 
 
-def _with_unit_vectors(vectors: Array, used: NDArray[np.bool_]) -> Array:
+def _with_unit_vectors(vectors: Array, used: Bools) -> Array:
     """Unit vectors of unused coordinates, then vectors (n, k) of the n used ones, (m, m - n + k)."""
     result = np.zeros((len(used), int(np.count_nonzero(~used)) + vectors.shape[1]))
     rest = np.flatnonzero(~used)

@@ -20,13 +20,9 @@ from mbsvib.linalg.rotations import exponential
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.mechanism.mechanism import Mechanism
-
-    Mask = NDArray[np.bool_]
 
 
 # Fields by which forces at the pose stay as they are, where springs have no free length.
@@ -49,7 +45,7 @@ class AppliedWrenches:
     names: tuple[str, ...]
     loads: int
     lines: int
-    follower: Mask
+    follower: Bools
 
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
         """Return the sums of weights and pairs on each body and their sizes, as ``WrenchPairs.on_bodies``."""

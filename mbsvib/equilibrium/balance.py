@@ -25,9 +25,7 @@ from mbsvib.linalg.rank import EPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.equations.posed_scene import PosedScene
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
@@ -70,7 +68,7 @@ class Balance:
         return float(shares(self.residual, self.balanced_forces).max(initial=0.0))
 
     @property
-    def depends(self) -> NDArray[np.bool_]:
+    def depends(self) -> Bools:
         """Which joint coordinates of the tree (n,) depend on the minimal ones."""
         matrix = self.reduction.matrix
         result = np.ones(len(self.names) if matrix is None else len(matrix), dtype=bool)

@@ -26,9 +26,9 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import AnyArray, Array, Bools
     from mbsvib.modes import Modes
 
 M = TypeVar("M", bound=Mechanism)
@@ -76,10 +76,10 @@ class EquilibriumPath(Columnar, Displayed, Generic[M]):
     values: Array
     forces: Array
     models: tuple[M, ...]
-    stable_held: NDArray[np.bool_]
+    stable_held: Bools
     points: tuple[PathPoint[M], ...]
     curve: Array
-    curve_stable: NDArray[np.bool_]
+    curve_stable: Bools
 
     def __post_init__(self) -> None:
         for array in (self.values, self.forces, self.stable_held, self.curve, self.curve_stable):
@@ -108,11 +108,11 @@ class EquilibriumPath(Columnar, Displayed, Generic[M]):
         return result
 
     @cached_property
-    def stable(self) -> NDArray[np.bool_]:
+    def stable(self) -> Bools:
         """Whether each equilibrium is stable (n,) under the holding force, with the coordinate free to move."""
         return np.array([modes is None or not modes.growing.any() for modes in self._modes])
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, AnyArray]:
         """Return values of the coordinate, forces, stability and frequencies [Hz] as columns by name.
 
         Returns

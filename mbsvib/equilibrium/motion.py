@@ -24,9 +24,7 @@ from mbsvib.mechanism.topology import span
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.pose import Pose
@@ -145,7 +143,7 @@ def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
     return result
 
 
-def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[PosedModel, float]:
+def close(at: PosedModel, may_move: Bools | None = None) -> tuple[PosedModel, float]:
     """Close the loops by joint motions of least norm, starting from a pose nearby.
 
     q <- q - pinv(Phi) e  with the exact openings e of cut joints and couplers.
@@ -182,7 +180,7 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
     return best, opening
 
 
-def same_branch(first: PosedModel, second: PosedModel, depends: NDArray[np.bool_]) -> bool:
+def same_branch(first: PosedModel, second: PosedModel, depends: Bools) -> bool:
     """Tell whether there is no dead point of the coordinates that depend on others between two poses."""
     return no_dead_point(first.scaled_closure[:, depends], second.scaled_closure[:, depends])
 

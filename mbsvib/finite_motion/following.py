@@ -10,9 +10,8 @@ import numpy as np
 from mbsvib.linalg.dead_points import no_dead_point
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.finite_motion.loops import Loops
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
@@ -22,7 +21,7 @@ LONGEST, SHORTEST = 0.1, 1e-7
 LOOK = 0.25
 
 
-def straight_way(start: Array, end: Array, turns: NDArray[np.bool_]) -> Array:
+def straight_way(start: Array, end: Array, turns: Bools) -> Array:
     """Return poses (steps, n) on the way from tree coordinates (n,) to others, the last one included; ``turns`` (n,)
     tells which are rotations.
     """
@@ -39,13 +38,13 @@ class DrivenLoops:
     """
 
     names: tuple[str, ...]
-    driven: NDArray[np.intp]
+    driven: Index
     loops: Loops
     closed: float
     bases: Array
 
     @property
-    def dependent(self) -> NDArray[np.intp]:
+    def dependent(self) -> Index:
         """Numbers of the other coordinates."""
         return np.setdiff1d(np.arange(len(self.names)), self.driven)
 

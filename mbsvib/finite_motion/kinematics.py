@@ -22,9 +22,7 @@ from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements import Joint
     from mbsvib.elements.coupler import Coupling
     from mbsvib.finite_motion.elastic_block import ElasticBlock
@@ -49,13 +47,13 @@ class Kinematics:
     topology: Topology
     numbers: Numbers
     names: tuple[str, ...]
-    turns: NDArray[np.bool_]
+    turns: Bools
     q: Expression
     qd: Expression
     frames: Mapping[str, Frame]
     closures: Expression
     closure_names: tuple[str, ...]
-    closure_turns: NDArray[np.bool_]
+    closure_turns: Bools
     bases: Expression
     based: tuple[str, ...]
     elastic: Mapping[str, tuple[Expression, Expression]] = field(default_factory=dict)

@@ -22,14 +22,12 @@ from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.pose_kinematics import PoseKinematics
 
-    Mask = NDArray[np.bool_]
 
 CORRECTIONS = 25
 # Loops count as closed when they are open by no more than this share of their size and steps do not reduce it.
@@ -68,15 +66,15 @@ class Reached:
     inverses: tuple[Array, ...]
     error: Array
     travel: Array
-    doubtful: Mask
+    doubtful: Bools
 
-    def __getitem__(self, which: Index | Mask) -> Reached:
+    def __getitem__(self, which: Index | Bools) -> Reached:
         """Return some of them."""
         return Reached(self.q[which], self.pose[which], self.opening[which], self.rounding[which], self.closure[which],
                        tuple([inverse[which] for inverse in self.inverses]), self.error[which], self.travel[which],
                        self.doubtful[which])  # fmt: skip
 
-    def with_some(self, which: Index | Mask, others: Reached) -> Reached:
+    def with_some(self, which: Index | Bools, others: Reached) -> Reached:
         """Replace some of them, in place, and return all, without what the poses before had cached."""
         for name in ("q", "opening", "rounding", "closure", "error", "travel", "doubtful"):
             getattr(self, name)[which] = getattr(others, name)
@@ -101,14 +99,14 @@ class Closing:
     curved: Index | None = None
 
     @cached_property
-    def depends(self) -> Mask:
+    def depends(self) -> Bools:
         """Which coordinates (n,) depend on others."""
         result = np.zeros(len(self.kinematics.coordinates.names), dtype=bool)
         for _, dependent in self.blocks:
             result[dependent] = True
         return result
 
-    def poses(self, target: Array) -> tuple[Reached, Mask, Array]:
+    def poses(self, target: Array) -> tuple[Reached, Bools, Array]:
         """Return the poses for values (v, n) of the coordinates that do not depend on others.
 
         Steps from the reference pose are halved where loops do not stay closed or might jump. Returns the poses as far
@@ -189,7 +187,7 @@ class Closing:
                 result.append((float(values[-1]), int(dependent[np.argmax(np.abs(motions[-1]))])))
         return result
 
-    def _attempt(self, before: Reached, change: Array, values: Array, enough: float) -> tuple[Reached, Mask]:
+    def _attempt(self, before: Reached, change: Array, values: Array, enough: float) -> tuple[Reached, Bools]:
         """One step with closed loops: ``values`` (v, n) of the independent coordinates, which change by ``change``.
 
         Returns the poses, and a mask of those without dependent motions many times larger than the step, which
@@ -315,14 +313,14 @@ class Closing:
         return Reached(at.q, at.pose, at.opening, kinematics.rounding(coordinates), closure, self._inverses(closure),
                        at.error, at.travel, at.doubtful)  # fmt: skip
 
-    def _near(self, first: Reached, second: Reached) -> Mask:
+    def _near(self, first: Reached, second: Reached) -> Bools:
         """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
         turned = (first.pose.rotations * second.pose.rotations).sum(axis=(-1, -2))
         went = np.abs(second.pose.centre - first.pose.centre).max(axis=(1, 2))
         far = 1.0 + 2.0 * np.cos(5.0 * LONGEST), 5.0 * LONGEST * self.kinematics.size
         return np.asarray((turned.min(axis=1) > far[0]) & (went < far[1]))
 
-    def _same_branch(self, first: Reached, second: Reached, which: Mask) -> tuple[Mask, Mask]:
+    def _same_branch(self, first: Reached, second: Reached, which: Bools) -> tuple[Bools, Bools]:
         """Tell of poses ``which`` whether there is no dead point between, and which are far from one.
 
         A change of norm below ``NEARBY`` takes no eigenvalue of 1 near 0; others are looked at one by one.

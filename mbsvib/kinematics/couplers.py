@@ -22,15 +22,11 @@ from mbsvib.linalg.products import concatenated
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
-
-    Mask = NDArray[np.bool_]
 
 
 def measure(joint: Joint, direction: str) -> tuple[Array, Array]:

@@ -27,12 +27,9 @@ from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BR
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.kinematics.couplings import Couplings
 
-    Mask = NDArray[np.bool_]
     Arms = Callable[[Iterable[str]], float]
 
 
@@ -87,7 +84,7 @@ class Cuts:
     joint: Index
     joints: tuple[str, ...]
     start: Index
-    translates: Mask
+    translates: Bools
     couplings: Couplings | None = None
 
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
@@ -160,7 +157,7 @@ def kept_rows(cuts: Cuts | None, reduction: Reduction) -> list[tuple[Index, Inde
     return result
 
 
-def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
+def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Bools:
     pinned = np.zeros(len(coordinates.names), dtype=bool)
     for name in () if independent is None else names(independent, "linearize", "independent", ModelError):
         if name not in coordinates.names:
@@ -241,7 +238,7 @@ def _scaled(
 
 def _solve(
     coordinates: Twists, cuts: Cuts, phi: Array, block: tuple[Index, Index], scaled: _Scaled, number: int,
-    pinned: Mask | None, arms: Arms | None,
+    pinned: Bools | None, arms: Arms | None,
 ) -> tuple[LoopGroup, Index, Index, Array]:  # fmt: skip
     """Solve one group: its rank decision, dependent and other columns, and the scaled block of B'' between them."""
     (rows, columns), length, noise = block, scaled.length[number], scaled.noise[number]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.mechanism.topology import Branch, Topology
 
@@ -55,7 +55,7 @@ class Twists:
     angular: Array
     point: Array
     path: NDArray[np.int8]
-    turns: NDArray[np.bool_]
+    turns: Bools
     pitch: float = 0.0
 
 
@@ -69,14 +69,14 @@ class Triplets:
     value: Array
     shape: tuple[int, int]
 
-    def nonzero_rows(self, start: int, stop: int) -> NDArray[np.bool_]:
+    def nonzero_rows(self, start: int, stop: int) -> Bools:
         """Tell which of the rows start..stop have an entry that is not zero."""
         entry = self.value != 0.0
         result = np.zeros(self.shape[0], dtype=bool)
         result[self.row[entry if entry.ndim == 1 else entry.any(axis=0)]] = True
         return result[start:stop]
 
-    def dense(self, start: int, stop: int, columns: NDArray[np.bool_] | None = None) -> Array:
+    def dense(self, start: int, stop: int, columns: Bools | None = None) -> Array:
         """Return the rows start..stop, those that ``columns`` picks of them, as an array (..., rows, columns)."""
         first, last = self.row.searchsorted((start, stop)).tolist()
         row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
@@ -105,7 +105,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
 
 def twists_of_branches(
     topology: Topology, bodies: Sequence[Body], order: Sequence[Branch]
-) -> tuple[tuple[str, ...], Array, NDArray[np.bool_], list[int]]:
+) -> tuple[tuple[str, ...], Array, Bools, list[int]]:
     """Return names, twists (9, n) (linear, angular, point) and whether they are rotations (n,) of the coordinates of
     branches, and the number of coordinates of each branch.
     """

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import sparray, spmatrix
 
-    from mbsvib.common.arrays import Index
+    from mbsvib.common.arrays import Bools, Index
 
 # Up to so many items and links, plain Python takes less time than the set-up of a sparse matrix.
 FEW = 500
@@ -28,7 +27,7 @@ def by_label(label: Index) -> list[Index]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1) if len(order) else []
 
 
-def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
+def part_numbers(links: Bools | spmatrix | sparray, strong: bool = False) -> Index:
     """Return the number (n,), from 0 on, of the connected part of each item, linked by the nonzero entries of a matrix.
 
     ``links`` (n, n) work in both directions; with ``strong`` in one only, and items of one part reach each other.
@@ -73,7 +72,7 @@ def _few_parts(first: list[int], second: list[int], size: int) -> Index:
     return np.array([number.setdefault(root(item), len(number)) for item in range(size)], dtype=np.intp)
 
 
-def linked_items(links: NDArray[np.bool_]) -> list[Index]:
+def linked_items(links: Bools) -> list[Index]:
     """Return the groups of two or more items that are linked, directly or through others, each in ascending order.
 
     ``links`` (n, n): which items are linked, symmetric.

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import AnyArray
 
-    Field = NDArray[Any]  # real or complex
+    Field = AnyArray  # real or complex
 
 
 class Jet:

@@ -23,12 +23,9 @@ from mbsvib.linalg.spectrum import spectrum
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.linalg.spectrum import Spectrum
 
-    Mask = NDArray[np.bool_]
 
 # Rounding of a group's inputs and outputs above this share of them leaves open what is zero: nothing is, then.
 UNCERTAIN = 1e-6
@@ -55,7 +52,7 @@ class Lasting:
     """A group of poles that do not decay: ``part``, and in which responses they are, ``shown`` (outputs, inputs)."""
 
     part: Part
-    shown: Mask
+    shown: Bools
 
     @property
     def pole(self) -> complex:
@@ -84,7 +81,7 @@ class Separation:
 
 
 def separated(
-    a: Array, b: Array, c: Array, lasts: Callable[[Spectrum], Mask] = lambda of_a: ~of_a.decaying
+    a: Array, b: Array, c: Array, lasts: Callable[[Spectrum], Bools] = lambda of_a: ~of_a.decaying
 ) -> Separation:  # fmt: skip
     """Return first-order equations, ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n), in parts.
 
@@ -103,7 +100,7 @@ def separated(
 
 
 def _split(
-    a: Array, b: Array, c: Array, own: tuple[Index, int], lasts: Callable[[Spectrum], Mask]
+    a: Array, b: Array, c: Array, own: tuple[Index, int], lasts: Callable[[Spectrum], Bools]
 ) -> tuple[Part, list[Part]]:  # fmt: skip
     """The decaying part and each group of lasting poles of a matrix whose states are some of n, ``own``."""
     states, n = own
@@ -132,7 +129,7 @@ def _split(
     return parts[0], parts[1:]
 
 
-def _decoupled(a: Array, of_a: Spectrum, own: Mask) -> tuple[tuple[Array, Array, Array], Array, float]:
+def _decoupled(a: Array, of_a: Spectrum, own: Bools) -> tuple[tuple[Array, Array, Array], Array, float]:
     """Rows and columns that decouple the states of some eigenvalues, and A in them; A of all others; and the size of
     the projection on these states.
     """

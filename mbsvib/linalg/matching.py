@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +18,8 @@ from mbsvib.linalg.rank import EPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
 
-    from mbsvib.common.arrays import Array, Complex, Index
-
-    Mask = NDArray[np.bool_]
 
 # Modes of neighbouring stations are matched if their MAC is at least this; otherwise the interval is halved, at most so
 # many times.
@@ -40,15 +37,15 @@ class Station:
 
     at: float
     values: Complex
-    vectors: NDArray[Any]
+    vectors: AnyArray
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
     """The last known shapes of tracks, ``vectors`` (rows, tracks); ``sure`` (tracks,) tells those that are unique."""
 
-    vectors: NDArray[Any]
-    sure: Mask
+    vectors: AnyArray
+    sure: Bools
 
 
 def upper(pairs: Complex) -> Complex:
@@ -61,25 +58,25 @@ def upper(pairs: Complex) -> Complex:
     return np.asarray(np.where(first.imag == 0.0, nearer, first.real + 1j * np.abs(first.imag)))
 
 
-def clusters(values: Complex) -> Mask:
+def clusters(values: Complex) -> Bools:
     """Tell which eigenvalues coincide, shape (modes, modes)."""
     size = np.abs(values)
     near = np.maximum(REPEATED * np.maximum(size[:, None], size), EPS * size.max(initial=0.0))
     return np.asarray(np.abs(values[:, None] - values) <= near)
 
 
-def is_simple(values: Complex) -> Mask:
+def is_simple(values: Complex) -> Bools:
     """Tell which eigenvalues are simple: the modes of repeated ones have no unique shapes."""
     return np.asarray(clusters(values).sum(axis=1) == 1)
 
 
-def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
+def mac(first: AnyArray, second: AnyArray) -> Array:
     """Return the modal assurance criterion of weighted shapes (rows, modes) with others, 1 for equal ones, 0 for zeros.
     """
     return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
 
 
-def subspace_mac(shapes: NDArray[Any], frequencies: Array, others: NDArray[Any]) -> Array:
+def subspace_mac(shapes: AnyArray, frequencies: Array, others: AnyArray) -> Array:
     """Return the share (modes, others) of other shapes in the span of a mode and those next to it in frequency.
 
     It is the modal assurance criterion of a mode that stands alone. ``shapes`` (rows, modes), ``frequencies`` (modes,).
@@ -141,6 +138,6 @@ def track_modes(stations: Sequence[Station], between: Callable[[float], Station]
     return order
 
 
-def _unit(vectors: NDArray[Any]) -> NDArray[Any]:
+def _unit(vectors: AnyArray) -> AnyArray:
     sizes = np.linalg.norm(vectors, axis=0)
     return np.asarray(vectors / np.where(sizes > 0.0, sizes, 1.0))

@@ -25,9 +25,8 @@ import numpy as np
 from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Index
 
 
 # Parts with fewer unknowns are not split: dense factors of this size cost less than more fronts.
@@ -170,7 +169,7 @@ class SymmetricFactor:
     matrix: Any
     fronts: Fronts
     scale: Array
-    factors: list[tuple[Any, NDArray[Any]]]
+    factors: list[tuple[Any, AnyArray]]
     count: int
 
     def negative(self, layout: object = None) -> int:
@@ -178,7 +177,7 @@ class SymmetricFactor:
         del layout
         return self.count
 
-    def solve_closely(self, right: NDArray[Any], fine: float) -> tuple[NDArray[Any], float]:
+    def solve_closely(self, right: AnyArray, fine: float) -> tuple[AnyArray, float]:
         """Return the solution for right sides (n, columns), refined, and the last step of refinement as a share of it.
 
         A second step is done if the first exceeds the share ``fine``.
@@ -194,7 +193,7 @@ class SymmetricFactor:
                 break
         return x, change if np.isfinite(x).all() else np.inf
 
-    def solve(self, right: NDArray[Any], refinements: int = 1, transposed: bool = False) -> NDArray[Any]:
+    def solve(self, right: AnyArray, refinements: int = 1, transposed: bool = False) -> AnyArray:
         """Return the solution for right sides (n,) or (n, columns)."""
         del transposed
         b = right.reshape(len(right), -1)
@@ -203,7 +202,7 @@ class SymmetricFactor:
             x = x + self._solve(b - self.matrix @ x)
         return x.reshape(right.shape)
 
-    def _solve(self, b: NDArray[Any]) -> NDArray[Any]:
+    def _solve(self, b: AnyArray) -> AnyArray:
         from scipy.linalg import blas, lapack
 
         f = self.fronts
@@ -241,8 +240,8 @@ def factored(matrix: Any, structure: Fronts, keep: bool = True) -> SymmetricFact
     a = matrix[order][:, order].tocsc()
     a.data = a.data * scale[order][a.indices] * np.repeat(scale[order], np.diff(a.indptr))
     position = np.empty(len(order), dtype=np.intp)
-    waiting: dict[int, NDArray[Any]] = {}
-    spare: list[NDArray[Any]] = []
+    waiting: dict[int, AnyArray] = {}
+    spare: list[AnyArray] = []
     factors, negative = [], 0
     for i, reached in enumerate(structure.reached):
         first, last = int(structure.start[i]), int(structure.start[i + 1])
@@ -272,7 +271,7 @@ def factored(matrix: Any, structure: Fronts, keep: bool = True) -> SymmetricFact
     return SymmetricFactor(matrix, structure, scale, factors, negative)
 
 
-def _zeros(size: int, spare: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+def _zeros(size: int, spare: list[AnyArray], dtype: Any) -> AnyArray:
     """Zeros, in the smallest of the spare arrays that has room for ``size`` numbers, which is taken out, or in new
     memory: the system takes longer to provide this than the numbers take to compute.
     """
@@ -284,7 +283,7 @@ def _zeros(size: int, spare: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
     return result
 
 
-def _square(memory: NDArray[Any], n: int) -> NDArray[Any]:
+def _square(memory: AnyArray, n: int) -> AnyArray:
     """The first numbers as a matrix (n, n) by columns."""
     return memory[: n * n].reshape((n, n), order="F")
 
@@ -296,13 +295,13 @@ def _runs(at: Index) -> list[tuple[slice, slice]]:
     return [(slice(i, j), slice(int(at[i]), int(at[i]) + j - i)) for i, j in pairs]
 
 
-def _add(upper: NDArray[Any], at: Index, part: NDArray[Any]) -> None:
+def _add(upper: AnyArray, at: Index, part: AnyArray) -> None:
     """Add the upper triangle of a matrix in the rows and columns ``at``, ascending, by runs of consecutive rows."""
     for rows, row in _runs(at):
         upper[row, at[rows.start :]] += part[rows, rows.start :]
 
 
-def _eliminated(corner: NDArray[Any], below: NDArray[Any], rest: NDArray[Any]) -> tuple[Any, NDArray[Any], int]:
+def _eliminated(corner: AnyArray, below: AnyArray, rest: AnyArray) -> tuple[Any, AnyArray, int]:
     """Factors of F11, F21 F11^-1 (F21 L^-T by Cholesky), and the negative eigenvalues of F11; S replaces F22.
 
     ``corner`` F11 and ``rest`` F22: lower triangles; ``below`` F21 may be overwritten.

@@ -13,9 +13,7 @@ from mbsvib.linalg.rank import EPS, ZERO_EIGENVALUE, ZERO_SUM
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Index
 
 
 def gram_matrix(factor: Array) -> Array:
@@ -97,7 +95,7 @@ def _combined(rows: Array, value: Array) -> Array:
     return result
 
 
-def real_product(matrix: Any, values: NDArray[Any]) -> NDArray[Any]:
+def real_product(matrix: Any, values: AnyArray) -> AnyArray:
     """Return the products of real matrices (..., i, k) and numbers (..., k, n), complex ones by their two parts."""
     if values.dtype.kind != "c":
         return np.asarray(matrix @ values)
@@ -105,7 +103,7 @@ def real_product(matrix: Any, values: NDArray[Any]) -> NDArray[Any]:
     return result.view(values.dtype)
 
 
-def product(matrix: Array, values: NDArray[Any]) -> NDArray[Any]:
+def product(matrix: Array, values: AnyArray) -> AnyArray:
     """Return the product (v, ...) of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
     flat = values.reshape(len(values), prod(values.shape[1:]))
     return real_product(matrix, flat).reshape(len(matrix), *values.shape[1:])

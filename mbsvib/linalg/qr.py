@@ -10,9 +10,8 @@ from scipy.linalg import blas, lapack
 from mbsvib.linalg.rank import FULL_RANK, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Index
 
 
 def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:
@@ -42,18 +41,18 @@ def gram_solution(factor: Array, right: Array) -> Array:
 
 
 def extended(
-    basis: NDArray[Any], block: NDArray[Any], least: float, most: int | None = None, metric: Any = None
-) -> NDArray[Any]:
+    basis: AnyArray, block: AnyArray, least: float, most: int | None = None, metric: Any = None
+) -> AnyArray:
     """Return orthonormal columns (n, k), and behind them what is new in a block (n, b), up to ``most`` in all.
 
     A column of which no more than the share ``least`` is left depends on those before it. ``metric`` (n, n): symmetric,
     positive semidefinite, may be sparse; default: the identity.
     """
-    def of(column: NDArray[Any]) -> NDArray[Any]:
+    def of(column: AnyArray) -> AnyArray:
         return column if metric is None else np.asarray(metric @ column)
 
-    def size_of(column: NDArray[Any]) -> float:
-        return float(np.linalg.norm(column) if metric is None else np.sqrt(max(0.0, column @ of(column))))
+    def size_of(column: AnyArray) -> float:
+        return float(np.linalg.norm(column) if metric is None else np.sqrt(max(0.0, float(column @ of(column)))))
 
     for column in block.T:
         if basis.shape[1] == most or not (size := size_of(column)):

@@ -19,12 +19,10 @@ from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.linalg.balancing import Exponents
 
-    Mask = NDArray[np.bool_]
 
 # Condition of an eigenvalue above which it may be a defective one, whose error is found by the resolvent.
 DEFECTIVE = 1e6
@@ -47,16 +45,16 @@ class Spectrum:
     power: Exponents
 
     @property
-    def at_zero(self) -> Mask:
+    def at_zero(self) -> Bools:
         """Which eigenvalues (n,) are 0 but for rounding."""
         return np.asarray(np.abs(self.values) <= self.errors)
 
     @property
-    def decaying(self) -> Mask:
+    def decaying(self) -> Bools:
         """Which eigenvalues (n,) have a negative real part, whatever rounding does."""
         return decaying(self.values, self.errors)
 
-    def clusters(self, which: Mask) -> list[Index]:
+    def clusters(self, which: Bools) -> list[Index]:
         """Return groups of some eigenvalues: those that rounding cannot tell apart are together, and conjugates."""
         at = np.flatnonzero(which)
         values, errors = self.values[at], self.errors[at]
@@ -66,7 +64,7 @@ class Spectrum:
         return [at[part == k] for k in range(int(part.max(initial=-1)) + 1)]
 
 
-def decaying(values: Complex, errors: Array) -> Mask:
+def decaying(values: Complex, errors: Array) -> Bools:
     """Return which eigenvalues (n,) of x' = A x decay, whatever rounding of the size ``errors`` (n,) does."""
     return np.asarray(values.real < -errors)
 
@@ -80,7 +78,7 @@ def mean_size(values: Complex) -> float:
     return float(np.exp(np.log(size).mean())) if len(size) else 1.0
 
 
-def outside(of_a: Spectrum) -> Mask:
+def outside(of_a: Spectrum) -> Bools:
     """Return which eigenvalues (n,) of x+ = A x may be on the unit circle or outside."""
     return np.asarray(np.abs(of_a.values) >= 1.0 - of_a.errors)
 

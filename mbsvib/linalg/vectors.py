@@ -12,9 +12,9 @@ from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import AnyArray, Array
 
-    Field = NDArray[Any]  # real or complex
+    Field = AnyArray  # real or complex
 
 
 # Matrices with at most so many entries are dense, as products with sparse ones cost more time.
@@ -40,14 +40,14 @@ def wide(vectors: Field, like: Field) -> Field:
     return vectors.reshape(*vectors.shape, *[1] * (like.ndim - vectors.ndim))
 
 
-def moved(motion: Field, arm: NDArray[np.float64]) -> Field:
+def moved(motion: Field, arm: Array) -> Field:
     """Motions (k, 6, ...) of points that are at ``arm`` (k, 3) from the present ones."""
     result = motion.copy()
     result[:, :3] += cross(motion[:, 3:], wide(arm, motion))
     return result
 
 
-def transformed(matrices: NDArray[np.float64], vectors: Field) -> Field:
+def transformed(matrices: Array, vectors: Field) -> Field:
     """Return products of matrices (k, i, j) and vectors (k, j, ...)."""
     tail = vectors.shape[2:]
     result = real_product(matrices, vectors.reshape(*vectors.shape[:2], prod(tail)))
@@ -72,7 +72,7 @@ def entries_matrix(value: Any, row: Any, column: Any, shape: tuple[int, int]) ->
     return result
 
 
-def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
+def moved_wrench(wrench: Field, arm: Array) -> Field:
     """Return wrenches (w, 6, n) about another point, from which the present one is at ``arm`` (w, 3)."""
     result = np.array(wrench)
     moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()

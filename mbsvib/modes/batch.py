@@ -19,9 +19,7 @@ from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
 
 
@@ -44,11 +42,11 @@ class BatchModes(Columnar, Displayed):
     pair_errors: Array
     shapes: Array | Complex
     classical: tuple[str, ...]
-    rigid: NDArray[np.intp]
+    rigid: Index
     damped: DampedBatch | None = field(repr=False)
     _separate_modes: Mapping[int, Modes] = field(repr=False)
     form: type[Modes] = field(default=Modes, repr=False)
-    first_order: NDArray[np.bool_] | None = None
+    first_order: Bools | None = None
 
     @cached_property
     def eigenvalues(self) -> Complex:
@@ -92,7 +90,7 @@ class BatchModes(Columnar, Displayed):
         return {name: motion[:, i] for i, name in enumerate(self.batch.bodies)}
 
     @cached_property
-    def stable(self) -> NDArray[np.bool_]:
+    def stable(self) -> Bools:
         """Whether no mode of a variant is unstable, shape (n,)."""
         return np.asarray(~growing(self.pairs, self.pair_errors).any(axis=(1, 2)))
 

@@ -29,12 +29,9 @@ from mbsvib.modes.rayleigh import both, forms_in, rayleigh
 from mbsvib.modes.undamped import FORCES, SUSPECT, Undamped, cleaned, perturbed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
-
-    Mask = NDArray[np.bool_]
 
 
 # Maximum number of corrections from unit vectors; they take less time than an eigensolver.
@@ -82,7 +79,7 @@ def starts(gamma: Array, square: Array) -> list[Start]:
     return result
 
 
-def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
+def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, Bools]:
     """Corrections of undamped modes; if they converge, the vectors are independent and no mode is missing."""
     n, m = square.shape
     at = np.arange(m)
@@ -171,7 +168,7 @@ class DampedBatch:
     classical: tuple[str, ...]
     vectors: Complex
     slopes: Complex
-    accurate: Mask
+    accurate: Bools
 
     def single(self, i: int) -> Damped:
         """Return the modes of variant ``i`` in the form of a single system."""
@@ -303,7 +300,7 @@ class UndampedBatch:
     square: Array
     shapes: Array
     errors: Array
-    accurate: Mask
+    accurate: Bools
 
 
 def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
@@ -329,7 +326,7 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     return UndampedBatch(square, shapes, errors, accurate)
 
 
-def _by_products(batch: BatchEquations) -> tuple[Array, Array, Mask]:
+def _by_products(batch: BatchEquations) -> tuple[Array, Array, Bools]:
     """Squared frequencies, shapes, and where the mass matrix is far enough from singular for them."""
     diagonal = np.einsum("vii->vi", batch.M)
     scale = 1.0 / np.sqrt(diagonal)

@@ -12,9 +12,8 @@ from mbsvib.linalg.products import drift, nonzero_rows, single_entries
 from mbsvib.linalg.qr import sorted_qr, triangle
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
 
 
@@ -58,7 +57,7 @@ class Factors:
         return drift(self.rows, self._factor)
 
     @cached_property
-    def single(self) -> NDArray[np.intp] | None:
+    def single(self) -> Index | None:
         """The column of the only entry of each row of D, None where a row has more."""
         return single_entries(self.rows)
 

@@ -21,9 +21,8 @@ from mbsvib.modes.pairs import natural_frequencies, of_all
 from mbsvib.modes.zero_subspaces import answer
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations
 
 
@@ -45,7 +44,7 @@ class General:
 
     pairs: Complex
     errors: Array
-    single: NDArray[np.bool_]
+    single: Bools
     shapes: Complex
     rigid: int
     spectrum: Spectrum
@@ -115,7 +114,7 @@ def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General
 
 
 def _sorted(
-    system: Equations, state: EnergyState, eigen: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
+    system: Equations, state: EnergyState, eigen: Spectrum, modes: tuple[Index, list[Complex]]
 ) -> General:
     numbers, shapes = modes
     values, errors = np.append(eigen.complete()[0], 0.0), np.append(eigen.errors, eigen.errors[eigen.turns])
@@ -304,8 +303,8 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Eig
 
 
 def _independent(
-    a: Array, size: float, eigensolution: _Eigensolution, parted: NDArray[np.bool_]
-) -> tuple[Complex, Complex, Complex, NDArray[np.bool_]]:
+    a: Array, size: float, eigensolution: _Eigensolution, parted: Bools
+) -> tuple[Complex, Complex, Complex, Bools]:
     """Values, left and right vectors, made independent in groups of values that are at most ``size`` apart, and a mask
     of the values in such groups: those of nearly dependent vectors and ``parted`` ones.
     """

@@ -17,9 +17,8 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.modes.pairs import with_neighbours, within_reach
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.energy_state import EnergyState
 
@@ -60,9 +59,9 @@ class Spectrum:
     values: Complex
     right: Complex
     left: Complex
-    turns: NDArray[np.bool_]
+    turns: Bools
     kind: str = ""
-    axis: NDArray[np.bool_] | None = None
+    axis: Bools | None = None
     slopes: Complex = field(default_factory=lambda: np.zeros(0, dtype=complex))
     errors: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -112,7 +111,7 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     return replace(eigen, values=values, errors=errors)
 
 
-def _chosen(mask: NDArray[np.bool_], new: Spectrum, old: Spectrum) -> Spectrum:
+def _chosen(mask: Bools, new: Spectrum, old: Spectrum) -> Spectrum:
     """The eigenvalues, vectors and slopes of ``new`` where the mask says so, else those of ``old``."""
     parts = {key: np.where(mask, getattr(new, key), getattr(old, key)) for key in ("values", "right", "left", "slopes")}
     return replace(old, **parts)
@@ -141,7 +140,7 @@ def _forms(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
     return np.einsum("ij,ij->j", wl, wr), c, k
 
 
-def _axis(eigen: Spectrum) -> NDArray[np.bool_]:
+def _axis(eigen: Spectrum) -> Bools:
     if eigen.kind == "hermitian":
         return eigen.turns
     return np.zeros(len(eigen.values), dtype=bool) if eigen.axis is None else eigen.axis
@@ -197,7 +196,7 @@ def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectru
     return _quotients(f, replace(eigen, right=x, left=y)), mixed
 
 
-def _mixing(share: Complex, distance: Complex, index: NDArray[np.intp], close_pairs: NDArray[np.bool_]) -> Complex:
+def _mixing(share: Complex, distance: Complex, index: Index, close_pairs: Bools) -> Complex:
     """Share of each eigenvector (row) in the others (column)."""
     near = np.abs(share) >= np.where(close_pairs, MERGING, MIXED) * np.abs(distance)
     near |= np.abs(share) <= NOISE

@@ -9,9 +9,8 @@ import numpy as np
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
 ROUNDED = 1e-9
@@ -21,7 +20,7 @@ TOGETHER = 1e-9
 TINY = float(np.finfo(float).tiny)
 
 
-def of_all(pairs: Any, single: NDArray[np.bool_] | None) -> Any:
+def of_all(pairs: Any, single: Bools | None) -> Any:
     """Return the values of all eigenvalues, one after the other, from those of pairs (..., k, 2); modes that are
     ``single`` (..., k) have one.
     """
@@ -43,7 +42,7 @@ def damping_ratios(pairs: Complex) -> Array:
     return np.where((first * second).real < 0.0, -1.0, ratio)
 
 
-def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
+def growing(values: Complex, errors: Array) -> Bools:
     """Tell which eigenvalues have real parts that are positive by more than rounding, for their relative errors."""
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 

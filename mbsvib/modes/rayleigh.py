@@ -25,9 +25,7 @@ from mbsvib.modes.undamped import CLEAN
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex
 
 # A Newton step larger than this share of the eigenvalue does not correct rounding errors: the pair is nearly defective.
 CORRECTION = 1e-4
@@ -159,7 +157,7 @@ def rayleigh(
     return improved, y, slopes, bound, reducible
 
 
-def _newton(values: Complex, forms: Complex, count: int) -> tuple[Complex, Array, NDArray[np.bool_]]:
+def _newton(values: Complex, forms: Complex, count: int) -> tuple[Complex, Array, Bools]:
     """Eigenvalues after Newton steps on their own quadratics, with the last steps' sizes, and which were taken."""
     a, b, c = forms
     improved = values

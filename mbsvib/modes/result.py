@@ -22,9 +22,8 @@ from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations, Provenance
 
 
@@ -79,14 +78,14 @@ class Modes(Columnar, Displayed):
     body_motion: Array = field(repr=False)
     inertia_factor: Array = field(repr=False)
     damped: Damped | General = field(repr=False)
-    first_order: NDArray[np.bool_] | None = None
+    first_order: Bools | None = None
     mixed: float = field(default=0.0, repr=False)
     solver: str = field(default="", repr=False)
     frequency_intervals: Array | None = field(default=None, repr=False)
     _provenance: Provenance | None = field(default=None, repr=False)
 
     @cached_property
-    def starts(self) -> NDArray[np.intp]:
+    def starts(self) -> Index:
         """Where each mode's eigenvalues start, and where they end."""
         size = np.full(len(self), 2) if self.first_order is None else 2 - self.first_order
         return np.concatenate(([0], np.cumsum(size)))
@@ -145,12 +144,12 @@ class Modes(Columnar, Displayed):
         return not self.growing.any()
 
     @cached_property
-    def growing(self) -> NDArray[np.bool_]:
+    def growing(self) -> Bools:
         """Whether each mode is unstable, shape (n,): its real part is positive by more than rounding."""
         return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
 
     @property
-    def _undamped(self) -> NDArray[np.bool_]:
+    def _undamped(self) -> Bools:
         """Whether each mode has real parts that are nothing but rounding, shape (n,)."""
         return np.asarray(~(growing(self.pairs, self.pair_errors) | growing(-self.pairs, self.pair_errors)).any(axis=1))
 
@@ -179,7 +178,7 @@ class Modes(Columnar, Displayed):
         distance = np.abs(self.frequencies - near_frequency(frequency))
         return self._selected(np.sort(np.argsort(distance, kind="stable")[:count]))
 
-    def _selected(self, modes: NDArray[np.intp]) -> Self:
+    def _selected(self, modes: Index) -> Self:
         which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in modes)])
         return replace(
             self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, modes],
@@ -215,7 +214,7 @@ class Modes(Columnar, Displayed):
 
     _index = "mode"
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def columns(self) -> dict[str, AnyArray]:
         """Return number, frequencies [Hz], damping ratio, error and largest motion of each mode as columns by name.
 
         Returns

@@ -13,9 +13,8 @@ from mbsvib.modes.damped import Damped
 from mbsvib.modes.result import Modes
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # Eigenvalues from sample to sample below this size belong to delays, which are forgotten within a few samples.
 FORGOTTEN = EPS**0.5
@@ -53,7 +52,7 @@ class StateModes(Modes):
         alike = size >= (1.0 - ALIKE) * size.max(axis=0)
         return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
 
-    def _selected(self, modes: NDArray[np.intp]) -> Self:
+    def _selected(self, modes: Index) -> Self:
         return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
@@ -101,7 +100,7 @@ def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None
                       participation=participation[:, first].reshape(len(a), n))  # fmt: skip
 
 
-def _together(values: Complex, first: NDArray[np.bool_]) -> Complex:
+def _together(values: Complex, first: Bools) -> Complex:
     """Eigenvalues with each conjugate behind its own."""
     pairs = [(value, value.conj()) if value.imag else (value,) for value in values[first]]
     return np.array([value for pair in pairs for value in pair], dtype=complex)

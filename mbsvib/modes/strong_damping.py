@@ -27,9 +27,7 @@ from mbsvib.linalg.rank import EPS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
 
 
 # Eigenvalues with some correct digits need one to three steps; the others seldom more than ten.
@@ -100,7 +98,7 @@ class DamperForces:
 
 def improved(
     equations: DamperForces, values: Complex, uncertainty: Array, rtol: float
-) -> tuple[Complex, Complex, Complex, Array, NDArray[np.intp]]:
+) -> tuple[Complex, Complex, Complex, Array, Index]:
     """Improve the eigenvalues ``values`` (k,), all but 0, whose relative error ``uncertainty`` (k,) may exceed
     ``rtol``.
 
@@ -134,7 +132,7 @@ def improved(
 
 
 def _separated_values(
-    equations: DamperForces, values: Complex, inaccurate: NDArray[np.intp], uncertainty: Array
+    equations: DamperForces, values: Complex, inaccurate: Index, uncertainty: Array
 ) -> Complex:
     """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
@@ -183,7 +181,7 @@ def _near(equations: DamperForces, s: Any, solve: Callable[[Any], Any]) -> tuple
     return solve(matrix), scale
 
 
-def _first_neighbours(values: Complex) -> NDArray[np.intp]:
+def _first_neighbours(values: Complex) -> Index:
     """Number of the first of the values that each is connected to by neighbours closer than ``NEIGHBOUR``."""
     near = np.abs(values[:, None] - values) <= NEIGHBOUR * np.abs(values)
     label = part_numbers(near)

@@ -21,9 +21,8 @@ from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import partial_sums
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.modes.batch import BatchModes
     from mbsvib.modes.batch_damped import DampedBatch
@@ -103,7 +102,7 @@ def _ascending(phi: Array, square: Array, gamma: Array) -> tuple[Array, Array, A
     return np.take_along_axis(phi, order[:, None], 2), np.take_along_axis(square, order, 1), gamma
 
 
-def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, NDArray[np.intp]]:
+def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, Index]:
     """Terms of each mode to be summed (variants, k, m, inputs), and how many modes are below each frequency."""
     at = np.arange(square.shape[1])
     root = np.sqrt(np.abs(square))[:, None]

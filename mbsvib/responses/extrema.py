@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +19,11 @@ from mbsvib.linalg.rank import EPS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Complex, Index
 
-    Measure = Callable[[NDArray[Any]], Array]
+    Measure = Callable[[AnyArray], Array]
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.
 NODES = 16
@@ -99,11 +99,11 @@ class Band:
     to numbers (n,); ``ends`` (panels + 1,) are the ends of the panels.
     """
 
-    response: Callable[[Array], NDArray[Any]] = field(repr=False)
+    response: Callable[[Array], AnyArray] = field(repr=False)
     ends: Array
 
     @cached_property
-    def nodes(self) -> NDArray[Any]:
+    def nodes(self) -> AnyArray:
         """Values at the nodes of each panel, (panels, nodes, ...)."""
         middle, half = 0.5 * (self.ends[1:] + self.ends[:-1]), 0.5 * np.diff(self.ends)
         w = (middle[:, None] + half[:, None] * _interpolation()[0]).reshape(-1)
@@ -179,7 +179,7 @@ def _interpolation() -> tuple[Array, Array, Array]:
     return nodes, fine, chebvander(fine, NODES - 1) @ np.linalg.inv(chebvander(nodes, NODES - 1))
 
 
-def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> tuple[Array, Array]:
+def _raised(value: Callable[[Array], Array], w: Array, at: Index) -> tuple[Array, Array]:
     """Maxima about samples: golden sections between their neighbours, then Newton's steps with differences."""
     low, high = w[np.maximum(at - 1, 0)], w[np.minimum(at + 1, len(w) - 1)]
     step = STEP * (high - low)
@@ -205,7 +205,7 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
     return best, top
 
 
-def _roots(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> Array:
+def _roots(value: Callable[[Array], Array], w: Array, at: Index) -> Array:
     """Changes of sign between samples and the next ones, by false position that halves stale ends (Illinois)."""
     if not len(at):
         return np.zeros(0)

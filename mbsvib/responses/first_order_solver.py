@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.linalg.lasting import Separation
 
     Matrices = tuple[Array, Array, Array, Array]
@@ -119,7 +119,7 @@ class FirstOrderSolver:
         x = triangular_solutions(self.triangle, inside, s)
         return np.asarray((self.vectors @ x.reshape(n, columns * count)).reshape(n, columns, count))
 
-    def _singular(self, s: Complex, right: Array | Complex, x: Complex) -> NDArray[np.bool_]:
+    def _singular(self, s: Complex, right: Array | Complex, x: Complex) -> Bools:
         """Whether a change of A and s by rounding alone makes up for a whole right-hand side, for each point."""
         terms = np.abs(s * x) + np.tensordot(np.abs(self.a), np.abs(x), axes=1)
         cancelled = np.asarray((np.abs(right) <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))

@@ -28,9 +28,9 @@ from mbsvib.responses.refined import recomputed, vanishing
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.modes.general import General
     from mbsvib.responses.basis import Basis
 
@@ -76,7 +76,7 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     return result
 
 
-def zero_responses(basis: Basis) -> NDArray[np.bool_]:
+def zero_responses(basis: Basis) -> Bools:
     """Return which responses (outputs, inputs) are zero but for rounding of the model's own numbers.
 
     They are so next to natural frequencies, at which any mode shows. Systems without symmetry have no such bound.
@@ -185,7 +185,7 @@ def _solved(basis: Basis, modal: Damped, w: Array) -> Complex:
     return result
 
 
-def solved_motions(basis: Basis, modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+def solved_motions(basis: Basis, modal: Damped, b: Array, w: Array, which: Index) -> Complex:
     """Return the solutions (m, inputs, which) for loads b in the basis at some of the frequencies by linear solutions.
     """
     if basis.strong_dampers is not None:
@@ -231,7 +231,7 @@ def _product(left: Complex, right: Complex) -> Complex:
     return (left @ np.ascontiguousarray(right).reshape(len(right), -1)).reshape(-1, *right.shape[1:])
 
 
-def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+def direct_solutions(modal: Damped, b: Array, w: Array, which: Index) -> Complex:
     """Solutions (m, inputs, which) by one factorisation a frequency."""
     m = len(b)
     result = np.empty((*b.shape, len(which)), dtype=complex)
@@ -250,7 +250,7 @@ def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp])
     return result
 
 
-def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which: Index) -> Complex:
     """Solutions (m, inputs, which) in motions v = R eta of the dampers, L = Q R, and motions without damping.
 
     R is graded: sorted by size and pivoted, it preserves the digits of weak dampers next to strong ones. In v damping

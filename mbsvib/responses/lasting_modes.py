@@ -14,9 +14,8 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.responses.energy_schur import energy_matrix
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
 
@@ -48,6 +47,6 @@ def zeros_of_lasting_states(
     return b, c
 
 
-def last(poles: Complex) -> NDArray[np.bool_]:
+def last(poles: Complex) -> Bools:
     """Return which eigenvalues of a mechanism, known to rounding of their size, do not decay."""
     return np.asarray(poles.real >= -ZERO_SUM * np.abs(poles))

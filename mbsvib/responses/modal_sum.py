@@ -24,9 +24,7 @@ from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
 
@@ -243,7 +241,7 @@ def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
     return modal.pairs[pairs], real_poles, gamma, None, single, np.concatenate((pairs, alone, alone))
 
 
-def _braked(modal: Damped) -> NDArray[np.bool_]:
+def _braked(modal: Damped) -> Bools:
     """Which modes of classical damping have one of their two eigenvalues at 0, (m,)."""
     return np.asarray((modal.pairs == 0.0).sum(axis=1) == 1)
 

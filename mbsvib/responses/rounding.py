@@ -18,9 +18,8 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.responses.modal_sum import half_spectrum
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
 
@@ -41,7 +40,7 @@ class Noise:
     b: Array
     outputs: tuple[tuple[int, Array], ...]
     terms: TermSizes
-    parts: tuple[tuple[int, NDArray[np.intp], Array, Array], ...]
+    parts: tuple[tuple[int, Index, Array, Array], ...]
     direct: Array
 
     @staticmethod

@@ -30,9 +30,8 @@ from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex
     from mbsvib.common.selection import Names
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
@@ -49,7 +48,7 @@ AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobser
 
 def determined_zeros(
     modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array, rank: int
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Tell which zeros are determined despite rounding; ``rank``: normal rank of the transfer matrix."""
     if not len(z):
         return np.zeros(0, dtype=bool)
@@ -78,8 +77,8 @@ def transfer_rounding(
     result = np.zeros((len(results), len(sources), len(z)))
     with np.errstate(all="ignore"):
         if isinstance(modal, Damped):
-            right: NDArray[Any] = modal.shapes
-            left: NDArray[Any] = modal.shapes
+            right: AnyArray = modal.shapes
+            left: AnyArray = modal.shapes
             down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
         else:
             values, right, left, slopes = modal.spectrum.complete()
@@ -96,7 +95,7 @@ def transfer_rounding(
 def smallest_singular_value(matrices: Complex, rank: int) -> tuple[Array, Complex, Complex]:
     """Return the singular value (n,) number ``rank`` of matrices (outputs, inputs, n), with its vectors (n, ...)."""
     stack = matrices.transpose(2, 0, 1)
-    good: NDArray[np.bool_] = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
+    good: Bools = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
     u, s, v = np.linalg.svd(np.where(good[:, None, None], stack, 0.0), full_matrices=False)
     return np.where(good, s[:, rank - 1], np.nan), u[:, :, rank - 1], v[:, rank - 1, :].conj()
 
@@ -272,7 +271,7 @@ def _at_rest(
 
 
 def _of_determinant(
-    total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, at_zero: int
+    total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, Bools], lowest: float, at_zero: int
 ) -> Complex:
     """Set as many zeros of a square system to 0 as follow from its determinant, c s^(zeros - poles) near 0.
 

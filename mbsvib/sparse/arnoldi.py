@@ -6,16 +6,14 @@ Source: Saad, Numerical Methods for Large Eigenvalue Problems (2011), section 6.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Complex
 
 # If less than this share of a vector remains after orthogonalization, the remainder is rounding.
 NEW = 1e-12
@@ -35,8 +33,8 @@ class Ritz:
 
     values: Complex
     residuals: Array
-    vectors: NDArray[Any]
-    basis: NDArray[Any]
+    vectors: AnyArray
+    basis: AnyArray
 
     def converged(self, tolerance: float) -> int:
         """Return how many of the first values have smaller residuals, conjugates together."""
@@ -47,7 +45,7 @@ class Ritz:
             count -= 1
         return count
 
-    def subspace(self, count: int) -> NDArray[Any]:
+    def subspace(self, count: int) -> AnyArray:
         """Return an orthonormal basis (n, count) of the first vectors' span."""
         y = self.vectors[:, :count]
         if not np.iscomplexobj(self.basis):
@@ -57,7 +55,7 @@ class Ritz:
 
 
 def arnoldi(
-    apply: Callable[[NDArray[Any]], NDArray[Any]], start: NDArray[Any], enough: Callable[[Ritz], bool],
+    apply: Callable[[AnyArray], AnyArray], start: AnyArray, enough: Callable[[Ritz], bool],
     dimensions: tuple[int, int], growth: float = GROWTH,
 ) -> Ritz:  # fmt: skip
     """Return Ritz values and vectors of a linear operator, the largest first.
@@ -95,7 +93,7 @@ def arnoldi(
         before, size = size, size + count
 
 
-def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArray[Any], float]:
+def _independent(new: AnyArray, length: float) -> tuple[AnyArray, AnyArray, float]:
     """Orthonormal columns of a block, without those that are rounding, the block in these, and the least share of
     ``length`` that remains in one of its directions.
     """
@@ -109,7 +107,7 @@ def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArra
     return block[:, :count], result, float(pivots.min(initial=np.inf)) / length if length else 0.0
 
 
-def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz:
+def _ritz(inner: AnyArray, below: AnyArray, basis: AnyArray) -> Ritz:
     values, vectors = np.linalg.eig(inner)
     order = np.argsort(-np.abs(values), kind="stable")
     values, vectors = values[order].astype(complex), vectors[:, order]

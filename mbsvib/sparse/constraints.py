@@ -43,10 +43,9 @@ from mbsvib.sparse.layout import path_entries, relative_rows
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Body
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.rows import Rows
@@ -57,7 +56,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
-    Mask = NDArray[np.bool_]
     Entry = tuple[Index, Index, Array]
 
 
@@ -93,7 +91,7 @@ class Constraints:
     """
 
     cuts: Cuts
-    is_independent: Mask
+    is_independent: Bools
     groups: tuple[LoopGroup, ...]
     path_joints: tuple[Index, Index]
     joint: Index
@@ -120,7 +118,7 @@ class Constraints:
         return self.rows.take(np.flatnonzero(self.is_independent[: len(self.rows.first)]))
 
     @property
-    def translational(self) -> Mask:
+    def translational(self) -> Bools:
         """Mask of the independent rows that lock translations, so that their multipliers are forces."""
         result = self.cuts.translates.copy()
         if self.couplers is not None:

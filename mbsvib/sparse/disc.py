@@ -19,9 +19,7 @@ from mbsvib.sparse.arnoldi import arnoldi
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Complex
     from mbsvib.sparse.arnoldi import Ritz
     from mbsvib.sparse.quadratic import Quadratic
     from mbsvib.sparse.tableau import Factor
@@ -89,7 +87,7 @@ class Shifted:
         """Number of entries of a state."""
         return self._ends[2] + self._ends[0]
 
-    def motions(self, state: NDArray[Any]) -> NDArray[Any]:
+    def motions(self, state: AnyArray) -> AnyArray:
         """Return theta z (size, n) of states (n columns)."""
         mass, dampers, spins = self._ends
         q = self.quadratic
@@ -97,12 +95,12 @@ class Shifted:
         force = force + self._dampers[1] @ state[mass:dampers] + self._spins[1] @ state[dampers:spins]
         return -q.solve(self.factor, np.asarray(force), self.transposed)
 
-    def apply(self, state: NDArray[Any]) -> NDArray[Any]:
+    def apply(self, state: AnyArray) -> AnyArray:
         """Return the operator times states."""
         z, before = self.motions(state), state[: self._ends[0]] / self.speed
         return np.concatenate((self.speed * (self.quadratic.w @ z), self._dampers[0] @ z, self._spins[0] @ z, before))
 
-    def start(self, seed: int) -> NDArray[Any]:
+    def start(self, seed: int) -> AnyArray:
         """Return states at random, without motions of infinite eigenvalues."""
         state = np.random.default_rng(seed).standard_normal((self.size, min(BLOCK, self.size)))
         for _ in range(2):
@@ -123,11 +121,11 @@ class Disc:
 
     shifted: Shifted
     values: Complex
-    basis: NDArray[Any]
+    basis: AnyArray
     reach: float
     dimension: int = 0
 
-    def motions(self) -> NDArray[Any]:
+    def motions(self) -> AnyArray:
         """Return motions (size, n) that span the eigenvectors."""
         return self.shifted.motions(self.basis)
 
@@ -186,7 +184,7 @@ class Disc:
         """Ritz values of the operator with the known eigenvectors deflated."""
         known, shifted = self.basis, self.shifted
 
-        def without(state: NDArray[Any]) -> NDArray[Any]:
+        def without(state: AnyArray) -> AnyArray:
             return state - known @ (known.conj().T @ state) if known.shape[1] else state
 
         start = without(shifted.start(known.shape[1]))

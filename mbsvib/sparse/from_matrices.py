@@ -27,9 +27,7 @@ from mbsvib.sparse.quadratic import Quadratic
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import AnyArray, Array
     from mbsvib.equations.equations import Equations
     from mbsvib.sparse.equations import SparseEquations
 
@@ -50,21 +48,21 @@ class MatrixQuadratic(Quadratic):
         k, m = self._given.K.diagonal(), self._given.M.diagonal()
         return float(np.sqrt(np.median(np.abs(k[m > 0.0]) / m[m > 0.0]) if m.any() else 1.0)) or 1.0
 
-    def force(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+    def force(self, values: Any, z: AnyArray, transposed: bool = False) -> AnyArray:
         """Return P(lambda) z, column by column (size, n)."""
         del transposed
         given = self._given
         return np.asarray(given.K @ z + (given.C @ z) * values + (given.M @ z) * values**2)
 
-    def inertia(self, z: NDArray[Any]) -> NDArray[Any]:
+    def inertia(self, z: AnyArray) -> AnyArray:
         """Return M z."""
         return np.asarray(self._given.M @ z)
 
-    def size(self, z: NDArray[Any]) -> Array:
+    def size(self, z: AnyArray) -> Array:
         """Return sqrt(z^H M z) of each column."""
         return np.asarray(np.sqrt(np.abs(np.einsum("ij,ij->j", z.conj(), self.inertia(z)))))
 
-    def damping(self, z: NDArray[Any]) -> NDArray[Any]:
+    def damping(self, z: AnyArray) -> AnyArray:
         """Return C z."""
         return np.asarray(self._given.C @ z)
 

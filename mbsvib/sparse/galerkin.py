@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import AnyArray, Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
     from mbsvib.sparse.equations import SparseEquations
@@ -250,7 +250,7 @@ class Galerkin:
         return result
 
     def extended(
-        self, mass: Array, massless: Array, added: NDArray[Any], vectors: Eigenvectors
+        self, mass: Array, massless: Array, added: AnyArray, vectors: Eigenvectors
     ) -> tuple[Array, Array]:
         """Return motions with mass and massless motions, both extended by parts of further motions."""
         more_mass, more_massless = split_massless(self.quadratic.system, parts(added))
@@ -258,7 +258,7 @@ class Galerkin:
         return (extended(self.quadratic, mass, more_mass, speed),
                 independent(self.quadratic.system, np.concatenate((massless, more_massless), axis=1)))  # fmt: skip
 
-    def _corrections(self, solution: Solution) -> list[NDArray[Any]]:
+    def _corrections(self, solution: Solution) -> list[AnyArray]:
         """Steps of inverse iteration for the vectors that do not satisfy the full system's equations."""
         vectors, inaccurate = solution.vectors, solution.bound[solution.vectors.number] > ACCURATE
         unconverged = (inaccurate | (solution.residuals[0] > CONVERGED), inaccurate)
@@ -273,7 +273,7 @@ class Galerkin:
         The larger subspace is returned if other modes of the smaller one are unstable, or it is not converged.
         """
         vectors, modal, rigid = solution.vectors, solution.modes.damped, solution.rigid
-        sides: list[NDArray[Any]] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
+        sides: list[AnyArray] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
         if isinstance(modal, General) and (solution.modes.eigenvalues == 0.0).any():
             sides += [modal.state.show @ modal.state.right, modal.state.force.T @ modal.state.left]
         motions = solution.basis @ parts(np.concatenate(sides, axis=1))
@@ -285,7 +285,7 @@ class Galerkin:
         return result
 
 
-def _inverse_iteration(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDArray[Any]:
+def _inverse_iteration(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> AnyArray:
     """One step of inverse iteration at an approximate eigenvalue, P(s)^-1 P'(s) z, or with the transposed P."""
     shift: Any = s if s.imag else s.real
     for offset in (0.0, 1e-9, 1e-7):

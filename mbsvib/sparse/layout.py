@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.rows import Rows
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.tree import Mask, Tree
+    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     return row, column, values, skipped[of_row]
 
 
-def relative_rows(tree: Tree, layout: Layout, rows: Rows, by_ends: Mask | None = None) -> csr_matrix:
+def relative_rows(tree: Tree, layout: Layout, rows: Rows, by_ends: Bools | None = None) -> csr_matrix:
     """Return rows of relative displacement over the unknowns of the tableau, (rows, size); those ``by_ends`` (rows,)
     along short paths too are in terms of the displacements of their ends.
     """

@@ -23,16 +23,14 @@ from mbsvib.sparse.layout import kinematics
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
     from scipy.sparse import csc_matrix, csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
-    Mask = NDArray[np.bool_]
 
 TINY = float(np.finfo(float).tiny)
 
@@ -66,7 +64,7 @@ def massless_motions(
     return _by_parts(tree, layout, movable, factor, loops) if movable.any() else None
 
 
-def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
+def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Bools:
     """Bodies that are certainly at rest in every massless motion."""
     n = len(tree.parent)
     at_rest = _nodes_with_mass(tree, shared)
@@ -101,7 +99,7 @@ def _smallest(rows: Array) -> Array:
     return np.asarray(np.linalg.svd(unit, compute_uv=False)[:, -1])
 
 
-def _nodes_with_mass(tree: Tree, shared: Shared | None) -> Mask:
+def _nodes_with_mass(tree: Tree, shared: Shared | None) -> Bools:
     """Nodes of beams and superelements whose shared mass resists all of their motions."""
     n = len(tree.parent)
     result = np.zeros(n + 1, dtype=bool)
@@ -125,7 +123,7 @@ def _nodes_with_mass(tree: Tree, shared: Shared | None) -> Mask:
 
 
 def _by_parts(
-    tree: Tree, layout: Layout, movable: Mask, factor: csr_matrix, loops: csr_matrix
+    tree: Tree, layout: Layout, movable: Bools, factor: csr_matrix, loops: csr_matrix
 ) -> Motions | None:
     """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
     from scipy.sparse import csc_matrix, vstack
@@ -195,7 +193,7 @@ class _Part:
     block: Array
     displacements: int
     size: Array
-    turns: Mask
+    turns: Bools
     points: Array
     length: float
 

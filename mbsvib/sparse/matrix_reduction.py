@@ -40,9 +40,7 @@ from mbsvib.sparse.reduction import RTOL
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Complex
     from mbsvib.linalg.multifrontal import SymmetricFactor
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.modes import SomeModes
@@ -329,7 +327,7 @@ class HeldFactor:
         """Return the motions with unit interface displacements, A^-1 R^T F^-1."""
         return np.asarray(np.linalg.solve(self.flexibility.T, self.toward.T).T)
 
-    def solve(self, right: NDArray[Any], refinements: int = 1, transposed: bool = False) -> NDArray[Any]:
+    def solve(self, right: AnyArray, refinements: int = 1, transposed: bool = False) -> AnyArray:
         """Return x with R x = 0 and A x = right but for forces on the interface."""
         x = self.inner.solve(right, refinements, transposed)
         return np.asarray(x - self.shapes() @ (self.rows @ x))

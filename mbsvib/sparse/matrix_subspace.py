@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +24,8 @@ from mbsvib.sparse.operator import Operator, count_below
 from mbsvib.sparse.subspace import OFFSETS, SEARCHES, SLOW, Subspace
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import AnyArray, Array
     from mbsvib.sparse.equations import SparseEquations
 
 # The shift for the lowest modes, as a share of the square of a typical frequency of single coordinates: below the
@@ -126,7 +125,7 @@ def _basis(t: Operator, requested: int) -> Array:
     m = given.M.diagonal()
     unit = np.sqrt(np.where(m > 0.0, m, np.abs(given.K.diagonal()) / t.quadratic.speed**2))[:, None]
 
-    def apply(y: NDArray[Any]) -> NDArray[Any]:
+    def apply(y: AnyArray) -> AnyArray:
         return np.asarray(unit * t.factor.solve(given.M @ (y / unit), 0))
 
     block = int(np.clip(requested // MODES, *BLOCK))

@@ -15,7 +15,7 @@ Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from mbsvib.sparse.subspace import subspace as mechanism_subspace
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
@@ -149,7 +149,7 @@ class SomeModes(Modes):
     """The coordinate with the largest momentum, for each mode of matrices."""
 
     @property
-    def coordinate_shapes(self) -> NDArray[Any]:
+    def coordinate_shapes(self) -> AnyArray:
         """The shapes in the coordinates of the large system, (coordinates, n)."""
         return np.asarray(motions_of(self.reduced) @ self.shapes)
 
@@ -190,7 +190,7 @@ def modes(
     )  # fmt: skip
 
 
-def _moving(system: SparseEquations, small: Equations, shapes: NDArray[Any]) -> tuple[tuple[str, ...], ...]:
+def _moving(system: SparseEquations, small: Equations, shapes: AnyArray) -> tuple[tuple[str, ...], ...]:
     """The coordinate with the largest momentum in each mode of matrices."""
     if system.matrices is None:
         return ()

@@ -20,9 +20,8 @@ from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Bools, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
@@ -67,23 +66,23 @@ class Operator:
         """W^T by rows."""
         return self.quadratic.wt
 
-    def right(self, force: NDArray[Any]) -> NDArray[Any]:
+    def right(self, force: AnyArray) -> AnyArray:
         """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
         return self.quadratic.right(force)
 
-    def solve(self, h: NDArray[Any]) -> NDArray[Any]:
+    def solve(self, h: AnyArray) -> AnyArray:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
         return self.factor.solve(self.right(self.wt @ self.without_rigid(h)), 0)
 
-    def apply(self, h: NDArray[Any]) -> NDArray[Any]:
+    def apply(self, h: AnyArray) -> AnyArray:
         """Return T h."""
         return self.without_rigid(self.w @ self.solve(h))
 
-    def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
+    def without_rigid(self, h: AnyArray) -> AnyArray:
         """Return vectors (h, n) without their components along the deflated rigid-body modes."""
         return h - self.deflated @ (self.deflated.T @ h) if self.deflated.shape[1] else h
 
-    def flexible(self, z: NDArray[Any]) -> NDArray[Any]:
+    def flexible(self, z: AnyArray) -> AnyArray:
         """Return motions (size, n) without their components along the rigid-body modes."""
         return z - self.rigid @ (self.quadratic.inertia(self.rigid).T @ z) if self.rigid.shape[1] else z
 
@@ -199,7 +198,7 @@ def count_below(system: SparseEquations, square: float) -> int | None:
     return system.tableau.factor(square=square, pivot=0.0).negative(system.layout)
 
 
-def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
+def far_rows(system: SparseEquations) -> Bools:
     """Return the mask of rows with stiffness that act on displacements, since the path between their ends is long."""
     is_displacement = np.zeros(system.layout.size, dtype=bool)
     is_displacement[system.layout.displacement[system.layout.displacement >= 0]] = True

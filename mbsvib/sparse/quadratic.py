@@ -16,9 +16,8 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes.classical import proportional
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
@@ -65,23 +64,23 @@ class Quadratic:
         stiffness, inertia = float(np.abs(self.system.row_stiffness) @ rows), float(self.w.power(2).sum())
         return float(np.sqrt(stiffness / (inertia or 1.0))) or 1.0
 
-    def force(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+    def force(self, values: Any, z: AnyArray, transposed: bool = False) -> AnyArray:
         """Return P(lambda) z, column by column (size, n), or P(lambda)^T z."""
         system, rows = self.system, self.system.elastic_rows
         weights = system.row_stiffness[:, None] + system.row_damping[:, None] * values
         result = rows.T @ (weights * (rows @ z)) + self.wt @ ((self.w @ z) * values**2)
         return np.asarray(result + self._antisymmetric(values, 1.0, z, transposed))
 
-    def inertia(self, z: NDArray[Any]) -> NDArray[Any]:
+    def inertia(self, z: AnyArray) -> AnyArray:
         """Return M z."""
         return np.asarray(self.wt @ (self.w @ z))
 
-    def damping(self, z: NDArray[Any]) -> NDArray[Any]:
+    def damping(self, z: AnyArray) -> AnyArray:
         """Return the forces of dampers, C z."""
         rows = self.system.elastic_rows
         return np.asarray(rows.T @ (self.system.row_damping[:, None] * (rows @ z)))
 
-    def size(self, z: NDArray[Any]) -> Array:
+    def size(self, z: AnyArray) -> Array:
         """Return sqrt(z^H M z) = |W z| of each column."""
         return np.asarray(np.linalg.norm(self.w @ z, axis=0))
 
@@ -100,12 +99,12 @@ class Quadratic:
         """Whether C is a multiple of K, row by row."""
         return proportional(self.system.row_damping, self.system.row_stiffness)
 
-    def slope(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+    def slope(self, values: Any, z: AnyArray, transposed: bool = False) -> AnyArray:
         """Return P'(lambda) z = (2 lambda M + C + G) z, column by column (size, n), or P'(lambda)^T z."""
         result = self.damping(z) + self.inertia(z * (2.0 * values))
         return np.asarray(result + self._antisymmetric(1.0, 0.0, z, transposed))
 
-    def _antisymmetric(self, spin: Any, circulation: float, z: NDArray[Any], transposed: bool) -> Any:
+    def _antisymmetric(self, spin: Any, circulation: float, z: AnyArray, transposed: bool) -> Any:
         sign, result = -1.0 if transposed else 1.0, 0.0
         if self.system.gyroscopic is not None:
             result = (self.system.gyroscopic @ z) * (sign * spin)
@@ -113,7 +112,7 @@ class Quadratic:
             result = result + (self.system.circulatory @ z) * sign
         return result
 
-    def energy(self, z: NDArray[Any], speed: float) -> NDArray[Any]:
+    def energy(self, z: AnyArray, speed: float) -> AnyArray:
         """Return rows (n, columns) whose sum of squares is an energy: inertia at a speed [rad/s], springs, dampers."""
         weights = np.sqrt(np.abs(self.system.row_stiffness) + speed * np.abs(self.system.row_damping))[:, None]
         return np.concatenate((speed * (self.w @ z), weights * (self.system.elastic_rows @ z)))
@@ -122,7 +121,7 @@ class Quadratic:
     def _balance(self) -> tuple[Index, Array]:
         return self.system.layout.balance()
 
-    def right(self, force: NDArray[Any]) -> NDArray[Any]:
+    def right(self, force: AnyArray) -> AnyArray:
         """Return right sides of the tableau for generalised forces (size, n) or (size,) on the unknowns."""
         row, sign = self._balance
         used = np.flatnonzero(sign)
@@ -130,7 +129,7 @@ class Quadratic:
         result[row[used]] = force[used] * (sign[used] if force.ndim == 1 else sign[used, None])
         return result
 
-    def solve(self, factor: Factor, force: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+    def solve(self, factor: Factor, force: AnyArray, transposed: bool = False) -> AnyArray:
         """Return motions (size, n) with P z = force, or P^T z = force, for the factored P."""
         if not transposed:
             return factor.solve(self.right(force))

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Index
     from mbsvib.mechanism.mechanism import Mechanism
 S = TypeVar("S", bound=SparseEquations)
 
@@ -75,7 +74,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
     return dict(zip(number, part.tolist(), strict=True))
 
 
-def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> NDArray[np.intp]:
+def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> Index:
     """Numbers of the parts with a port; base motion and the force on the ground have all."""
     if part.element is not None:
         element = model.springs.get(carriers(model.expansion, part.element)[0]) or model.joints.get(part.element)

@@ -9,7 +9,7 @@ that the inertia of the free motion balances.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -27,9 +27,9 @@ from mbsvib.sparse.reduction import RTOL, reduced
 from mbsvib.sparse.tableau import FINE, SINGULAR
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import AnyArray, Array, Complex
     from mbsvib.sparse.equations import SparseEquations
 
 E = TypeVar("E", bound=Equations)
@@ -100,7 +100,7 @@ def _through(system: SparseEquations) -> Array:
     return system.D if system.separation is None else system.D - system.separation.at_once
 
 
-def _answer(system: SparseEquations, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:
+def _answer(system: SparseEquations, right: Array, s: complex, damped: bool) -> AnyArray | None:
     """Displacements and coordinates for unit inputs; None where the matrix is singular to rounding."""
     try:
         factor = system.tableau.factor(s=s) if damped and s else system.tableau.factor(square=-(s * s).real)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import AnyArray, Array, Bools, Index
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
@@ -68,7 +68,7 @@ class Tableau:
         ``lock``: positions of coordinates that an additional spring locks. ``pivot``: threshold below which the pivot
         is not taken from the diagonal.
         """
-        data: NDArray[Any] = self.fixed + self.stiffness
+        data: AnyArray = self.fixed + self.stiffness
         if s:
             data = data + (s * self.damping + (s * s) * self.mass)
         if square:
@@ -84,7 +84,7 @@ class Tableau:
         data[self.diagonal[layout.coordinate]] += 1.0
         return self.factor_data(data)
 
-    def factor_data(self, data: NDArray[Any], pivot: float | None = None) -> Factor:
+    def factor_data(self, data: AnyArray, pivot: float | None = None) -> Factor:
         """Factor a matrix on the tableau's pattern, given by its scaled entries."""
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
@@ -108,26 +108,26 @@ class Factor:
     row_scale: Array
     column_scale: Array
 
-    def solve(self, right: NDArray[Any], refinements: int = REFINEMENTS, transposed: bool = False) -> NDArray[Any]:
+    def solve(self, right: AnyArray, refinements: int = REFINEMENTS, transposed: bool = False) -> AnyArray:
         """Return the solution for one or more right sides (size,) or (size, n), also for the transposed matrix."""
         rows, columns = (self.column_scale, self.row_scale) if transposed else (self.row_scale, self.column_scale)
         scale = (slice(None), None) if right.ndim == 2 else slice(None)
         b = right * rows[scale]
         if np.iscomplexobj(b) and not np.iscomplexobj(self.matrix.data):
             real, imaginary = (self._solve(part, refinements, transposed) for part in (b.real, b.imag))
-            x: NDArray[Any] = real + 1j * imaginary
+            x: AnyArray = real + 1j * imaginary
         else:
             x = self._solve(b.astype(self.matrix.dtype), refinements, transposed)
         return x * columns[scale]
 
-    def _solve(self, b: NDArray[Any], refinements: int, transposed: bool) -> NDArray[Any]:
+    def _solve(self, b: AnyArray, refinements: int, transposed: bool) -> AnyArray:
         matrix, mode = (self.matrix.T, "T") if transposed else (self.matrix, "N")
-        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b), mode)
+        x: AnyArray = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b), mode)
         for _ in range(refinements):
             x = x + self.lu.solve(b - matrix @ x, mode)
         return x
 
-    def solve_closely(self, right: Array, fine: float) -> tuple[NDArray[Any], float]:
+    def solve_closely(self, right: Array, fine: float) -> tuple[AnyArray, float]:
         """Return the solution for right sides (size, n), and the last step of refinement as a share of it.
 
         Near a lightly damped resonance, and with nearly singular loops, residuals are not accurate enough for
@@ -135,7 +135,7 @@ class Factor:
         infinite if there is no finite solution.
         """
         b = np.asfortranarray(right * self.row_scale[:, None], dtype=self.matrix.dtype)
-        x: NDArray[Any] = self.lu.solve(b)
+        x: AnyArray = self.lu.solve(b)
         matrix, change = self.matrix, np.inf
         for last in (False, False, True):
             step = self.lu.solve(np.asfortranarray(b - matrix @ x, dtype=self.matrix.dtype))
@@ -165,7 +165,7 @@ class Factor:
 
 def build(
     tree: Tree, layout: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
-    inertia: csr_matrix, loops: csr_matrix, translational: NDArray[np.bool_], ordering: str = "NATURAL",
+    inertia: csr_matrix, loops: csr_matrix, translational: Bools, ordering: str = "NATURAL",
     circulatory: csr_matrix | None = None, gyroscopic: csr_matrix | None = None,
 ) -> Tableau:  # fmt: skip
     """Return the tableau of the equations of kinematics, ``fixed`` (size, size), and the forces of all parts.
@@ -225,7 +225,7 @@ def _common_pattern(
 
 
 def _scales(
-    tree: Tree, layout: Layout, translational: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
+    tree: Tree, layout: Layout, translational: Bools, stiffness: Array, indices: NDArray[np.int32],
     indptr: NDArray[np.int32],
 ) -> tuple[Array, Array]:
     """Powers of two that scale lengths by the typical link and forces by the typical stiffness of a joint."""

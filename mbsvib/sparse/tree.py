@@ -26,14 +26,10 @@ from mbsvib.mechanism.topology import span
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Body
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
-
-    Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +51,7 @@ class Tree:
     depth: Index
     first: Index
     count: Index
-    moves: Mask
+    moves: Bools
     outward: Index
     names: tuple[str, ...]
     coordinate_body: Index
@@ -64,7 +60,7 @@ class Tree:
     point: Array
     sign: Array
     motion: Array
-    turns: Mask
+    turns: Bools
     pitch: float = 0.0
 
     @property
@@ -95,7 +91,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
                 np.ascontiguousarray(motion.T), turns, largest_pitch(topology.joints))  # fmt: skip
 
 
-def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:
+def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Bools]:
     """Depth of the bodies, and the world directions in which joints let them move, with the exact zeros of B'."""
     n = len(parent)
     in_joint = np.zeros((n, 6), dtype=bool)
