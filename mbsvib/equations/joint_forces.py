@@ -16,12 +16,13 @@ import numpy as np
 
 from mbsvib.equations.load_stiffness import all_pairs
 from mbsvib.equations.loaded import spin_of
-from mbsvib.equations.ports import ground_motion
+from mbsvib.equations.ports import inertia_of_ground_motion
 from mbsvib.equations.statics import Reactions
 from mbsvib.equations.virtual_motions import VirtualWork, carrier_of, carries_nothing, joint_points, virtual_motions
 from mbsvib.equations.wrenches import leading
-from mbsvib.linalg.products import concatenated, product_with_zeros
-from mbsvib.linalg.rotations import components_last, skew
+from mbsvib.kinematics.relative_motion import Twists, body_motion, relative_motion
+from mbsvib.linalg.products import concatenated, product_with_zeros, widened
+from mbsvib.linalg.rotations import components_first, skew
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.spin_terms import Spin
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Triplets
-    from mbsvib.kinematics.shared_rows import Composite
 
 
 def with_joint_forces(draft: Draft) -> Draft:
@@ -43,7 +41,7 @@ def with_joint_forces(draft: Draft) -> Draft:
     outputs = [item for item in scene.port.wrench_outputs if item[1] == "joint"]
     spin = spin_of(draft)
     if len(outputs) < len(scene.port.wrench_outputs):
-        terms = with_sums(scene, terms, spin[0], shared_inertia(scene, draft.relative, draft.reduction))
+        terms = with_sums(draft, spin[0])
     if not outputs:
         return replace(draft, terms=terms)
     fixed = draft.varied.points
@@ -57,10 +55,7 @@ def with_joint_forces(draft: Draft) -> Draft:
     directions: dict[str, tuple[int, Array]] = {}
     rows: dict[str, Any] = {}
     for key, wrenches in values.items():
-        matrix = getattr(terms, key)
-        lead = np.broadcast_shapes(matrix.shape[:-2], wrenches.shape[:-2])
-        kind = np.result_type(matrix, wrenches)
-        rows[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
+        rows[key] = widened(getattr(terms, key), wrenches)
         for row, _, number, wrench in outputs:
             joint, at = scene.topology.joints[number], 6 * asked.index(number)
             axes = np.array(joint.axes)
@@ -130,8 +125,9 @@ class _Local:
         own = values[..., rows, :]
         after = whole.minimum_norm(own.reshape(*own.shape[:-2], count, 6, -1).swapaxes(-2, -3), added)
         after = after.swapaxes(-2, -3)
-        result = np.array(np.broadcast_to(values, (*after.shape[:-3], *values.shape[-2:])), after.dtype)
-        result[..., rows, :] = after.reshape(*after.shape[:-3], len(rows), -1)
+        after = after.reshape(*after.shape[:-3], len(rows), -1)
+        result = widened(values, after)
+        result[..., rows, :] = after
         return result
 
 
@@ -161,83 +157,65 @@ def _moment_weight(draft: Draft, stress: SelfStress, reactions: Reactions) -> Ar
     """The change (..., m) of the weight 1 / L^2 of moments."""
     scene, number = draft.scene, draft.scene.topology.body_numbers
     body = [carrier_of(scene.topology.joints[k], number) for k in stress.joints.tolist()]
-    motion, position = (np.concatenate((array, np.zeros((*array.shape[:-count], 1, *array.shape[1 - count :]))), -count)
-                        for array, count in ((draft.terms.body_motion, 3), (scene.position, 2)))  # fmt: skip
+    motion = draft.terms.body_motion
+    motion = np.concatenate((motion, np.zeros((*motion.shape[:-3], 1, *motion.shape[-2:]))), axis=-3)
     point = reactions.motions.point[..., 6 * stress.joints].swapaxes(-1, -2)
-    turned = skew(point - position[..., body, :]) @ motion[..., body, 3:, :]
+    turned = skew(point - scene.centres[..., body, :]) @ motion[..., body, 3:, :]
     from_centre = point - point.mean(axis=-2, keepdims=True)
     along = np.einsum("...jc,...jcm->...m", from_centre, motion[..., body, :3, :] - turned)
     return np.asarray(-2.0 / (len(body) * np.asarray(stress.length)[..., None] ** 4) * along)
 
 
-def with_sums(
-    scene: Scene, terms: Terms, momenta: Sequence[tuple[int, Array]],
-    shared: tuple[Array, Array] | None = None,
-) -> Terms:  # fmt: skip
-    """Return terms with the rows of sums of all forces on a body: its rate of change of momentum, or minus that of all
-    others. Arrays may have an axis of variants in front.
-
-    ``shared``: wrenches (bodies + 1, 6, m) and (bodies + 1, 6, inputs) of masses that several bodies share.
+def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
+    """Return terms with the rows of sums of all forces on a body: its rate of change of momentum, W_v^T W q'', along
+    virtual motions v of the body alone. On the ground acts the opposite of what all others need to move with it.
     """
+    scene, terms = draft.scene, draft.terms
     asked = [(row, body, wrench) for row, kind, body, wrench in scene.port.wrench_outputs if kind == "body"]
-    ground = [item for item in asked if item[1] == len(scene.bodies)]
-    rows = {"Ca": _momentum(scene, terms.body_motion), "D": _of_base_motions(scene),
-            "Cv": _of_rotors(terms.body_motion, momenta)}  # fmt: skip
-    if shared is not None:
-        rows["Ca"], rows["D"] = rows["Ca"] - shared[0], rows["D"] - shared[1]
-    moved = None if scene.loads is None else _of_loads(scene, terms.body_motion)
+    on_ground = np.array([body == len(scene.bodies) for _, body, _ in asked])
+    virtual = _moved_alone(scene, [(body, wrench) for _, body, wrench in asked])
+    motion = body_motion(virtual, scene.position)
+    factor = scene.inertia.factor(motion)
+    if scene.shared is not None and scene.shared.mass is not None:
+        base = relative_motion(virtual, scene.shared.mass.rows)
+        factor = scene.shared.inertia_rows(factor, base.dense(0, base.shape[0]))
+
+    def with_ground(wrench: Any, origin: Any) -> Array:
+        return inertia_of_ground_motion(wrench, origin, scene.position, scene.inertia, scene.shared)
+
+    for k in on_ground.nonzero()[0].tolist():
+        factor[..., k] = -with_ground(asked[k][2], np.zeros(3))
+    back = factor.swapaxes(-1, -2)
+    through = np.zeros((*back.shape[:-1], len(scene.port.input_units)), back.dtype)
+    for column, source in scene.port.base_motions:
+        through[..., column] = (back @ with_ground(source.wrench, source.position)[..., None])[..., 0]
+    spin: Any = np.zeros((len(asked), terms.body_motion.shape[-1]))
+    for body, momentum in momenta:
+        own, of_body = motion[..., body, 3:, :].swapaxes(-1, -2), terms.body_motion[..., body, 3:, :]
+        spin = spin - own @ product_with_zeros(skew(momentum), of_body)
+    loads: Any = np.zeros(spin.shape[-2:])
+    if scene.loads is not None and on_ground.any():
+        wrenches = np.array([wrench for _, _, wrench in asked]) * on_ground[:, None]
+        loads = wrenches @ _of_loads(scene, terms.body_motion)
+    inertia = back @ terms.inertia_factor[..., : factor.shape[-2], :]
     result: dict[str, Any] = {}
-    for key in ("Cq", "Cv", "Ca", "D"):
-        matrix = getattr(terms, key)
-        values = {row: np.zeros(matrix.shape[-1]) for row, _, _ in asked}
-        if key in rows:
-            on_body = rows[key]
-            if ground:  # what acts on it is opposite to what all others need
-                others = _about_origin(scene, on_body)[..., None, :, :]
-                on_body = np.concatenate((on_body[..., :-1, :, :], -others), axis=-3)
-            values = {row: wrench @ on_body[..., body, :, :] for row, body, wrench in asked}
-        elif moved is not None:
-            values |= {row: wrench @ moved for row, _, wrench in ground}
-        lead = np.broadcast_shapes(matrix.shape[:-2], *(value.shape[:-1] for value in values.values()))
-        kind = np.result_type(matrix, *values.values())
-        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind)
-        for row, value in values.items():
-            result[key][..., row, :] = value
+    for key, values in (("Cq", loads), ("Cv", spin), ("Ca", inertia), ("D", through)):
+        result[key] = widened(getattr(terms, key), values)
+        result[key][..., [row for row, _, _ in asked], :] = values
     return replace(terms, **result)
 
 
-def _momentum(scene: Scene, motion: Array) -> Array:
-    """Mass times acceleration (..., bodies + 1, 6, n) of motions (..., bodies, 6, n), zero for the ground."""
-    linear, angular = scene.inertia.linear, scene.inertia.angular
-    force = np.square(linear)[..., None, None] * motion[..., :3, :]
-    moment = (angular.swapaxes(-1, -2) @ angular) @ motion[..., 3:, :]
-    both = concatenated((force, moment), -2)
-    return np.concatenate((both, np.zeros((*both.shape[:-3], 1, *both.shape[-2:]))), axis=-3)
-
-
-def _of_base_motions(scene: Scene) -> Array:
-    """Mass times acceleration (..., bodies + 1, 6, inputs) of the bodies with the ground."""
-    columns = np.zeros((*scene.position.shape[:-1], 6, len(scene.port.input_units)), scene.position.dtype)
-    for column, source in scene.port.base_motions:
-        columns[..., column] = ground_motion(source.wrench, source.position, scene.position)
-    return _momentum(scene, columns)
-
-
-def _of_rotors(motion: Array, momenta: Sequence[tuple[int, Array]]) -> Array:
-    """Minus the gyroscopic wrenches (..., bodies + 1, 6, m) of rotors per unit of q'."""
-    lead = np.broadcast_shapes(motion.shape[:-3], *(momentum.shape[:-1] for _, momentum in momenta))
-    kind = np.result_type(motion, *(momentum for _, momentum in momenta))
-    result = np.zeros((*lead, motion.shape[-3] + 1, 6, motion.shape[-1]), kind)
-    for body, momentum in momenta:
-        result[..., body, 3:, :] -= product_with_zeros(skew(momentum), motion[..., body, 3:, :])
-    return result
-
-
-def _about_origin(scene: Scene, wrenches: Array) -> Array:
-    """The sum (..., 6, n) of wrenches (..., bodies + 1, 6, n), moments about the origin."""
-    bodies = wrenches[..., :-1, :, :]
-    moment = wrenches[..., 3:, :].sum(axis=-3) + (skew(scene.position) @ bodies[..., :3, :]).sum(axis=-3)
-    return np.asarray(concatenated((wrenches[..., :3, :].sum(axis=-3), moment), -2))
+def _moved_alone(scene: Scene, asked: Sequence[tuple[int, Array]]) -> Twists:
+    """Virtual motions (k,) of bodies about their centres of mass; for the ground, of all others the opposite way, about
+    the origin.
+    """
+    ground, count = len(scene.bodies), len(asked)
+    bodies, six = np.array([body for body, _ in asked]), np.array([wrench for _, wrench in asked]).T
+    path = np.zeros((ground + 1, count), np.int8)
+    path[bodies, np.arange(count)] = 1
+    path[:, bodies == ground] -= 1
+    point = np.ascontiguousarray(components_first(scene.centres[..., bodies, :]))
+    return Twists(("",) * count, six[:3], six[3:], point, path, np.zeros(count, dtype=bool))
 
 
 def _of_loads(scene: Scene, motion: Array) -> Array:
@@ -255,39 +233,3 @@ def _of_loads(scene: Scene, motion: Array) -> Array:
     weight = np.moveaxis(leading(applied.weight)[..., :-1], -1, -2)
     of_weight = (-skew(weight) @ motion[..., :3, :]).sum(axis=-3)
     return np.asarray(concatenated((force.sum(axis=-3), moment.sum(axis=-3) + of_weight), -2))
-
-
-def shared_inertia(scene: Scene, relative: Triplets, reduction: Reduction) -> tuple[Array, Array] | None:
-    """Return the wrenches of shared mass rows on bodies, per unit of q'' (..., bodies + 1, 6, m) and of inputs
-    (..., bodies + 1, 6, inputs), None without such rows. Moments are about the centres of mass, the origin for ground.
-    """
-    mass = None if scene.shared is None else scene.shared.mass
-    if mass is None:
-        return None
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-    start = scene.locked + len(scene.springs.owner) + len(scene.port.rows.first)
-    base_rows = reduction.apply(relative.dense(start, start + len(mass.rows.first)))
-    inertia = -_of_masses(mass, mass.of(base_rows), position)
-    base = np.zeros((*inertia.shape[:-1], len(scene.port.input_units)), inertia.dtype)
-    for column, source in scene.port.base_motions:
-        wrench = np.array(source.wrench)
-        ground_motion = mass.of_ground_motion(wrench[:3], wrench[3:], np.array(source.position))
-        base[..., column] -= _of_masses(mass, ground_motion, position)[..., 0]
-    return inertia, base
-
-
-def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:
-    """Wrenches (..., bodies + 1, 6, n) of forces (..., rows, n) along mass rows, none on internal coordinates; those on
-    the ground are at its nodes.
-    """
-    rows, ground = composite.rows, position.shape[-2] - 1
-    along = composite.back(forces) * composite.moves_with_ground[:, None]
-    point, force, moment = (components_last(array) for array in (rows.point, rows.force, rows.moment))
-    result: Array | float = 0.0
-    for body, sign in ((rows.second, np.ones(len(rows.first))), (rows.first, -1.0 * (rows.first != ground))):
-        wrench = concatenated((force, moment + np.cross(point - position[..., body, :], force)), -1)
-        each = wrench[..., None] * along[..., None, :]
-        on_body = (np.eye(ground + 1)[body] * sign[:, None]).T
-        flat = on_body @ each.reshape(*each.shape[:-2], -1)
-        result = result + flat.reshape(*flat.shape[:-1], *each.shape[-2:])
-    return np.asarray(result)

@@ -26,6 +26,7 @@ from mbsvib.equations.steady_spin import NONE, spin_velocities
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.loops import Reduction
+from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.drives import driven_coordinates
 
@@ -102,9 +103,8 @@ def with_driven_coordinates(draft: Draft) -> Draft:
     d = np.array([names.index(name) for name in number])
     f = np.setdiff1d(np.arange(len(names)), d)
     forces, outputs = (terms.K, terms.C, terms.M), (terms.Cq, terms.Cv, terms.Ca)
-    lead = np.broadcast_shapes(*[matrix.shape[:-2] for matrix in (*forces, *outputs, terms.B, terms.D)])
-    kind = np.result_type(terms.B, terms.D, *forces, *outputs)
-    b, through, *measured = (np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(kind) for matrix in (
+    every = (terms.B, terms.D, *forces, *outputs)
+    b, through, *measured = (widened(matrix, *every) for matrix in (
         terms.B[..., f, :], terms.D, *[matrix[..., f] for matrix in outputs]))  # fmt: skip
     sources: list[Any] = list(draft.model.inputs.values())
     columns = [(i, part.order, d[number[part.element]]) for i, part in enumerate(sources)

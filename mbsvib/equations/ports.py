@@ -19,6 +19,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 from mbsvib.elements.shared_rows import carriers
 from mbsvib.errors import ModelError
+from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import PARALLEL_DIRECTIONS, ZERO_SUM
 
 if TYPE_CHECKING:
@@ -210,25 +211,19 @@ def feedthrough_of_motions(port: Ports, springs: ElementRows, d: Array) -> Array
     for column, owner, which, weights in motion_weights(port, springs):
         for row, measured, direction in port.force_outputs:
             if measured == owner:
-                direct = -(springs.unit[..., which, :] @ direction * weights).sum(axis=-1)
-                d = _like(d, direct.shape, direct)
-                d[..., row, column] += direct
+                direct = -(springs.unit[..., which, :] @ direction * weights).sum(axis=-1, keepdims=True)
+                d = widened(d, direct[..., None])
+                d[..., row, column] += direct[..., 0]
     return d
 
 
 def _with_motion_forces(port: Ports, springs: ElementRows, elastic: Array, b: Array) -> Array:
     """B with the forces of moved ends, k d^T and c d^T."""
     for column, _, which, weights in motion_weights(port, springs):
-        force = (weights[..., None, :] @ elastic[..., which, :])[..., 0, :]
-        b = _like(b, force.shape[:-1], force)
-        b[..., column] += force
+        force = weights[..., None, :] @ elastic[..., which, :]
+        b = widened(b, force)
+        b[..., column] += force[..., 0, :]
     return b
-
-
-def _like(matrix: Array, variants: tuple[int, ...], value: Array) -> Array:
-    """A copy of a matrix with an axis of variants, of the type that takes ``value``."""
-    lead = np.broadcast_shapes(matrix.shape[:-2], variants)
-    return np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(np.result_type(matrix, value))
 
 
 def ground_motion(twist: ArrayLike, origin: ArrayLike, points: Array) -> Array:

@@ -65,6 +65,11 @@ class Scene:
         return len(self.cuts.rows.first) if self.cuts else 0
 
     @property
+    def centres(self) -> Array:
+        """Centres of mass (..., bodies + 1, 3) [m], the origin for ground."""
+        return np.concatenate((self.position, np.zeros((*self.position.shape[:-2], 1, 3))), axis=-2)
+
+    @property
     def measured(self) -> list[tuple[Joint, str]]:
         """Joint and direction of each coordinate of a cut joint that couplers measure, in their order."""
         known, joints = set(self.coordinates.names), {joint.name: joint for joint in self.topology.joints}

@@ -26,7 +26,7 @@ from mbsvib.equations.virtual_motions import beyond
 from mbsvib.errors import UndeterminedForceWarning
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.groups import connected_parts
-from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.products import concatenated, widened
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class SelfStress:
         after = before - np.einsum("...cjr,...rn->...cjn", self.states, amount)
         size = np.sqrt(np.square(np.abs(unit * before)).sum(axis=(-3, -2)) + np.square(np.abs(amount)).sum(axis=-2))
         after.real[np.abs(unit * after) <= ZERO_FORM * size[..., None, None, :]] = 0.0
-        result = np.array(np.broadcast_to(wrench, (*after.shape[:-2], *wrench.shape[-2:])), after.dtype)
+        result = widened(wrench, after)
         result[..., self.joints, :] = after
         return result
 
@@ -189,12 +189,11 @@ def of_loops(
     loop, joint = np.nonzero(in_loop)
     loop_part, joint_part = connected_parts(loop, joint, (len(in_loop), in_loop.shape[1]))
     number = scene.topology.body_numbers
-    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
     result = []
     for part in np.unique(loop_part[:count]):
         members = np.flatnonzero((joint_part == part) & transmits)
         ends = ([number[getattr(joints[k], end)] for k in members.tolist()] for end in ("first", "second"))
-        length = length_of(point[..., members, :], *(position[..., bodies, :] for bodies in ends))
+        length = length_of(point[..., members, :], *(scene.centres[..., bodies, :] for bodies in ends))
         each = np.asarray(length)[..., None]
         combinations = [_combinations(phi, each * cuts.row_scale(each), group.rows, *own)
                         for group, own in zip(reduction.groups, kept, strict=True)

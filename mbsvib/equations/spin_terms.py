@@ -29,6 +29,7 @@ from mbsvib.equations.steady_spin import (
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.kinematics.shared_rows import stack
+from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
 
@@ -84,11 +85,9 @@ def with_antisymmetric_terms(
     changed = [(row, wrench, force_of[scene.elements[owner].name]) for row, owner, wrench in scene.port.force_outputs
                if scene.elements[owner].name in force_of]  # fmt: skip
     if changed:
-        outputs = np.stack((terms.Cq, terms.Cv), axis=-3)
-        outputs = np.broadcast_to(outputs, np.broadcast_shapes(outputs.shape, (
-            *changed[0][2].shape[:-2], *outputs.shape[-2:]))).copy()  # fmt: skip
+        outputs = widened(np.stack((terms.Cq, terms.Cv), axis=-3), *[forces for *_, forces in changed])
         for row, wrench, forces in changed:
-            outputs[..., row, :] -= (wrench @ forces)
+            outputs[..., row, :] -= wrench @ forces
         terms = replace(terms, Cq=outputs[..., 0, :, :], Cv=outputs[..., 1, :, :])
     return terms.with_antisymmetric(gyroscopic.total(), circulatory.total())
 

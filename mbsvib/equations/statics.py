@@ -78,7 +78,7 @@ class Statics:
     @cached_property
     def position(self) -> Array:
         """Centres of mass (3, bodies + 1) [m], the origin for ground."""
-        return np.concatenate((self.reactions.scene.position, np.zeros((1, 3)))).T
+        return self.reactions.scene.centres.T
 
     @cached_property
     def joints(self) -> Array:
@@ -112,8 +112,7 @@ def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
     assert scene.loads is not None
     applied, known = scene.loads
     if "on_bodies" not in known:  # of a single model they are kept with its loads
-        position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
-        known["on_bodies"] = applied.on_bodies(np.moveaxis(position, -1, 0))
+        known["on_bodies"] = applied.on_bodies(np.moveaxis(scene.centres, -1, 0))
     wrench, sizes = known["on_bodies"]
     points = (applied.pairs.start, scene.position, scene.coordinates.point)
     reach = max([float(np.abs(array).max(initial=0.0)) for array in points])

@@ -25,7 +25,7 @@ from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.equations.wrenches import leading
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
-from mbsvib.linalg.products import concatenated, product_with_zeros
+from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.topology import FLOATS
@@ -87,9 +87,7 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
             rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(joint))
             relative = _along(scene.cuts.rows.take(rows), both, at[-1])
             measured = _measured_in(scene, part.name, both, at[-1])
-            lead = np.broadcast_shapes(opening.shape[:-2], relative.shape[:-2], measured.shape[:-2])
-            kind = np.result_type(opening, relative, measured)
-            opening = np.broadcast_to(opening, (*lead, *opening.shape[-2:])).astype(kind)
+            opening = widened(opening, relative, measured)
             opening[..., rows, mine] = -relative
             opening[..., scene.locked :, mine] = -measured
     directions, point = concatenated(six, -1), concatenated(at, -1)
@@ -107,11 +105,10 @@ def _measured_in(scene: Scene, joint: str, six: Array, point: Array) -> Array:
             assert scene.cuts is not None
             assert scene.cuts.couplings is not None
             couplings = scene.cuts.couplings
-            row = _along(couplings.measured.take(slice(k, k + 1)), six, point)[..., 0, :]
-            change = couplings.value[..., term, None] * row
-            kind = np.result_type(result, change)
-            result = np.broadcast_to(result, (*change.shape[:-1], *result.shape[-2:])).astype(kind)
-            result[..., couplings.row[term], :] += change
+            row = _along(couplings.measured.take(slice(k, k + 1)), six, point)
+            change = couplings.value[..., term, None, None] * row
+            result = widened(result, change)
+            result[..., couplings.row[term], :] += change[..., 0, :]
     return result
 
 

@@ -115,6 +115,12 @@ def square_difference(square: Array, w: Array) -> Array:
     return np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
 
 
+def widened(matrix: Array, *others: Array) -> Array:
+    """Return a copy of a matrix with the leading axes, and of the type, that take other matrices too."""
+    lead = np.broadcast_shapes(matrix.shape[:-2], *[other.shape[:-2] for other in others])
+    return np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).astype(np.result_type(matrix, *others))
+
+
 def sums_by_number(number: Index, values: Array, count: int) -> Array:
     """Return the sums (count,) of values (n,), also of complex steps, by their numbers (n,)."""
     # bincount of an empty array returns integers
