@@ -36,19 +36,19 @@ WITHOUT_INPUTS = frozenset((
 ))  # fmt: skip
 
 
+@dataclass(frozen=True, repr=False, eq=False)
 class Driven(Displayed):
     """Equations and how motions act on them."""
 
     ends: Any
-    """Equations whose inputs are displacements and velocities of the moved ends."""
+    """The equations with the motions of all ends as inputs: a System, a SparseSystem or a Batch."""
     drives: tuple[Drive, ...]
-    """How each input moves an end."""
+    """The inputs and how they act."""
 
     @property
     def name(self) -> str:
         """Name of the model."""
-        name: str = self.ends.name
-        return name
+        return str(self.ends.name)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -63,14 +63,12 @@ class Driven(Displayed):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        names: tuple[str, ...] = self.ends.outputs
-        return names
+        return tuple(self.ends.outputs)
 
     @property
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs."""
-        units: tuple[str, ...] = self.ends.output_units
-        return units
+        return tuple(self.ends.output_units)
 
     def __getattr__(self, key: str) -> Any:
         if key in ("ends", "drives"):  # before these are there, as while an object is read from a pickle
@@ -100,11 +98,6 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
     kind: ClassVar[str] = "state space"
     """Tells what has a state space from systems of second order."""
 
-    ends: Any
-    """The equations with the motions of all ends as inputs: a System or SparseSystem."""
-    drives: tuple[Drive, ...]
-    """The inputs and how they act."""
-
     @property
     def B0(self) -> Array:
         """Generalized forces by a unit of the displacement of each end, or of each other input (m, inputs)."""
@@ -131,8 +124,7 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
 
     def poles(self) -> Complex:
         """Return the eigenvalues (2m,) [1/s] of the mechanism; those of its inputs' integrators are not among them."""
-        poles: Complex = self.ends.poles()
-        return poles
+        return np.asarray(self.ends.poles())
 
     def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
@@ -148,10 +140,8 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
 
         with n = 1 for a velocity and 2 for an acceleration as the input, which have no response at 0 rad/s.
         """
-        w = angular(omega)
-        part = self.with_ports(outputs, inputs)
-        equations = part.ends
-        response: Complex = driven_response(equations.frequency_response(w), equations.inputs, part.drives, w)
+        w, part = angular(omega), self.with_ports(outputs, inputs)
+        response: Complex = driven_response(part.ends.frequency_response(w), part.ends.inputs, part.drives, w)
         return response
 
     def reduced(self, order: int | None = None, error: float | None = None, method: str = "balanced",
@@ -191,13 +181,12 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
 
     def uncertain(self, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
         """Return the system with parameters that lie within limits and the same inputs; see ``System.uncertain``."""
-        plant = self.ends.uncertain(limits, order)
+        plant: UncertainPlant = self.ends.uncertain(limits, order)
         count = sum(plant.blocks.values())
         added = zip(plant.linear.inputs[:count], plant.linear.input_units[:count], strict=True)
         channels = tuple([Drive(name, unit, (name,)) for name, unit in added])
         linear = DrivenSystem(plant.linear, (*channels, *self.drives))
-        uncertain: UncertainPlant = replace(plant, nominal=self, linear=linear, _origin=self)
-        return uncertain
+        return replace(plant, nominal=self, linear=linear, _origin=self)
 
     def _slopes(self, question: str, *arguments: Any) -> Any:
         from mbsvib.api import driven_slopes
@@ -226,11 +215,6 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
 @dataclass(frozen=True, repr=False, eq=False)
 class DrivenBatch(Driven):
     """Systems with motions as inputs of n variants, as ``Batch``; ``batch[i]`` is the ``DrivenSystem`` of variant i."""
-
-    ends: Any
-    """The batch with the motions of all ends as inputs."""
-    drives: tuple[Drive, ...]
-    """The inputs and how they act."""
 
     def __len__(self) -> int:
         return len(self.ends)

@@ -15,7 +15,7 @@ import numpy as np
 from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ResponseError
 from mbsvib.responses.driven import driven_response, driven_space
-from mbsvib.responses.linear import LinearVerbs
+from mbsvib.responses.linear import peak as peak_of
 from mbsvib.responses.norms import Norm, h2
 from mbsvib.sensitivities import frequency_response_sensitivities as slopes_of_ends
 from mbsvib.sensitivities.states import changed, states
@@ -83,7 +83,7 @@ def h2_norm(system: Any, outputs: Names = None, inputs: Names = None, parameters
 def hinf_norm(system: Any, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
     """Return the peak with its derivatives, Re(u^H dG v) by the singular vectors there."""
     part = system.with_ports(outputs, inputs)
-    peak = LinearVerbs.hinf_norm(part)
+    peak = peak_of(part)
     omega = float(peak.omega or 0.0)
     if omega == np.inf:
         names, spaces = _derivatives(part, parameters)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
-class SensitiveVerbs:
+class SensitiveVerbs(StepVerbs):
     """Derivatives of what linear equations of a mechanism answer, to every number that it was made of."""
 
     if TYPE_CHECKING:
@@ -235,62 +235,11 @@ class SensitiveVerbs:
         """
         return self._slopes("time_response_sensitivities", t, u, parameters, hold, initial)  # type: ignore[no-any-return]
 
-    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
-        """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
-
-        ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Their units are not weighed.
-        parameters : str, iterable of str or mapping, optional
-            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
-            parameter, computed when ``slopes`` is first asked for; ``[]`` for none.
-
-        Returns
-        -------
-        Norm
-            ``value`` and ``slopes``.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, or the system does not change smoothly with it.
-        ResponseError
-            If the norm is infinite, or a port is unknown.
-        """
-        return self._slopes("h2_norm", outputs, inputs, parameters)  # type: ignore[no-any-return]
-
-    def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
-        """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
-
-        ||G|| = max over w of sigma(G(i w))
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Their units are not weighed.
-        parameters : str, iterable of str or mapping, optional
-            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
-            parameter, computed when ``slopes`` is first asked for; ``[]`` for none.
-
-        Returns
-        -------
-        Norm
-            ``value``, ``omega`` [rad/s] and ``slopes``.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, or the system does not change smoothly with it.
-        ResponseError
-            If the peak is infinite, or a port is unknown.
-        """
-        return self._slopes("hinf_norm", outputs, inputs, parameters)  # type: ignore[no-any-return]
+    def _norm(self, question: str, outputs: Names, inputs: Names, parameters: Requested) -> Norm:
+        return self._slopes(question, outputs, inputs, parameters)  # type: ignore[no-any-return]
 
 
-class Sensitive(SensitiveVerbs, StepVerbs, Equations):
+class Sensitive(SensitiveVerbs, Equations):
     """Sensitivities of everything that a system answers, to every number that it was made of."""
 
     @cached_property

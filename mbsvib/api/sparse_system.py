@@ -11,7 +11,6 @@ import numpy as np
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import PortedVerbs
 from mbsvib.sparse.equations import SparseEquations
@@ -135,33 +134,12 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
             self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
-    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the frequency response from inputs to outputs, from one sparse factorisation a frequency.
-
-        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses [output unit / input unit].
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
-        """
+    def _response(self, part: SparseSystem, w: Array) -> Complex:
         from mbsvib.common.selection import port_numbers
         from mbsvib.sparse.response import frequency_response
 
-        w = angular(omega)
-        rows, columns = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        # one sparse factorisation a frequency, which all parts share
+        rows, columns = port_numbers(part.outputs, part.inputs, (self.outputs, self.inputs), self.name)
         return frequency_response(self, w)[np.ix_(rows, columns)]
 
     def static_compliance(self) -> Array:

@@ -14,7 +14,6 @@ from mbsvib.api.of_mechanism import OfMechanism
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
-from mbsvib.common.expected import angular
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import counted
 from mbsvib.mechanism.mechanism import Mechanism
@@ -141,65 +140,16 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
             result.check_accuracy(rtol)
         return cast("Modes", result)
 
-    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the frequency response from inputs to outputs.
-
-        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses [output unit / input unit].
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
-        """
+    def _response(self, part: System, w: Array) -> Complex:
         from mbsvib.responses.frequency_response import frequency_response
 
-        w = angular(omega)
-        return frequency_response(self.with_ports(outputs, inputs).basis, w)
+        return frequency_response(part.basis, w)
 
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None,
-        outputs: Names = None, inputs: Names = None,
-    ) -> Array:  # fmt: skip
-        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
-
-        Parameters
-        ----------
-        t : array-like, shape (n,)
-            Ascending times [s].
-        u : array-like, shape (inputs, n), or (n,) for a single input
-            Inputs at these times.
-        hold : str
-            "first": linear between samples; "zero": constant from each sample to the next.
-        initial : pair of array-like, shape (m,), optional
-            q and q' at t[0]; default: rest.
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
-
-        Returns
-        -------
-        array, shape (outputs, n)
-            Outputs at these times.
-
-        Raises
-        ------
-        ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown.
-        """
+    def _over_time(self, part: System, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
         from mbsvib.responses.time_response import time_response
 
-        return time_response(self.with_ports(outputs, inputs).basis, t, u, hold, initial)
+        return time_response(part.basis, *record)
+
 
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
@@ -212,61 +162,11 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
         """
         return self.basis.poles.copy()
 
-    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the invariant zeros from some inputs to some outputs.
-
-        The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names; default: all. Their numbers may differ.
-
-        Returns
-        -------
-        array, shape (zeros,)
-            Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one
-            too.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown.
-        """
+    def _zeros(self, outputs: Names, inputs: Names) -> Complex:
         from mbsvib.responses.transmission_zeros import transmission_zeros
 
         return transmission_zeros(self.basis, outputs, inputs)
 
-    def frequency_grid(
-        self, outputs: Names = None, inputs: Names = None,
-        n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
-    ) -> Array:  # fmt: skip
-        """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names; default: all. Each pair's zeros count, so that a choice saves points and time.
-        n : int, optional
-            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
-        f_min, f_max : float, optional
-            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural
-            frequency, rounded outwards to 1, 2 or 5.
-
-        Returns
-        -------
-        array, shape (points,)
-            Ascending angular frequencies [rad/s], as ``frequency_response`` takes them; next to w no farther apart than
-            half the distance of i w to the nearest pole or zero.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
-        """
-        from mbsvib.responses.frequency_grid import frequency_grid
-
-        return frequency_grid(self.with_ports(outputs, inputs), self.basis.poles, n, f_min=f_min, f_max=f_max)
 
     def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.

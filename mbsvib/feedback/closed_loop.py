@@ -26,7 +26,6 @@ from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
@@ -182,25 +181,7 @@ class ClosedLoop(FeedbackLoop):
         closed = closed_system(system, self.law.D, *self.ports, self.name)
         return closed if closed is None or self.selection is None else closed.with_ports(*self.selection)
 
-    def state_space(self, realization: str = "modal") -> StateSpace:
-        """Return first-order equations of the closed loop, ready for ``mbsvib_export.to_control``.
-
-        Parameters
-        ----------
-        realization : str
-            States of the plant, before those of the controllers: "modal" (of a plant with motions as inputs, physical),
-            or "physical". "balanced": physical states and those of the controllers, scaled by powers of two.
-
-        Returns
-        -------
-        StateSpace
-            Matrices, names and units.
-
-        Raises
-        ------
-        ResponseError
-            If the realization is another one, or the plant is a state space whose states are given.
-        """
+    def _first_order(self, realization: str) -> StateSpace:
         from mbsvib.responses.realizations import balanced_states
 
         if realization == "modal":
@@ -227,22 +208,10 @@ class ClosedLoop(FeedbackLoop):
             return result
         return result.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
 
-    def response(self, w: ArrayLike) -> Complex:
-        """Return the response of the closed loop, whether or not it is stable.
-
-        Parameters
-        ----------
-        w : array-like, shape (n,)
-            Angular frequencies [rad/s].
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses.
-        """
+    def _steady(self, at: Array) -> Complex:
         if self.second_order is not None:
-            return np.asarray(self.second_order.frequency_response(w))
-        return super().response(w)
+            return np.asarray(self.second_order.frequency_response(at))
+        return super()._steady(at)
 
     @property
     def equations(self) -> Any:
@@ -250,13 +219,7 @@ class ClosedLoop(FeedbackLoop):
         return self.state_space() if self.second_order is None else self.second_order
 
     def poles(self) -> Complex:
-        """Return the poles of the closed loop.
-
-        Returns
-        -------
-        array, shape (states,)
-            Poles [1/s] in ascending magnitude.
-        """
+        """Return the poles (states,) of the closed loop [1/s], in ascending magnitude."""
         return super().poles() if self.second_order is None else np.asarray(self.second_order.poles())
 
     @property

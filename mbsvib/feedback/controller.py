@@ -120,27 +120,8 @@ class Controller(LinearVerbs, Displayed):
         """Return the eigenvalues of A [1/s], shape (states,), in ascending magnitude."""
         return self.state_space().poles()
 
-    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return K(i w) from sensors to actuators.
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses.
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or is a pole, or a name is unknown.
-        """
-        return self.state_space().frequency_response(omega, outputs, inputs)
+    def _response(self, part: Controller, w: Array) -> Complex:
+        return part.state_space().frequency_response(w)
 
     def __repr__(self) -> str:
         counts = (self.inputs, "sensor"), (self.outputs, "actuator"), (self.A, "state")

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.feedback.margins import Margins
     from mbsvib.responses.state_space import StateSpace
@@ -42,10 +41,33 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         """Return the poles as columns by name: those of the table of ``modes()``."""
         return dict(self.modes().columns())
 
-    if TYPE_CHECKING:
+    def state_space(self, realization: str = "modal") -> StateSpace:
+        """Return first-order equations of the closed loop, ready for ``mbsvib_export.to_control``.
 
-        def state_space(self, realization: str = "modal") -> StateSpace:
-            """Return first-order equations of the closed loop."""
+        Parameters
+        ----------
+        realization : str
+            States of the plant, before those of the controllers: "modal" (of a plant with motions as inputs, physical),
+            or "physical". "balanced": physical states and those of the controllers, scaled by powers of two.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is another one, or the plant is a state space whose states are given; of a sampled loop
+            always, as samples have no continuous equations.
+        """
+        return self._first_order(realization)
+
+    @abstractmethod
+    def _first_order(self, realization: str) -> StateSpace:
+        """What ``state_space`` returns."""
+
+
 
     @property
     @abstractmethod
@@ -100,38 +122,15 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         """
         return np.asarray(self._loop_gain(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
 
-    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses, from those of the plant; where these cancel, as next to its poles or a controller's,
-            from the closed-loop equations.
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is a pole of the loop, or a name is unknown.
-
-        Warns
-        -----
-        UnstableWarning
-            If the loop is not stable: no steady vibration has this response.
-        """
+    def _response(self, part: FeedbackLoop, w: Array) -> Complex:
         if self.growing:
-            warn(f"{self.unstable} No steady vibration has its frequency response.", UnstableWarning, stacklevel=2)
-        return self.with_ports(outputs, inputs).response(omega)
+            warn(f"{self.unstable} No steady vibration has its frequency response.", UnstableWarning, stacklevel=3)
+        return part.response(w)
 
     def response(self, w: ArrayLike) -> Complex:
-        """Return the response of the closed loop, whether or not it is stable.
+        """Return the response of the closed loop, whether or not it is stable: from those of the plant or, where these
+        cancel, as next to its poles or a controller's, from the closed-loop equations.
+
 
         Parameters
         ----------
@@ -148,7 +147,10 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         ResponseError
             If ``w`` is no vector of frequencies, or rounding of one is more than a turn in a period of sampling.
         """
-        at, system = angular(w), self.plant.system
+        return self._steady(angular(w))
+
+    def _steady(self, at: Array) -> Complex:
+        system = self.plant.system
         (y, u), (o, i) = self.ports, self.selected_ports
         rows, columns = sorted({*o, *y}), sorted({*i, *u})
         part = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])

@@ -159,24 +159,7 @@ class SampledLoop(SampledEquations, FeedbackLoop):
     def _resolved(self) -> tuple[LinearVerbs, float]:
         return self.continuous, 0.5 * self.rate
 
-    def state_space(self, realization: str = "modal") -> NoReturn:
-        """Refuse: samples have no continuous equations.
-
-        Parameters
-        ----------
-        realization : str
-            Any.
-
-        Returns
-        -------
-        NoReturn
-            Nothing.
-
-        Raises
-        ------
-        ResponseError
-            Always.
-        """
+    def _first_order(self, realization: str) -> NoReturn:
         raise ResponseError("state_space: a sampled loop has no continuous equations, so that hinf_norm, step_info "
                             "and most exports are refused: ask loop.continuous. For mean squares give a band, or a "
                             "table of densities.")  # fmt: skip

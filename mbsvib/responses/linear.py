@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
+from mbsvib.common.expected import angular
 from mbsvib.common.selection import key_ports
 from mbsvib.errors import ModelError
 
@@ -25,6 +26,9 @@ class PortedVerbs:
 
         def _with_ports(self, outputs: Names, inputs: Names) -> Self:
             """The equations with some outputs and inputs."""
+
+        def _response(self, part: Any, w: Array) -> Complex:
+            """The frequency response (outputs, inputs, n) of a part at angular frequencies (n,) [rad/s]."""
 
     def _ipython_key_completions_(self: Any) -> list[tuple[str, str]]:
         """What notebooks complete after ``system[``: pairs of an output and an input."""
@@ -74,9 +78,55 @@ class PortedVerbs:
         """
         return self if outputs is None and inputs is None else self._with_ports(outputs, inputs)
 
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
+        """Return the frequency response from inputs to outputs.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D;  of first-order equations C (i w - A)^-1 B + D;
+        of a plant with controllers G + G_u (1 - K G_yu)^-1 K G_y
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole, or a name is unknown. Poles on the imaginary axis of
+            which the outputs of a state space do not show what the inputs do are none.
+
+        Warns
+        -----
+        UnstableWarning
+            If a loop is not stable: no steady vibration has this response.
+        """
+        w = angular(omega)
+        return self._response(self.with_ports(outputs, inputs), w)
+
 
 class StepVerbs(PortedVerbs):
-    """Measures of step responses, of systems as of all other linear equations."""
+    """Responses over time, zeros and grids, of systems as of all other linear equations."""
+
+    if TYPE_CHECKING:
+
+        def poles(self) -> Complex:
+            """Return the poles [1/s]."""
+
+        def state_space(self) -> Any:
+            """Return first-order equations."""
+
+        def _over_time(self, part: Any, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
+            """The time response of a part to times, inputs, how these are held, and initial states."""
+
+        def _norm(self, question: str, outputs: Names, inputs: Names, parameters: Any) -> Norm:
+            """What ``h2_norm`` or ``hinf_norm`` returns."""
 
     def step_info(self, outputs: Names = None, inputs: Names = None, band: float = 0.02) -> StepInfo:
         """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
@@ -102,37 +152,6 @@ class StepVerbs(PortedVerbs):
 
         return step_info(self.with_ports(outputs, inputs), band)
 
-
-class LinearVerbs(StepVerbs):
-    """Methods of linear equations with named inputs and outputs."""
-
-    if TYPE_CHECKING:
-        inputs: Any
-        outputs: Any
-
-        def poles(self) -> Complex:
-            """Return the poles [1/s]."""
-
-        def state_space(self) -> Any:
-            """Return first-order equations."""
-
-        def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-            """Return the frequency response."""
-
-    @property
-    def equations(self) -> Any:
-        """The first-order equations, or a system of second order, which modes and time responses are those of."""
-        return self.state_space()
-
-    def modes(self) -> Any:
-        """Return the modes, natural frequencies, damping ratios and shapes.
-
-        Returns
-        -------
-        Modes or StateModes
-            Those of a system where the equations are of second order, else those of the states; printed as a table.
-        """
-        return self.equations.modes()
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
@@ -167,15 +186,12 @@ class LinearVerbs(StepVerbs):
         """
         return self._over_time(self.with_ports(outputs, inputs), (t, u, hold, initial))
 
-    def _over_time(self, part: Any, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
-        """The time response of a part to times, inputs, how these are held, and initial states."""
-        result: Array = part.equations.time_response(*record)
-        return result
 
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
-        The finite s at which [[A - s, B], [C, D]] has less than its normal rank.
+        The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]], of first-order equations
+        [[A - s, B], [C, D]], has less than its normal rank.
 
         Parameters
         ----------
@@ -185,13 +201,17 @@ class LinearVerbs(StepVerbs):
         Returns
         -------
         array, shape (zeros,)
-            Zeros [1/s] in ascending magnitude; modes that are not controllable or not observable are among them.
+            Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one
+            too.
 
         Raises
         ------
         ResponseError
             If a name is unknown.
         """
+        return self._zeros(outputs, inputs)
+
+    def _zeros(self, outputs: Names, inputs: Names) -> Complex:
         from mbsvib.responses.finite_zeros import first_order_zeros
 
         space = self.with_ports(outputs, inputs).state_space()
@@ -210,13 +230,14 @@ class LinearVerbs(StepVerbs):
         n : int, optional
             Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
         f_min, f_max : float, optional
-            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
-            of a sampled loop at most half the rate.
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural
+            frequency, rounded outwards to 1, 2 or 5, of a sampled loop at most half the rate.
 
         Returns
         -------
         array, shape (points,)
-            Ascending angular frequencies [rad/s].
+            Ascending angular frequencies [rad/s], as ``frequency_response`` takes them; next to w no farther apart than
+            half the distance of i w to the nearest pole or zero.
 
         Raises
         ------
@@ -229,7 +250,7 @@ class LinearVerbs(StepVerbs):
         return frequency_grid(resolved.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max,
                               highest=highest)  # fmt: skip
 
-    def _resolved(self) -> tuple[LinearVerbs, float]:
+    def _resolved(self) -> tuple[StepVerbs, float]:
         """The equations whose zeros a grid resolves, and the highest frequency [Hz] that they are looked for up to."""
         return self, inf
 
@@ -244,13 +265,14 @@ class LinearVerbs(StepVerbs):
         ----------
         outputs, inputs : str or sequence of str, optional
             Names or patterns; default: all. Their units are not weighed.
-        parameters : None
-            Derivatives belong to systems of a mechanism; here there are none.
+        parameters : str, iterable of str or mapping, optional
+            Of systems of a mechanism: names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default:
+            every parameter, computed when ``slopes`` is first asked for; ``[]`` for none. Other equations have none.
 
         Returns
         -------
         Norm
-            ``value``.
+            ``value``, and ``slopes`` of systems of a mechanism.
 
         Raises
         ------
@@ -258,15 +280,9 @@ class LinearVerbs(StepVerbs):
             If the norm is infinite, because a pole does not decay, an input acts directly on an output, or noise is
             sampled without a filter; or if a name is unknown.
         ModelError
-            If parameters are given.
+            If a parameter is unknown, the equations have none, or do not change smoothly with it.
         """
-        self._refuse_parameters("h2_norm", parameters)
-        return self._h2(self.with_ports(outputs, inputs))
-
-    def _h2(self, part: Any) -> Norm:
-        from mbsvib.responses.norms import h2
-
-        return h2(part.state_space())
+        return self._norm("h2_norm", outputs, inputs, parameters)
 
     def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the highest peak of the frequency response, of its largest singular value.
@@ -277,32 +293,70 @@ class LinearVerbs(StepVerbs):
         ----------
         outputs, inputs : str or sequence of str, optional
             Names or patterns; default: all. Their units are not weighed.
-        parameters : None
-            Derivatives belong to systems of a mechanism; here there are none.
+        parameters : str, iterable of str or mapping, optional
+            As of ``h2_norm``.
 
         Returns
         -------
         Norm
-            ``value`` and ``omega`` [rad/s].
+            ``value``, ``omega`` [rad/s], and ``slopes`` of systems of a mechanism.
 
         Raises
         ------
         ResponseError
             If the peak is infinite, or a name is unknown.
         ModelError
-            If parameters are given.
+            As of ``h2_norm``.
         """
-        from mbsvib.responses.first_order_solver import decaying_response
-        from mbsvib.responses.norms import decaying_part, hinf
+        return self._norm("hinf_norm", outputs, inputs, parameters)
 
-        self._refuse_parameters("hinf_norm", parameters)
-        part = self.with_ports(outputs, inputs)
-        space = part.state_space()
-        parts = decaying_part(space, f"Hinf norm of '{self.name}'", "the norm is infinite")
-        response = decaying_response(parts, space.D, self.name) if parts.lasting else part.frequency_response
-        return hinf(response, parts.decaying.poles, space.D)
 
-    def _refuse_parameters(self, caller: str, parameters: Any) -> None:
+
+class LinearVerbs(StepVerbs):
+    """Methods of linear equations with named inputs and outputs."""
+
+    if TYPE_CHECKING:
+        inputs: Any
+        outputs: Any
+
+    @property
+    def equations(self) -> Any:
+        """The first-order equations, or a system of second order, which modes and time responses are those of."""
+        return self.state_space()
+
+    def modes(self) -> Any:
+        """Return the modes, natural frequencies, damping ratios and shapes.
+
+        Returns
+        -------
+        Modes or StateModes
+            Those of a system where the equations are of second order, else those of the states; printed as a table.
+        """
+        return self.equations.modes()
+
+    def _over_time(self, part: Any, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
+        result: Array = part.equations.time_response(*record)
+        return result
+
+    def _norm(self, question: str, outputs: Names, inputs: Names, parameters: Any) -> Norm:
         if parameters is not None and len(parameters):
-            raise ModelError(f"{caller}: parameters = {parameters!r}; '{self.name}' has matrices and no parameters. "
+            raise ModelError(f"{question}: parameters = {parameters!r}; '{self.name}' has matrices and no parameters. "
                              f"Derivatives are those of a system of a mechanism, model.linearize().")  # fmt: skip
+        part = self.with_ports(outputs, inputs)
+        return self._h2(part) if question == "h2_norm" else peak(part)
+
+    def _h2(self, part: Any) -> Norm:
+        from mbsvib.responses.norms import h2
+
+        return h2(part.state_space())
+
+
+def peak(linear: Any) -> Norm:
+    """Return the H-infinity norm of linear equations, by the decaying part of their first-order equations."""
+    from mbsvib.responses.first_order_solver import decaying_response
+    from mbsvib.responses.norms import decaying_part, hinf
+
+    space = linear.state_space()
+    parts = decaying_part(space, f"Hinf norm of '{linear.name}'", "the norm is infinite")
+    response = decaying_response(parts, space.D, linear.name) if parts.lasting else linear.frequency_response
+    return hinf(response, parts.decaying.poles, space.D)

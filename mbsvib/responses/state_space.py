@@ -219,41 +219,18 @@ class StateSpace(LinearVerbs, Displayed):
         """
         return self.modes().eigenvalues.copy()
 
-    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
-        """Return the frequency response from inputs to outputs.
-
-        G(i w) = C (i w - A)^-1 B + D
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses [output unit / input unit].
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or is a pole, or a name is unknown. Poles on the imaginary axis of which the
-            outputs do not show what the inputs do are none.
-        """
+    def _response(self, part: StateSpace, w: Array) -> Complex:
         from mbsvib.linalg.lasting import separated
         from mbsvib.responses.first_order_solver import check_poles, first_order_solver
 
-        part = self.with_ports(outputs, inputs)
         if not self._decays:
             parts = separated(part.A, part.B, part.C)
-            check_poles(omega, parts, self.name)
+            check_poles(w, parts, self.name)
             if len(parts.shown) < len(parts.lasting):
                 rest = parts.minimal
                 solver = first_order_solver(rest.a, rest.b, rest.c, self.name)
-                return solver.frequency_response(omega, rest.b, rest.c, part.D)
-        return self._solver.frequency_response(omega, part.B, part.C, part.D)
+                return solver.frequency_response(w, rest.b, rest.c, part.D)
+        return self._solver.frequency_response(w, part.B, part.C, part.D)
 
     def _over_time(self, part: StateSpace, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
         from mbsvib.responses.first_order_solver import time_response
