@@ -145,7 +145,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         T = check.not_zero(constant, who, "constant", "the force per voltage [N/V]")
         c = _least(damping, who, "damping", "a damping [N s/m] of 0 or more")
         R = _least(resistance, who, "resistance", "a resistance [Ohm] of 0 or more")
-        if drive not in ("voltage", "charge"):
+        if not isinstance(drive, str) or drive not in ("voltage", "charge"):
             raise check.refuse(who, "drive", drive, "'voltage' or 'charge'")
         if drive == "charge" and R:
             raise check.refuse(who, "resistance", resistance, "none with drive = 'charge'")

@@ -41,7 +41,10 @@ class Parser(ArgumentParser):
         if rest:
             known = [name for action in self._actions for name in action.option_strings]
             kind = "option" if rest[0].startswith("-") else "argument"
-            self.error(f"there is no {kind} '{rest[0]}' here.{nearest(rest[0], known)}")
+            word = rest[0].lstrip("-").partition("=")[0]
+            bare = [action.metavar for action in self._actions if not action.option_strings and action.dest == word]
+            hint = f" {bare[0]} is given by its value alone." if bare else nearest(rest[0], known)
+            self.error(f"there is no {kind} '{rest[0]}' here.{hint}")
         result = vars(values)
         options, align = (given(result), result.pop("align")) if self._models else ({}, None)
         return result | {name: ModelFile(result[name], options, align) for name in self._models

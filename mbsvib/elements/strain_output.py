@@ -57,9 +57,9 @@ class StrainOutput(ports.Signal):
 def make(name: str, element: str, at: Any = "start", side: Any = "z", distance: Any = None) -> StrainOutput:
     """Check the values of a strain output and build it."""
     who = f"strain output '{name}'"
-    if at not in POSITIONS:
+    if not isinstance(at, str) or at not in POSITIONS:
         raise check.refuse(who, "at", at, "'start', 'middle' or 'end' of the element")
-    if side not in SIDES:
+    if not isinstance(side, str) or side not in SIDES:
         raise check.refuse(who, "side", side, "'y', '-y', 'z' or '-z', the direction of the surface in the beam's axes")
     if distance is not None:
         distance = check.number(distance, who, "distance", "a distance from the centre line [m]")

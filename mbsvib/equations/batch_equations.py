@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -148,7 +149,11 @@ class BatchEquations(Matrices):
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self, i: int) -> Equations:
-        k = range(len(self))[i]
+        count = len(self)
+        if not -count <= operator.index(i) < count:
+            raise IndexError(f"'{self.name}' has {count} variants, and none of number {i}; expected 0 to {count - 1}, "
+                             f"or -{count} to -1 from the end.")  # fmt: skip
+        k = range(count)[i]
         result, nominal = of_variant(self, k), self.nominal.provenance
         posed = self.variant is not None
         if self.provenances is None and (self.own_decisions or posed) and nominal.origin is not None:

@@ -48,7 +48,7 @@ def placement(
     who = f"model '{prefix}'"
     reflection = np.ones(3)
     if mirror is not None:
-        if mirror not in PLANES:
+        if not isinstance(mirror, str) or mirror not in PLANES:
             raise check.refuse(who, "mirror", mirror, "'x', 'y' or 'z', the normal of the plane, or None")
         reflection[PLANES.index(mirror)] = -1.0
     groups = other.groups()

@@ -154,6 +154,7 @@ inputs: {F: {body: b, direction: z, per: kN}}
     ("piezo_stack", STACK | {"capacitance": 1e-6}, "'a': capacitance = 1e-06.*above constant.*1.013e-06"),
     ("piezo_stack", STACK | {"capacitance": None, "drive": "charge"}, "'a': capacitance = None"),
     ("piezo_stack", STACK | {"drive": "current"}, "'a': drive = 'current'.*'voltage' or 'charge'"),
+    ("piezo_stack", STACK | {"drive": np.eye(2)}, "'a': drive = .*'voltage' or 'charge'"),
     ("piezo_stack", STACK | {"drive": "charge", "resistance": 1.0}, "'a': resistance = 1.0"),
     ("piezo_stack", STACK | {"stiffness": 0.0}, "'a': stiffness = 0.0"),
 ])  # fmt: skip

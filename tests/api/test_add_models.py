@@ -104,6 +104,12 @@ def test_every_family_states_its_copies(family):
     assert family.part.roles or family.part.placed is not Part.placed, "a family states its roles, or placed()"
 
 
+@pytest.mark.parametrize("mirror", ["w", np.array([1, 0, 0]), ["x"]])
+def test_a_plane_that_is_none_is_refused(mirror):
+    with pytest.raises(mv.ModelError, match="'p': mirror = .*expected 'x', 'y' or 'z'"):
+        mv.Model().add_model("p", wheel(), mirror=mirror)
+
+
 def test_a_part_that_states_none_is_refused_by_name(monkeypatch):
     model = wheel()
     monkeypatch.setattr(type(model.springs["tyre"]), "roles", {})

@@ -80,7 +80,8 @@ def test_it_follows_the_parameters_of_the_beam():
 @pytest.mark.parametrize(("words", "message"), [
     ({"element": "bar.e9"}, "strain output 'eps': element = 'bar.e9'; expected an element of a beam"),
     ({"at": "tip"}, "expected 'start', 'middle' or 'end'"), ({"side": "x"}, "expected 'y', '-y', 'z' or '-z'"),
-    ({"distance": -1.0}, "not negative"),
+    ({"distance": -1.0}, "not negative"), ({"at": ["start"]}, r"at = \['start'\]"),
+    ({"side": np.eye(2)}, "expected 'y', '-y', 'z' or '-z'"),
 ])  # fmt: skip
 def test_refusals(words, message):
     model = cantilever({"type": "circle", "radius": 0.02})

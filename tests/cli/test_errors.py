@@ -53,6 +53,8 @@ def test_message_and_status(run, line, status, words):
     [
         ("modes", ["modes: ", "required: MODEL", "mbsvib modes --help"]),
         ("modes stewart --jsom", ["no option '--jsom'", "Did you mean '--json'?"]),
+        ("loop slider.yaml --controller c.json", ["no option '--controller'", "CONTROLLER is given by its value"]),
+        ("modes --model=slider.yaml stewart", ["no option '--model=slider.yaml'", "MODEL is given by its value alone"]),
         ("modes stewart quarter_car", ["no argument 'quarter_car'"]),
         ("modez", ["no command 'modez'", "Did you mean 'modes'?"]),
         ("--versoin", ["no option '--versoin'", "Did you mean '--version'?"]),

@@ -301,7 +301,7 @@ def test_one_by_one():
         )
         assert system.explain().splitlines()[0] == single.explain().splitlines()[0]
     assert np.array_equal(batch[-1].K, batch.K[2])
-    with pytest.raises(IndexError):
+    with pytest.raises(IndexError, match="has 3 variants, and none of number 3; expected 0 to 2"):
         batch[3]
     with pytest.raises(ValueError, match="read-only"):
         batch.M[0, 0, 0] = 1.0
