@@ -106,7 +106,7 @@ def test_every_family_states_its_copies(family):
 
 @pytest.mark.parametrize("mirror", ["w", np.array([1, 0, 0]), ["x"]])
 def test_a_plane_that_is_none_is_refused(mirror):
-    with pytest.raises(mv.ModelError, match="'p': mirror = .*expected 'x', 'y' or 'z'"):
+    with pytest.raises(mv.ModelError, match=r"'p': mirror = .*expected 'x', 'y' or 'z'"):
         mv.Model().add_model("p", wheel(), mirror=mirror)
 
 
