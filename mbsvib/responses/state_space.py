@@ -86,7 +86,7 @@ class StateSpace(LinearVerbs, Displayed):
         Parameters
         ----------
         A : array-like, shape (n, n)
-            State matrix [1/s].
+            State matrix [1/s]; ``[]``, as B and C, for a static gain.
         B : array-like, shape (n, inputs)
             Input matrix.
         C : array-like, shape (outputs, n)
@@ -109,12 +109,15 @@ class StateSpace(LinearVerbs, Displayed):
             If shapes do not match, numbers are not finite, or names are repeated.
         """
         a, b, c = (_matrix(name, label, value) for label, value in zip("ABC", (A, B, C), strict=True))
+        through = np.asarray(reals(D, f"StateSpace '{name}'", "D", "a matrix of real numbers, or 0"))
+        if not a.size + b.size + c.size and through.ndim == 2:  # a static gain, however empty matrices are written
+            a, b, c = np.zeros((0, 0)), np.zeros((0, through.shape[1])), np.zeros((len(through), 0))
         n = len(a)
         if a.shape != (n, n) or b.shape[:1] != (n,) or c.shape[1:] != (n,):
             raise ResponseError(f"StateSpace '{name}': A has shape {a.shape}, B {b.shape}, C {c.shape}; expected "
                                 f"(n, n), (n, inputs) and (outputs, n) with one number of states n.")  # fmt: skip
         shape = (len(c), b.shape[1])
-        d = np.zeros(shape) if np.ndim(D) == 0 and not np.any(D) else _matrix(name, "D", D)
+        d = np.zeros(shape) if through.ndim == 0 and not through.any() else _matrix(name, "D", through)
         if d.shape != shape:
             raise ResponseError(f"StateSpace '{name}': D has shape {d.shape}; expected {shape}, a row for each output "
                                 f"and a column for each input, or 0.")  # fmt: skip

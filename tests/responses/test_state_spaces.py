@@ -127,10 +127,19 @@ def test_names():
     assert system.state_space()["x", "Fx"].state_units == system.state_space().state_units
 
 
+@pytest.mark.parametrize("empty", [[], [[]], np.zeros((0, 3))])
+def test_a_static_gain_however_its_empty_matrices_are_written(empty):
+    """Such as ``[]``, which files of JSON have for matrices without rows."""
+    gain = mv.StateSpace.from_arrays(empty, [], empty, [[-6.0, 2.0]])
+    assert (gain.A.shape, gain.B.shape, gain.C.shape, gain.states) == ((0, 0), (0, 2), (1, 0), ())
+    assert_allclose(gain.frequency_response([3.0])[0, :, 0], [-6.0, 2.0])
+
+
 DOUBLE = ([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0)
 REFUSALS = [
     (lambda: mv.StateSpace.from_arrays(np.eye(2), np.eye(3), np.eye(2), 0), r"A has shape \(2, 2\), B \(3, 3\)"),
     (lambda: mv.StateSpace.from_arrays(np.eye(2), np.eye(2), np.eye(2), 1.0), r"D has shape \(1, 1\); expected \(2, 2"),
+    (lambda: mv.StateSpace.from_arrays([[1.0]], [[1.0]], [[1.0]], [[1.0], [2.0, 3.0]]), r"D = \[\[1.0\], \[2.0"),
     (lambda: mv.StateSpace.from_arrays([[np.inf]], [[1.0]], [[1.0]], 0), "A has shape .*finite"),
     (lambda: mv.StateSpace.from_arrays(*DOUBLE, inputs=["a", "b"]), "expected 1 name"),
     (lambda: mv.StateSpace.from_arrays(*DOUBLE).frequency_response([1.0, 0.0]), r"omega\[1\] = 0 rad/s is a pole"),
