@@ -95,9 +95,8 @@ class Picture:
         low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (-np.ones(3), np.ones(3))
         middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2] + MARGIN * scene.size + reach
         half = np.maximum(half, SLIMMEST * half.max())
-        axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
-        axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
-        axes.set_aspect("equal")
+        axes.set(xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1]),
+                 aspect="equal")  # fmt: skip
         axes.set_axis_off()
         self.set_points(scene.points)
 

@@ -135,8 +135,7 @@ def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency 
 def phase_axis(axes: Axes) -> None:
     """Give the vertical axis the range of phases within -180 to 180 degrees."""
     axes.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
-    axes.set_ylim(-190.0, 190.0)
-    axes.set_ylabel("phase [deg]")
+    axes.set(ylim=(-190.0, 190.0), ylabel="phase [deg]")
 
 
 def logarithmic(*several: Axis) -> None:

@@ -163,8 +163,7 @@ def _phase_axis(axes: Axes, phases: list[Array]) -> None:
         low, high = (low - 90.0, high) if high - low == 90.0 or high > 0.0 else (low, high + 90.0)
     step = next((step for step in (45.0, 90.0, 180.0, 360.0) if high - low <= 5.0 * step), 720.0)
     axes.yaxis.set_major_locator(MultipleLocator(step if high - low > 180.0 else 90.0))
-    axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
-    axes.set_ylabel("phase [deg]")
+    axes.set(ylim=(low - 0.05 * (high - low), high + 0.05 * (high - low)), ylabel="phase [deg]")
 
 
 def _mark(top: Axes, below: Axes, natural: Array) -> None:
@@ -237,9 +236,8 @@ def nyquist(
             if unit == "1":
                 axes.plot([-1.0], [0.0], "+", color=style.COLOURS[1], ms=9.0, zorder=4)
             axes.set_aspect("equal", adjustable="datalim")
-            axes.set_xlabel(f"real part [{units.pretty(unit)}]")
-            axes.set_ylabel(f"imaginary part [{units.pretty(unit)}]")
-            axes.set_title(f"{source} → {output}")
+            axes.set(xlabel=f"real part [{units.pretty(unit)}]", ylabel=f"imaginary part [{units.pretty(unit)}]",
+                     title=f"{source} → {output}")  # fmt: skip
             if all(curve.negligible for curve in drawn):
                 style.remark(axes, "zero")
         paper.name([label for label, _ in named], columns - 1)

@@ -54,10 +54,8 @@ def budget_figure(
             style.logarithmic(axes.yaxis)
             if 0.0 < top < np.inf:
                 axes.set_ylim(depth * top, 3.0 * top)
-        panels[0].set_title(title)
-        panels[0].set_ylabel(f"root of the density [{unit}/√Hz]")
-        panels[1].set_title("cumulative rms")
-        panels[1].set_ylabel(f"rms up to the frequency [{unit}]")
+        panels[0].set(title=title, ylabel=f"root of the density [{unit}/√Hz]")
+        panels[1].set(title="cumulative rms", ylabel=f"rms up to the frequency [{unit}]")
         left = len(sources) - sum(len(groups[source]) for source in shown)
         paper.legend(title=f"{counted(left, 'smaller source')} not shown" if left else None)
     return paper.result

@@ -116,13 +116,11 @@ def _named(first: CycleData, panels: Sequence[Axes], hodograph: Axes, plane: Seq
     mixed = "force of drive [N]" if len(drives) == 1 else "torque [N m, N]"
     panels[0].set_ylabel("torque [N m]" if all(map(_turns, drives)) else mixed)
     panels[1].set_ylabel("shaking force [N]")
-    panels[2].set_ylabel("shaking moment [N m]")
-    panels[2].set_xlabel(over)
+    panels[2].set(ylabel="shaking moment [N m]", xlabel=over)
     if len(drives) == 1 and _turns(drives[0]) and np.ptp(first.angles) > 0.5 * np.pi:
         panels[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
     x, y = ("xyz"[k] for k in plane)
-    hodograph.set_xlabel(f"shaking force along {x} [N]")
-    hodograph.set_ylabel(f"shaking force along {y} [N]")
+    hodograph.set(xlabel=f"shaking force along {x} [N]", ylabel=f"shaking force along {y} [N]")
     hodograph.set_aspect("equal", adjustable="datalim")
     hodograph.axhline(0.0, color=style.MARK, linewidth=0.6)
     hodograph.axvline(0.0, color=style.MARK, linewidth=0.6)
@@ -151,8 +149,7 @@ def periodic(data: Periodic, *, ax: Given | None = None) -> Figure | Given:
             left.plot(data.time, line, color=style.COLOURS[k % len(style.COLOURS)])
             left.axhline(float(np.abs(data.averaged[2 * k])) / (2.0 * np.pi), linestyle="--", linewidth=0.8,
                          color=style.COLOURS[k % len(style.COLOURS)])  # fmt: skip
-        left.set_xlabel("time [s]")
-        left.set_ylabel("frozen frequency [Hz]")
+        left.set(xlabel="time [s]", ylabel="frozen frequency [Hz]")
         left.set_ylim(bottom=0.0)
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
         right.plot(turn.real, turn.imag, color=style.MARK, linewidth=0.8)
@@ -160,8 +157,7 @@ def periodic(data: Periodic, *, ax: Given | None = None) -> Figure | Given:
         right.plot(values.real[~grows], values.imag[~grows], "o", color=style.COLOURS[0])
         right.plot(values.real[grows], values.imag[grows], "s", color=style.COLOURS[1])
         right.set_aspect("equal", adjustable="datalim")
-        right.set_xlabel("real part [1]")
-        right.set_ylabel("imaginary part [1]")
-        right.set_title(f"multipliers: {'unstable' if grows.any() and not data.stable else 'stable'}")
+        right.set(xlabel="real part [1]", ylabel="imaginary part [1]",
+                  title=f"multipliers: {'unstable' if grows.any() and not data.stable else 'stable'}")  # fmt: skip
         paper.name([data.name])
     return paper.result

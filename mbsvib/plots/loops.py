@@ -209,12 +209,8 @@ def loop_nyquist(
                 style.remark(axes, "unstable", top=True)
             reach = max(1.6, 1.1 * float(np.abs(gain + 1.0).max()))
             reach = reach if reach <= WHOLE else FARTHEST
-            axes.set_xlim(-1.0 - reach, -1.0 + reach)
-            axes.set_ylim(-reach, reach)
-            axes.set_aspect("equal")
-            axes.set_xlabel("real part [1]")
-            axes.set_ylabel("imaginary part [1]")
-            axes.set_title(loop.actuators[i])
+            axes.set(xlim=(-1.0 - reach, -1.0 + reach), ylim=(-reach, reach), aspect="equal", xlabel="real part [1]",
+                     ylabel="imaginary part [1]", title=loop.actuators[i])  # fmt: skip
         paper.head(f"Loop gain of {loop.name}")
     return paper.result
 

@@ -71,7 +71,6 @@ def recorded(data: Any, records: Array, model: Array, label: str, *, ax: Given |
                                                 paper.first):  # fmt: skip
                 axes.plot(t, values, label=words, **style.line(n))
             axes.set_ylabel(f"{name}{f' [{units.pretty(unit)}]' if unit else ''}")
-        paper.panels[-1].set_xlabel("time [s]")
-        paper.panels[-1].set_xlim(t[0], t[-1])
+        paper.panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
         paper.legend()
     return paper.result

@@ -91,8 +91,7 @@ def mode_comparison(
             top.set_ylabel(title)
             below.bar(*_difference(*pair), width=0.6, color=style.COLOURS[1])
             below.axhline(0.0, color=style.INK, linewidth=0.7)
-            below.set_ylabel("difference [%]")
-            below.set_xlabel("mode")
+            below.set(ylabel="difference [%]", xlabel="mode")
             for axes in (top, below):
                 axes.grid(False, axis="x")
             below.set_xlim(0.4, most + 0.6)
@@ -174,17 +173,13 @@ def comparison(result: Any, *, ax: Given | None = None) -> Figure | Given:
                             extent=(0.5, mac.shape[1] + 0.5, 0.5, mac.shape[0] + 0.5))  # fmt: skip
         paper.figure.colorbar(image, ax=left, label="MAC [1]")
         left.grid(False)
-        left.set_title("MAC")
-        left.set_xlabel(f"mode of {result.names[1]}")
-        left.set_ylabel(f"mode of {result.names[0]}")
+        left.set(title="MAC", xlabel=f"mode of {result.names[1]}", ylabel=f"mode of {result.names[0]}")
         numbers = [pair.a for pair in result.pairs]
         values = np.array([100.0 * pair.difference for pair in result.pairs])
         right.bar(numbers, np.where(np.isfinite(values), values, np.nan), color=style.COLOURS[1], width=0.6)
         right.axhline(0.0, color=style.INK, linewidth=0.7)
         right.grid(False, axis="x")
-        right.set_title("frequencies")
-        right.set_xlabel(f"mode of {result.names[0]}")
-        right.set_ylabel("difference [%]")
+        right.set(title="frequencies", xlabel=f"mode of {result.names[0]}", ylabel="difference [%]")
         for axis in (left.xaxis, left.yaxis, right.xaxis):
             axis.get_major_locator().set_params(integer=True)
         paper.head("Modes compared")

@@ -185,8 +185,7 @@ def _strip(axes: Axes, shapes: Shapes, k: int) -> None:
         axes.hlines(heights[visible], (at - half)[visible], (at + half)[visible], color=style.INK, linewidth=1.0)
     if len(position) <= MOST_BARS:
         axes.vlines(position[:-1] + 0.5, -2.0, 2.0, color=style.FAINT, linewidth=0.8, zorder=0)
-    axes.set_xlim(-0.55, len(position) - 0.45)
-    axes.set_ylim(-1.12, 1.12)
+    axes.set(xlim=(-0.55, len(position) - 0.45), ylim=(-1.12, 1.12))
     axes.set_yticks([-1.0, 0.0, 1.0])
     axes.grid(False, axis="x")
     axes.tick_params(axis="x", length=0.0)

@@ -89,17 +89,14 @@ def root_locus(
         right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, shown], top).max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, top)
-        axes.set_xlim(left, right)
-        axes.set_ylim(bottom, top)
+        axes.set(xlim=(left, right), ylim=(bottom, top))
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
         axes.set_aspect("equal" if same else "auto")
         damping_rays(axes)
         beginnings = poles[0, locus.modes]
         outside = int(((beginnings.real < left) | (beginnings.imag > top)).sum())
         note = f"\n({outside} of {len(beginnings)} modes are outside)" if outside else ""
-        axes.set_xlabel("real part / 2 pi [1/s]" + note)
-        axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        axes.set_title(locus.name)
+        axes.set(xlabel="real part / 2 pi [1/s]" + note, ylabel="imaginary part / 2 pi [Hz]", title=locus.name)
         paper.legend(draw_legend(), columns=3, title="\n".join(locus.summary(scale)))
     return paper.result
 
@@ -219,12 +216,10 @@ def pole_zero_map(
                 axis.set_ticks(ticks, [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
                 axis.set_minor_locator(NullLocator())
             bottom = -0.15 * width if upward is None else bottom
-        axes.set_xlim(left, right)
-        axes.set_ylim(bottom - 0.02 * (top - bottom) if same and upward is None else bottom, top)
+        axes.set(xlim=(left, right), ylim=(bottom - 0.02 * (top - bottom) if same and upward is None else bottom, top))
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
         axes.set_aspect("equal" if same else "auto")
         damping_rays(axes)
-        axes.set_xlabel("real part / 2 pi [1/s]")
-        axes.set_ylabel("imaginary part / 2 pi [Hz]")
+        axes.set(xlabel="real part / 2 pi [1/s]", ylabel="imaginary part / 2 pi [Hz]")
         paper.legend(loc="outside upper left", columns=2)
     return paper.result

@@ -77,8 +77,7 @@ def run_figure(run: Any, names: Sequence[str] | str | None, ax: Given | None = N
         for i, kind in enumerate(("total", "kinetic", "potential", "dissipated")):
             values = getattr(run.energy, kind)
             panels[-1].plot(run.time, np.full_like(values, values[0]) if rest else values, label=kind, **style.line(i))
-        panels[-1].set_ylabel("energy [J]")
-        panels[-1].set_xlabel("time [s]")
+        panels[-1].set(ylabel="energy [J]", xlabel="time [s]")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         panels[-1].set_xlim(run.time[0], run.time[-1])
         panels[-1].locator_params(axis="x", nbins=6)

@@ -44,23 +44,20 @@ def over_variables(
         axes = paper.panels[0]
         if len(varied) == 1:
             _lines(paper, columns[varied[0]], flat, entries)
-            axes.set_xlabel(_with_unit(varied[0], units))
-            axes.set_ylabel(words)
+            axes.set(xlabel=_with_unit(varied[0], units), ylabel=words)
             if in_ratios(columns[varied[0]]):
                 style.logarithmic(axes.xaxis)
         elif len(varied) == 2 and grid:
             shape = [len(axis) for axis in axes_values.values()]
             _map(axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
                  words if flat.shape[1] == 1 else f"mode {entries[0]}: {words}" if entries else f"entry 1 of {words}")
-            axes.set_xlabel(_with_unit(varied[1], units))
-            axes.set_ylabel(_with_unit(varied[0], units))
+            axes.set(xlabel=_with_unit(varied[1], units), ylabel=_with_unit(varied[0], units))
             for axis, variable in zip((axes.xaxis, axes.yaxis), reversed(varied), strict=True):
                 if in_ratios(axes_values[variable]):
                     style.logarithmic(axis)
         else:
             histograms(axes, flat)
-            axes.set_xlabel(words)
-            axes.set_ylabel("number of points")
+            axes.set(xlabel=words, ylabel="number of points")
         axes.set_title(label)
         paper.name([name])
     return paper.result
@@ -163,8 +160,7 @@ def _panel(axes: Axes, data: Any, pair: tuple[str, str]) -> None:
         axes.plot(data.values[x], data.values[y], ".-" if not third else ".", color=style.COLOURS[0], label="designs")
     axes.plot(data.ideal[x], data.ideal[y], "x", color=style.INK, label="least of each on its own")
     axes.plot(data.began[x], data.began[y], "*", color=style.COLOURS[1], markersize=9, zorder=2, label="given model")
-    axes.set_xlabel(units.pretty(data.labels[x]))
-    axes.set_ylabel(units.pretty(data.labels[y]))
+    axes.set(xlabel=units.pretty(data.labels[x]), ylabel=units.pretty(data.labels[y]))
     axes.locator_params(axis="x", nbins=3)
 
 
@@ -194,9 +190,7 @@ def front(data: Any, *, ax: Given | None = None) -> Figure | Given:
                 style.logarithmic(axis)
         for price, value, design in zip(data.price, data.objective, data.designs, strict=True):
             axes.plot([price], [value], "o", color=style.COLOURS[0], mfc=None if design.success else "white")
-        axes.set_xlabel(units.pretty(data.labels[1]))
-        axes.set_ylabel(units.pretty(data.labels[0]))
-        axes.set_title("Pareto front")
+        axes.set(xlabel=units.pretty(data.labels[1]), ylabel=units.pretty(data.labels[0]), title="Pareto front")
         paper.name([data.designs[0].model.name])
     return paper.result
 
@@ -285,11 +279,8 @@ def campbell(
             axes.plot(data.speeds, order * np.abs(data.speeds) / (2.0 * np.pi), color=style.MARK, linewidth=0.8)
         for point in data.critical:
             axes.plot([point.speed], [point.frequency], "o", color=style.INK, markersize=5.0, mfc="white", zorder=3)
-        axes.set_ylim(0.0, top)
-        axes.set_xlim(float(data.speeds[0]), float(data.speeds[-1]))
-        axes.set_xlabel("speed [rad/s]")
-        axes.set_ylabel("damped frequency [Hz]")
-        axes.set_title("Campbell diagram")
+        axes.set(ylim=(0.0, top), xlim=(float(data.speeds[0]), float(data.speeds[-1])), xlabel="speed [rad/s]",
+                 ylabel="damped frequency [Hz]", title="Campbell diagram")  # fmt: skip
         met = {direction for row in data.directions[1:] for direction in row}
         handles = [Line2D([], [], color=style.INK, linestyle=dash, linewidth=1.2, label=direction or "no whirl")
                    for direction, dash in LINES.items() if direction in met]  # fmt: skip

@@ -147,9 +147,7 @@ class CosimulationCheck(Columnar, Displayed):
                 axes.plot(master.steps, master.errors, "o-", color=colour, label=f"{master.method}{order}")
                 if 0 < master.largest_stable_step < 100 * self.step:
                     axes.axvline(master.largest_stable_step, color=colour, linestyle=":")
-            axes.set_xlabel("step [s]")
-            axes.set_ylabel("relative error [1]")
-            axes.set_title("Error of co-simulation")
+            axes.set(xlabel="step [s]", ylabel="relative error [1]", title="Error of co-simulation")
             paper.name([f"{self.plant}, {self.controller}"])
             style.logarithmic(axes.xaxis, axes.yaxis)
             paper.legend(title="dotted: largest stable step")
