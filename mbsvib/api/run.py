@@ -207,7 +207,7 @@ class Run(Columnar, Displayed):
         ResponseError
             If a name is unknown.
         """
-        from mbsvib.plots.run import run_figure
+        from mbsvib.plots.animation import run_figure
 
         return run_figure(self, names, ax)
 
@@ -233,7 +233,7 @@ class Run(Columnar, Displayed):
         ResponseError
             If a number is refused or there is no such view.
         """
-        from mbsvib.plots.run import run_animation
+        from mbsvib.plots.animation import run_animation
 
         return run_animation(self, view, frames, rate)
 

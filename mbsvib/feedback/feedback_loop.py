@@ -12,9 +12,8 @@ import numpy as np
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError, UnstableWarning
-from mbsvib.feedback.integrand import response
 from mbsvib.feedback.loop import Loop
-from mbsvib.feedback.loop_rounding import blended, evaluated
+from mbsvib.feedback.loop_rounding import blended, evaluated, response
 from mbsvib.feedback.margins import margins
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.linear import LinearVerbs

@@ -1,32 +1,42 @@
-"""Discrete-time controllers: sampled, with a zero-order hold and a delay."""
+"""Discrete-time controllers: sampled, with a zero-order hold and a delay.
+
+Over time the closed loop steps from event to event. Within a stretch, from a sample to the action of the controllers or
+from there to the next sample, the plant moves by what inputs do from rest and by what its state at the beginning does.
+Responses with open loops, which may grow where those of the loop do not, are not formed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
+from scipy.linalg import expm
 
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import transfer
-from mbsvib.feedback.excited_period import steady_state
+from mbsvib.feedback.excited_period import period, steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop_rounding import at_poles, refuse_poles
 from mbsvib.feedback.sampled_equations import SampledEquations, split_delay
 from mbsvib.feedback.sampled_norm import h2_norm
+from mbsvib.linalg.balancing import column_units
 from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.lyapunov import steps
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside, spectrum
 from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.norms import Norm
+from mbsvib.responses.time_response import checked_record
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.excited_period import Period
     from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.linalg.spectrum import Spectrum
     from mbsvib.modes.state_modes import StateModes
@@ -148,8 +158,6 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         return Norm(h2_norm(part))
 
     def _over_time(self, part: SampledLoop, record: tuple[ArrayLike, ArrayLike, str, Any]) -> Array:
-        from mbsvib.feedback.sampled_time import time_response
-
         t, u, hold, initial = record
         if initial is not None:
             raise ResponseError("time_response: initial: a sampled loop starts at rest; expected None. Initial states "
@@ -168,3 +176,153 @@ class SampledLoop(SampledEquations, FeedbackLoop):
     def sampled_form(self) -> type[SampledLoop]:
         """The class of the loop with discrete-time controllers."""
         return type(self)
+
+
+SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one
+MOST_SAMPLES = 2_000_000  # of the controllers in one record
+CHUNK = 4096  # periods whose states are held in memory at a time
+
+
+class Record(NamedTuple):
+    """Inputs (inputs, n) of a loop at times (n,) [s], and whether they are linear between these."""
+
+    time: Array
+    u: Array
+    linear: bool
+
+    def at(self, times: Array) -> Array:
+        """Return the inputs at other times, (inputs, times)."""
+        if self.linear:
+            return np.array([np.interp(times, self.time, row) for row in self.u]).reshape(len(self.u), len(times))
+        return self.u[:, np.searchsorted(self.time, times, side="right") - 1]
+
+
+class Held(NamedTuple):
+    """The plant between events, z' = ``a`` z: its n ``states``, the forces that act, inputs w, and slopes of these.
+
+    ``units`` (2 inputs,): inputs and slopes are as large as states in these units.
+    """
+
+    a: Array
+    states: int
+    units: Array
+
+    def driven(self, w: Array, slope: Array) -> Array:
+        """Return z (z, columns) at rest under inputs and slopes (inputs, columns)."""
+        inputs = np.concatenate((w, slope)) / self.units[:, None]
+        return np.concatenate((np.zeros((len(self.a) - len(inputs), w.shape[1])), inputs))
+
+
+def time_response(loop: SampledEquations, t: ArrayLike, u: ArrayLike, hold: str) -> Array:
+    """Return the outputs of a sampled loop from rest; the controllers take their first sample at t[0].
+
+    ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:
+    "first" or "zero". Returns (outputs, n): outputs at these times.
+    """
+    record = Record(*checked_record(loop.inputs, t, u, hold), hold == "first")
+    time, step = record.time, 1.0 / loop.rate
+    span = float(time[-1] - time[0])
+    if span > MOST_SAMPLES * step:
+        raise ResponseError(f"time_response: {span:g} s are {span / step:.3g} samples at {loop.rate:g} Hz; expected "
+                            f"at most {MOST_SAMPLES:,}.")  # fmt: skip
+    at = period(loop, *loop.selected_ports)
+    samples = time[0] + step * np.arange(int(np.floor(span / step + SAME)) + 1)
+    beyond = np.nextafter(time[-1], np.inf)
+    events = _merged(np.stack((samples, samples + at.waiting), axis=1).ravel(), time, step)
+    ends = np.append(np.minimum(events, beyond), beyond)
+    cuts = np.searchsorted(time, ends[:: 2 * CHUNK])
+    x, outputs = np.zeros(at.sample.shape[1]), []
+    for k, start in enumerate(range(0, len(events), 2 * CHUNK)):
+        shown = time[cuts[k] : cuts[k + 1] if k + 1 < len(cuts) else None]
+        y, x = _chunk(at, record, (ends[start : start + 2 * CHUNK + 1], shown), x)
+        outputs.append(y)
+    return np.concatenate(outputs, axis=1)
+
+
+def _chunk(at: Period, record: Record, instants: tuple[Array, Array], x: Array) -> tuple[Array, Array]:
+    """Outputs (outputs, n) and the state at the last end.
+
+    ``instants``: ends (stretches + 1,) of stretches of time and times (n,) of outputs. ``x``: the state at the first
+    end.
+    """
+    ends, time = instants
+    plant, latest = _held(at), float(np.abs(record.time[[0, -1]]).max())
+    cuts = np.unique(np.concatenate((ends, time)))  # of stretches into pieces
+    w = record.at(cuts)
+    rise = np.diff(w) / np.diff(cuts) if record.linear else np.zeros((len(w), len(cuts) - 1))
+    stretch = np.searchsorted(ends, cuts[:-1], side="right") - 1
+    places = np.arange(len(stretch)) - np.searchsorted(stretch, stretch)
+    added = _from_rest(plant, cuts, plant.driven(w[:, :-1], rise), places, latest)
+    last = np.searchsorted(stretch, np.arange(len(ends) - 1), side="right") - 1
+    through = np.where(ends[:-1] < ends[1:], added[:, last], 0.0)
+    state, x = _states(at, x, record.at(ends[:-1:2]), through)
+    own = np.searchsorted(ends, time, side="right") - 1
+    elapsed, begun = time - ends[own], state[:, own]
+    moved = steps(plant.a[: len(begun), : len(begun)], elapsed, latest)(begun)[: plant.states]
+    inside = np.flatnonzero(elapsed > 0.0)
+    moved[:, inside] += added[:, np.searchsorted(cuts, time[inside]) - 1]
+    forces = at.seen[:, at.acting] @ begun[plant.states :]
+    return at.seen[:, : plant.states] @ moved + forces + at.direct @ record.at(time), x
+
+
+def _held(at: Period) -> Held:
+    n, (m, inputs) = at.start, (len(at.unit), at.driven.shape[1])
+    a = at.flow[:n, :n]
+    speed = float(np.exp2(np.round(np.log2(np.abs(a).max(initial=0.0) or 1.0 / (at.waiting + at.rest)))))
+    units = column_units(at.driven[:n], speed)
+    whole = np.zeros((n + m + 2 * inputs,) * 2)
+    whole[:n, :n], whole[:n, n : n + m] = a, at.flow[:n, at.acting]
+    whole[:n, n + m : n + m + inputs] = at.driven[:n] * units
+    whole[n + m : n + m + inputs, n + m + inputs :] = speed * np.eye(inputs)
+    return Held(whole, n, np.concatenate((units, speed * units)))
+
+
+def _from_rest(plant: Held, ends: Array, driven: Array, places: Index, latest: float) -> Array:
+    """States (states, pieces) at the end of each piece of time, from rest at the beginning of its stretch.
+
+    ``ends`` (pieces + 1,): where they begin and end [s]. ``driven`` (z, pieces): inputs of each. ``places`` (pieces,):
+    how many come before in the same stretch. ``latest``: size of times [s].
+    """
+    n = plant.states
+    free = plant.a[:n, :n]
+    added, reach = steps(plant.a, np.diff(ends), latest)(driven)[:n], 1
+    while True:  # sums over the last 1, 2, 4, ... pieces
+        at = np.flatnonzero(places >= reach)
+        if not len(at):
+            return added
+        added[:, at] += steps(free, ends[at + 1] - ends[at + 1 - reach], latest)(added[:, at - reach])
+        reach *= 2
+
+
+def _states(at: Period, x: Array, w: Array, through: Array) -> tuple[Array, Array]:
+    """States of the plant and forces that act at the beginning of each stretch, (states + forces, stretches), and the
+    state at the end.
+
+    ``x``: the state before the first sample. ``w`` (inputs, periods): inputs at samples. ``through`` (states,
+    stretches): what inputs add to the states of the plant in a stretch.
+    """
+    n, m = at.start, len(at.unit)
+    waiting, rest = expm(at.flow * at.waiting), expm(at.after_action()[0] * at.rest)
+    measured = at.measured @ w
+    late = at.action @ (waiting @ measured)
+    late[:n] += through[:, ::2]
+    late = rest @ late
+    late[:n] += through[:, 1::2]
+    transition, late = rest @ at.action @ waiting @ at.sample, late.T.copy()
+    before = np.empty((len(late), len(x)))
+    for k, driven in enumerate(late):
+        before[k] = x
+        x = transition @ x + driven
+    sampled = at.sample @ before.T + measured
+    acted = at.action @ (waiting @ sampled)
+    acted[:n] += through[:, ::2]
+    state = np.empty((n + m, through.shape[1]))
+    state[:n, ::2], state[n:, ::2] = sampled[:n], sampled[at.acting]
+    state[:n, 1::2], state[n:, 1::2] = acted[:n], acted[at.acting.start - m : at.acting.stop - m]
+    return state, x
+
+
+def _merged(instants: Array, time: Array, step: float) -> Array:
+    """The instants, those that are a time of the record but for rounding as this time."""
+    nearest = time[np.clip(np.searchsorted(time, instants - SAME * step), 0, len(time) - 1)]
+    return np.where(np.abs(nearest - instants) <= SAME * step, nearest, instants)

@@ -11,7 +11,7 @@ from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.integrand import response
+from mbsvib.feedback.loop_rounding import response
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 

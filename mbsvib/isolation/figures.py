@@ -12,8 +12,8 @@ from mbsvib.api.system import System
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.feedback_loop import FeedbackLoop
-from mbsvib.feedback.integrand import response
 from mbsvib.feedback.loop import resolution
+from mbsvib.feedback.loop_rounding import response
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, StudyScene
 from mbsvib.linalg.balancing import scaled

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.feedback.integrand import response
+from mbsvib.feedback.loop_rounding import response
 from mbsvib.random.sources import base_sources
 from mbsvib.studies.responses import PortResponses, mean_squares
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.api.model import Model
-    from mbsvib.library._arms import gripper, puma, six_link, stanford, two_link
+    from mbsvib.library._arms import gripper, puma, quadruped, six_link, stanford, two_link
     from mbsvib.library._beams import cantilever, singular_beam
     from mbsvib.library._bicycle import bicycle
     from mbsvib.library._dh import from_dh
@@ -26,11 +26,9 @@ if TYPE_CHECKING:
     from mbsvib.library._machines import carpet_scraper, hoeken
     from mbsvib.library._masses import engine_on_mounts, inclined_chain, quarter_car
     from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
-    from mbsvib.library._quadruped import quadruped
     from mbsvib.library._rotors import rotor_stator, sleeping_top
     from mbsvib.library._spatial_linkages import rssr, seven_r
-    from mbsvib.library._stewart import cubic_hexapod, stewart, stewart_isolator
-    from mbsvib.library._wafer_stage import wafer_stage
+    from mbsvib.library._stewart import cubic_hexapod, stewart, stewart_isolator, wafer_stage
 
 __all__ = [
     "bicycle", "build", "cantilever", "carpet_scraper", "chain", "cross_hinge", "cubic_hexapod", "engine_on_mounts",
@@ -46,11 +44,11 @@ _HOMES = {
     "cross_hinge": "_flexures", "cubic_hexapod": "_stewart", "engine_on_mounts": "_masses",
     "parallel_guide": "_flexures", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
     "hinged_rod": "_pendulums", "hoeken": "_machines", "inclined_chain": "_masses", "ladder": "_families",
-    "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_quadruped", "quarter_car": "_masses",
+    "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_arms", "quarter_car": "_masses",
     "rotor_stator": "_rotors", "rssr": "_spatial_linkages", "seven_r": "_spatial_linkages",
     "singular_beam": "_beams", "six_link": "_arms", "sleeping_top": "_rotors", "slider_crank": "_linkages",
     "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_linkages",
-    "tree": "_families", "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_wafer_stage",
+    "tree": "_families", "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_stewart",
 }  # fmt: skip
 _FAMILIES = {"C": "chain", "T": "tree", "L": "ladder"}
 # the chapter's rule: family, number of bodies or layers, joint, F, number of spring-dampers at every joint

@@ -13,8 +13,8 @@ from mbsvib.common.labelled import Labelled, of_responses
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.measurement.array_files import ArrayFiles
+from mbsvib.measurement.estimation import check_length, estimate, samples_of, si, stacked, step_of
 from mbsvib.measurement.points import point_of
-from mbsvib.measurement.time_records import check_length, estimate, samples_of, si, stacked, step_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

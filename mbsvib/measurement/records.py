@@ -14,9 +14,9 @@ from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.measurement.data import quantities_of
+from mbsvib.measurement.estimation import check_length, stacked, step_of
 from mbsvib.measurement.matching import Matched, unit_of
 from mbsvib.measurement.points import nodes_of, points_of
-from mbsvib.measurement.time_records import check_length, stacked, step_of
 from mbsvib.responses.densities import density
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from mbsvib.common.expected import a_model, limits
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import resolved
+from mbsvib.plots import studies as figures
 from mbsvib.plots.studies import MOST_LINES
-from mbsvib.studies import figures
 from mbsvib.studies.design import design, posed_names
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.first_order import first_order, no_order

@@ -10,9 +10,9 @@ import numpy as np
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
+from mbsvib.plots.studies import root_locus
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import frame, framed, station
-from mbsvib.studies.figures import root_locus
 from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep

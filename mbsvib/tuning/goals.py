@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError
 from mbsvib.tuning.measures import Damping, Goal, Hinf, Margin, Rms, Rolloff
-from mbsvib.tuning.weights import over_frequency
+from mbsvib.tuning.peaks import over_frequency
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

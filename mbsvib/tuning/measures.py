@@ -18,8 +18,7 @@ from mbsvib.random.slopes import stable_squares
 from mbsvib.responses.densities import Table
 from mbsvib.responses.norms import Norm
 from mbsvib.responses.norms import hinf as highest
-from mbsvib.tuning.peaks import peak
-from mbsvib.tuning.weights import Weight, apply
+from mbsvib.tuning.peaks import Weight, apply, peak
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -32,9 +32,8 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closing import Matrices
     from mbsvib.sensitivities.states import States
     from mbsvib.studies.design import StudyVariables
-    from mbsvib.tuning.peaks import Eigen
+    from mbsvib.tuning.peaks import Eigen, Weight
     from mbsvib.tuning.realization import Realization
-    from mbsvib.tuning.weights import Weight
 
 
 # A pole decays if its real part is below this share of the fastest pole: closed loops at the limit are not wanted.

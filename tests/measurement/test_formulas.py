@@ -6,7 +6,7 @@ from scipy import signal
 
 import mbsvib as mv
 from mbsvib.errors import ResponseError
-from mbsvib.measurement import estimation, time_records
+from mbsvib.measurement import estimation
 
 
 def normal(rng, *shape):
@@ -191,25 +191,25 @@ def test_records_come_as_outputs_inputs_and_references():
     given = {name: rng.standard_normal((2, 20)) + 5.0 for name in ("a", "b", "u", "r", "q")}
     groups = {"output": {"a": given["a"], "b": given["b"]}, "input": {"u": given["u"]},
               "reference": {"r": given["r"], "q": given["q"]}}  # fmt: skip
-    records, sizes = time_records.stacked(groups)
+    records, sizes = estimation.stacked(groups)
     assert sizes == (2, 1, 2)
     for k, one in enumerate(given.values()):
         np.testing.assert_allclose(records[:, k], one - one.mean(axis=1, keepdims=True))
     groups = {"output": {"a": given["a"][0]}, "input": {"u": given["u"][0]}, "reference": {}}
-    assert time_records.stacked(groups)[0].shape == (1, 2, 20)
+    assert estimation.stacked(groups)[0].shape == (1, 2, 20)
 
 
 @pytest.mark.parametrize(("t", "count", "step"), [(0.25, 7, 0.25), (np.arange(5) * 0.5 + 3.0, 5, 0.5),
                                                   (np.round(np.arange(300) / 300.0, 5), 300, 1 / 300)])  # fmt: skip
 def test_steps_of_times(t, count, step):
-    assert time_records.step_of(t, count) == pytest.approx(step, rel=1e-4)
+    assert estimation.step_of(t, count) == pytest.approx(step, rel=1e-4)
 
 
 @pytest.mark.parametrize("t", [0.0, -1.0, [0.0], [1.0, 0.5, 0.0], [0.0, 1.0, np.nan], [0.0, 1.0, 2.1], [0.0, 0.9, 2.0],
                                [1.0, 1.0, 1.0]])  # fmt: skip
 def test_times_that_are_none(t):
     with pytest.raises(ResponseError, match=r"t has shape|times are uneven"):
-        time_records.step_of(t, 3)
+        estimation.step_of(t, 3)
 
 
 @pytest.mark.parametrize(("given", "samples"), [
@@ -217,7 +217,7 @@ def test_times_that_are_none(t):
     ((100, 0.1, None, 2.0), 20), ((100, 0.1, None, 2.0005), 20), ((100, 0.1, None, 0.2), 2),
 ])  # fmt: skip
 def test_samples_of_a_stretch(given, samples):
-    assert time_records.samples_of(*given) == samples
+    assert estimation.samples_of(*given) == samples
 
 
 @pytest.mark.parametrize("given", [(100, 0.1, 26, None), (100, 0.1, 0, None), (100, 0.1, True, None),
@@ -225,7 +225,7 @@ def test_samples_of_a_stretch(given, samples):
                                    (100, 0.1, None, 0.1), (100, 0.1, None, 2.004), (100, 0.1, None, -2.0)])  # fmt: skip
 def test_stretches_that_are_none(given):
     with pytest.raises(ResponseError, match="whole number"):
-        time_records.samples_of(*given)
+        estimation.samples_of(*given)
 
 
 @pytest.mark.parametrize(("band", "lowest", "method", "words"), [
@@ -239,10 +239,10 @@ def test_stretches_that_are_none(given):
 ])  # fmt: skip
 def test_lengths_that_resolve_the_lines(band, lowest, method, words):
     if not words:
-        time_records.check_length(2.0, band, lowest, method)
+        estimation.check_length(2.0, band, lowest, method)
         return
     with pytest.raises(ResponseError, match=words):
-        time_records.check_length(2.0, band, lowest, method)
+        estimation.check_length(2.0, band, lowest, method)
 
 
 def test_h2_of_one_input_takes_each_output_alone():

@@ -7,9 +7,8 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.isolation import shaped
-from mbsvib.tuning.peaks import Response, eigen, peak
+from mbsvib.tuning.peaks import Response, Weight, eigen, over_frequency, peak
 from mbsvib.tuning.searching import _line, _shortest, bfgs
-from mbsvib.tuning.weights import Weight, over_frequency
 
 
 def valley(x):

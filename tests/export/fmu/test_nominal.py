@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib_export.fmu_.nominal import experiment_times, nominal_values
+from mbsvib_export.fmu_.plant import experiment_times, nominal_values
 
 MASS, RATE, DECAY = 4.0, 6.0, 0.2  # m x'' + 2 D w m x' + w^2 m x = F
 LOW, HIGH = RATE / 3.0, 3.0 * RATE  # real s in the range of which outputs and states are looked at
