@@ -16,9 +16,8 @@ from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import AccuracyWarning, MbsvibError, ModelError
 from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data
 from mbsvib.fitting.knowledge import knowledge
-from mbsvib.fitting.minimizing import STEPS, STEPS_FAR, minimized
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.problem import Problem
+from mbsvib.fitting.problem import STEPS, STEPS_FAR, Problem, minimized
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData
 from mbsvib.fitting.result import Fit
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.fitting.knowledge import Knowledge
-    from mbsvib.fitting.minimizing import Found
+    from mbsvib.fitting.problem import Found
     from mbsvib.fitting.variables import Variables
 
 # Factor of positive values, and change of others in parts of their size, by which starts differ from the first.

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.fitting.minimizing import CONVERGED
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.problem import real_rows
+from mbsvib.fitting.problem import CONVERGED, real_rows
 from mbsvib.linalg.rank import TIE_BREAK
 
 if TYPE_CHECKING:

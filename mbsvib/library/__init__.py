@@ -17,13 +17,11 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.library._arms import gripper, puma, quadruped, six_link, stanford, two_link
-    from mbsvib.library._beams import cantilever, singular_beam
+    from mbsvib.library._beams import cantilever, cross_hinge, parallel_guide, singular_beam
     from mbsvib.library._bicycle import bicycle
     from mbsvib.library._dh import from_dh
     from mbsvib.library._families import chain, ladder, tree
-    from mbsvib.library._flexures import cross_hinge, parallel_guide
-    from mbsvib.library._linkages import four_bar, slider_crank, toggle
-    from mbsvib.library._machines import carpet_scraper, hoeken
+    from mbsvib.library._linkages import carpet_scraper, four_bar, hoeken, slider_crank, toggle
     from mbsvib.library._masses import engine_on_mounts, inclined_chain, quarter_car
     from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
     from mbsvib.library._rotors import rotor_stator, sleeping_top
@@ -40,10 +38,10 @@ __all__ = [
 
 # where each function is; a file is imported when one of its functions is asked for
 _HOMES = {
-    "bicycle": "_bicycle", "cantilever": "_beams", "carpet_scraper": "_machines", "chain": "_families",
-    "cross_hinge": "_flexures", "cubic_hexapod": "_stewart", "engine_on_mounts": "_masses",
-    "parallel_guide": "_flexures", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
-    "hinged_rod": "_pendulums", "hoeken": "_machines", "inclined_chain": "_masses", "ladder": "_families",
+    "bicycle": "_bicycle", "cantilever": "_beams", "carpet_scraper": "_linkages", "chain": "_families",
+    "cross_hinge": "_beams", "cubic_hexapod": "_stewart", "engine_on_mounts": "_masses",
+    "parallel_guide": "_beams", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
+    "hinged_rod": "_pendulums", "hoeken": "_linkages", "inclined_chain": "_masses", "ladder": "_families",
     "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_arms", "quarter_car": "_masses",
     "rotor_stator": "_rotors", "rssr": "_spatial_linkages", "seven_r": "_spatial_linkages",
     "singular_beam": "_beams", "six_link": "_arms", "sleeping_top": "_rotors", "slider_crank": "_linkages",

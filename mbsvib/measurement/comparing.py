@@ -152,7 +152,7 @@ class Comparison(Columnar, Displayed):
         matplotlib.figure.Figure, or ``ax``
             With modes counted from 1.
         """
-        from mbsvib.plots.mode_comparison import comparison
+        from mbsvib.plots.modes import comparison
 
         return comparison(self, ax=ax)
 

@@ -12,9 +12,8 @@ from mbsvib.plots.cycle import cycle, periodic
 from mbsvib.plots.isolation import isolation, transmissibility
 from mbsvib.plots.loops import loop_gain, loop_nyquist, sensitivity
 from mbsvib.plots.mechanism import mechanism
-from mbsvib.plots.mode_comparison import comparison, mode_comparison
 from mbsvib.plots.mode_strips import mode_strips
-from mbsvib.plots.modes import energy, modes
+from mbsvib.plots.modes import comparison, energy, mode_comparison, modes
 from mbsvib.plots.path import path
 from mbsvib.plots.root_locus import pole_zero_map, root_locus
 from mbsvib.plots.singular_values import singular_values

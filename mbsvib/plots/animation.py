@@ -1,4 +1,4 @@
-"""Modes and runs in motion, as figures, GIF, MP4 (by ffmpeg on the path or of imageio-ffmpeg) or pages; runs plotted."""
+"""Modes and runs in motion, as figures, GIF, MP4 (by ffmpeg on the path or of imageio-ffmpeg) or pages; runs drawn."""
 
 from __future__ import annotations
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 from mbsvib.errors import ModelError
-from mbsvib.fitting.minimizing import minimized
-from mbsvib.fitting.problem import Sums
+from mbsvib.fitting.problem import Sums, minimized
 
 
 class Linear:
