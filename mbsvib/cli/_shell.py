@@ -10,17 +10,8 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from mbsvib import errors
 from mbsvib.common import tables
-from mbsvib.errors import (
-    AccuracyWarning,
-    LargeDisplacementWarning,
-    LeftOutWarning,
-    MbsvibError,
-    NearSingularWarning,
-    ResponseError,
-    UndeterminedForceWarning,
-    UnstableWarning,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -91,7 +82,7 @@ def in_commands(words: str) -> str:
 DEBUG = "--debug"
 FAILED, MISUSED, INTERRUPTED = 1, 2, 130
 
-class UsageProblem(MbsvibError):
+class UsageProblem(errors.MbsvibError):
     """A command line with invalid arguments: exit status 2; a faulty model has 1."""
 
 
@@ -111,8 +102,8 @@ def as_messages(debug: bool) -> Iterator[Status]:
     """Print errors that mbsvib raises on purpose, and its warnings, as lines on standard error."""
     status = Status()
     with warnings.catch_warnings():
-        for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,
-                         UndeterminedForceWarning, UnstableWarning):  # fmt: skip
+        for category in (errors.NearSingularWarning, errors.AccuracyWarning, errors.LargeDisplacementWarning,
+                         errors.LeftOutWarning, errors.UndeterminedForceWarning, errors.UnstableWarning):  # fmt: skip
             warnings.simplefilter("always", category)
         warnings.showwarning = _show_warning
         try:
@@ -128,11 +119,11 @@ def as_messages(debug: bool) -> Iterator[Status]:
                 raise
             complain("interrupted")
             status.value = INTERRUPTED
-        except (MbsvibError, OSError) as error:
+        except (errors.MbsvibError, OSError) as error:
             if debug:
                 raise
             complain(f"error: {in_commands(str(error))}")
-            status.value = MISUSED if isinstance(error, (UsageProblem, ResponseError)) else FAILED
+            status.value = MISUSED if isinstance(error, (UsageProblem, errors.ResponseError)) else FAILED
         except SystemExit as end:  # --help of a command
             status.value = int(end.code or 0)
 
