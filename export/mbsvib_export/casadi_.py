@@ -81,10 +81,8 @@ class CasadiModel(Displayed):
 
 
 def to_casadi(
-    system: Source | LPVSystem, step: float | None = None,
-    parameters: Names = None,
-    realization: str = "physical",
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source | LPVSystem, step: float | None = None, parameters: Names = None, realization: str = "physical", *,
+    outputs: Names = None, inputs: Names = None,
 ) -> CasadiModel:  # fmt: skip
     """Return a system as functions of CasADi, for optimal control, estimation and design.
 

@@ -92,10 +92,8 @@ class ExportCheck(Columnar, Displayed):
 
 
 def check_export(
-    path: str | os.PathLike[str],
-    system: Source | None = None, limit: float = LIMIT, *,
-    run: bool = False,
-) -> ExportCheck:  # fmt: skip
+    path: str | os.PathLike[str], system: Source | None = None, limit: float = LIMIT, *, run: bool = False
+) -> ExportCheck:
     """Read a file of an exporter again, and compare frequency response and poles with the system.
 
     Without a system the equations in the file are compared with each other: state space, second-order equations, and

@@ -37,9 +37,8 @@ def head(content: bytes) -> bytes:
 
 
 def to_hdf5(
-    system: Source, path: str | os.PathLike[str],
-    realization: str = "physical",
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source, path: str | os.PathLike[str], realization: str = "physical", *, outputs: Names = None,
+    inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to an HDF5 file, completely or not at all.
 

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from mbsvib_export.neutral import Source
 
 def to_json(
-    system: Source, path: str | os.PathLike[str] | None = None,
-    realization: str = "physical",
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source, path: str | os.PathLike[str] | None = None, realization: str = "physical", *, outputs: Names = None,
+    inputs: Names = None,
 ) -> str:  # fmt: skip
     """Return a system as JSON text, and write it to a file if a path is given.
 

@@ -58,8 +58,7 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 
 
 def to_mat(
-    system: Source | UncertainPlant, path: str | os.PathLike[str],
-    realization: str = "physical", loader: bool = True,
+    system: Source | UncertainPlant, path: str | os.PathLike[str], realization: str = "physical", loader: bool = True,
     *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.

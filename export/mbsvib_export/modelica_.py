@@ -37,9 +37,8 @@ _RESERVED = frozenset((
 
 
 def to_modelica(
-    system: Source, path: str | os.PathLike[str], *,
-    realization: str = "physical", connectors: bool = False, name: str | None = None,
-    outputs: Names = None, inputs: Names = None,
+    system: Source, path: str | os.PathLike[str], *, realization: str = "physical", connectors: bool = False,
+    name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a state space as a model in Modelica.
 

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def named(
-    result: T, like: Any, *, controller: bool = False, states: bool = False, name: str | None = None
-) -> T:
+def named(result: T, like: Any, *, controller: bool = False, states: bool = False, name: str | None = None) -> T:
     """Return a result of python-control with the names of the plant it was made from.
 
     Its ``balred``, ``minreal``, ``series``, ``feedback``, ``h2syn``, ``hinfsyn``, products, sums and signs drop names.

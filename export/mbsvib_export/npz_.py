@@ -59,9 +59,8 @@ BATCH_FORMAT, BATCH_VERSION = "mbsvib-batch", 1
 
 
 def to_npz(
-    system: Source, path: str | os.PathLike[str],
-    realization: str = "physical",
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source, path: str | os.PathLike[str], realization: str = "physical", *, outputs: Names = None,
+    inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .npz file of numpy, completely or not at all.
 

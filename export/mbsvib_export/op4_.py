@@ -40,10 +40,8 @@ _PER_LINE, _FORMAT = 3, "1P,3E24.16"
 
 
 def to_op4(
-    system: Source, path: str | os.PathLike[str],
-    binary: bool = False,
-    *, outputs: Names = None, inputs: Names = None,
-) -> Path:  # fmt: skip
+    system: Source, path: str | os.PathLike[str], binary: bool = False, *, outputs: Names = None, inputs: Names = None
+) -> Path:
     """Write the second-order matrices of a system to an OP4 file of Nastran, every number to the last bit.
 
     Of first-order equations alone, as of loops whose controllers have states, the matrices A, B, C and D.

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 
 def to_scipy(
-    system: Source, realization: str = "physical",
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source, realization: str = "physical", *, outputs: Names = None, inputs: Names = None
 ) -> signal.StateSpace:
     """Return a system as a state space of scipy.signal.
 

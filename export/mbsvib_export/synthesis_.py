@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 
 
-def hinfsyn(
-    plant: control.StateSpace, nmeas: int, ncon: int
-) -> tuple[NamedStateSpace, NamedStateSpace, float, Array]:  # fmt: skip
+def hinfsyn(plant: control.StateSpace, nmeas: int, ncon: int) -> tuple[NamedStateSpace, NamedStateSpace, float, Array]:
     """Return the controller u = K y that minimises the H-infinity norm of a plant, as ``control.hinfsyn`` does.
 
     (z, y) = P (w, u):  minimise over stabilising K the norm of P11 + P12 K (1 - P22 K)^-1 P21

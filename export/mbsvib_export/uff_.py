@@ -44,9 +44,8 @@ T = TypeVar("T")
 
 
 def to_uff(
-    system: Source | Measurement, path: str | os.PathLike[str],
-    omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
-    *, outputs: Names = None, inputs: Names = None,
+    system: Source | Measurement, path: str | os.PathLike[str], omega: ArrayLike | None = None, binary: bool = True,
+    modes: bool = False, *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write the frequency responses of all inputs and outputs to a universal file, with nodes and directions.
 

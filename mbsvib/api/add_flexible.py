@@ -30,10 +30,9 @@ class FlexibleMechanism(Mechanism):
 
     def add_beam(
         self, name: str, a: str | Body | None, b: str | Body | None,
-        section: Tube | Circle | Rectangle | Section | Mapping[str, Any],
-        material: Material | Mapping[str, Any], start: ArrayLike | None = None, end: ArrayLike | None = None,
-        axis: ArrayLike | None = None, length: float | None = None, nodes: ArrayLike | None = None,
-        elements: int | None = None, shear: bool = False,
+        section: Tube | Circle | Rectangle | Section | Mapping[str, Any], material: Material | Mapping[str, Any],
+        start: ArrayLike | None = None, end: ArrayLike | None = None, axis: ArrayLike | None = None,
+        length: float | None = None, nodes: ArrayLike | None = None, elements: int | None = None, shear: bool = False,
         y_axis: ArrayLike | None = None, alpha: float = 0.0, beta: float = 0.0, damping_ratio: float = 0.0,
         displacements: ArrayLike | None = None, second_order: bool = True,
     ) -> Beam:  # fmt: skip
@@ -225,8 +224,7 @@ class FlexibleMechanism(Mechanism):
         holds = {}
         for node, body in (bodies or {}).items():
             holds[node] = self._body_name(body, "superelement", name, "bodies")
-        part = _superelement.make(name, M, C, K, nodes, holds, orientation, grounded,
-                                   displacements)  # fmt: skip
+        part = _superelement.make(name, M, C, K, nodes, holds, orientation, grounded, displacements)
         return self._compose(part)
 
     def _compose(self, part: P) -> P:

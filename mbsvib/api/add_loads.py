@@ -58,9 +58,7 @@ class LoadedMechanism(Mechanism):
         part = _load.make(name, self._body_name(body, "load", name, "body"), force, torque, position, follower)
         return self._keep(self._loads, part)
 
-    def add_hub(
-        self, name: str, speed: float, axis: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> Hub:  # fmt: skip
+    def add_hub(self, name: str, speed: float, axis: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> Hub:
         """Add a hub: a body that turns steadily with all that is on it, which is linearized in its rotating frame.
 
         M q'' + (C + G) q' + (K + K_c + K_g) q = B u: G are Coriolis and gyroscopic terms, K_c is the centrifugal

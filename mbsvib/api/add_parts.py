@@ -84,9 +84,8 @@ class RigidMechanism(Mechanism):
         return self._keep(self._bodies, part)
 
     def add_joint(
-        self, name: str, kind: str | None, first: str | Body, second: str | Body,
-        position: ArrayLike | None = None, orientation: ArrayLike | None = None,
-        axis: ArrayLike | None = None, axis2: ArrayLike | None = None,
+        self, name: str, kind: str | None, first: str | Body, second: str | Body, position: ArrayLike | None = None,
+        orientation: ArrayLike | None = None, axis: ArrayLike | None = None, axis2: ArrayLike | None = None,
         pitch: float | None = None, free: Sequence[str] | None = None, end: ArrayLike | None = None,
     ) -> Joint:  # fmt: skip
         """Add an ideal joint; its coordinates are the free displacements of ``second`` relative to ``first``.

@@ -48,9 +48,8 @@ def frequency_response_sensitivities(
 
 
 def time_response_sensitivities(
-    system: Any, t: ArrayLike, u: ArrayLike, parameters: Requested = None, hold: str = "first",
-    initial: Any = None,
-) -> Array:  # fmt: skip
+    system: Any, t: ArrayLike, u: ArrayLike, parameters: Requested = None, hold: str = "first", initial: Any = None
+) -> Array:
     """Return derivatives (parameters, outputs, n), as ``System.time_response_sensitivities`` does, from rest."""
     if initial is not None:
         raise ResponseError(f"time_response_sensitivities: initial = {initial!r}; '{system.name}' has motions as "

@@ -58,9 +58,7 @@ class Model(
         If the name is no text, or gravity or travel no vector.
     """
 
-    def __init__(
-        self, name: str = "model", gravity: ArrayLike | None = None, travel: ArrayLike | None = None
-    ) -> None:
+    def __init__(self, name: str = "model", gravity: ArrayLike | None = None, travel: ArrayLike | None = None) -> None:
         super().__init__(name, gravity, travel)
 
     @overload

@@ -86,9 +86,7 @@ class DeflectionShape(Columnar, Displayed):
 class OfMechanism:
     """Equations of motion that were made of a mechanism."""
 
-    def deflection_shape(
-        self: Any, frequency: float, inputs: Names | Mapping[str, complex] = None
-    ) -> DeflectionShape:
+    def deflection_shape(self: Any, frequency: float, inputs: Names | Mapping[str, complex] = None) -> DeflectionShape:
         """Return the operating deflection shape: the steady motion under harmonic inputs of one frequency.
 
         q(w) = (K + i w C - w^2 M)^-1 B u

@@ -59,9 +59,7 @@ class Posed(Mechanism):
 
         return aligned(self, tolerance)
 
-    def moved(
-        self, values: Mapping[str, float], *, relaxed: bool = False, cut: Sequence[str] | None = None
-    ) -> Self:
+    def moved(self, values: Mapping[str, float], *, relaxed: bool = False, cut: Sequence[str] | None = None) -> Self:
         """Return a new model in another pose: joints moved by finite amounts, loops closed.
 
         Everything that belongs to a body goes with it: joints and their axes, ends of springs, points of inputs,

@@ -98,9 +98,8 @@ class SensitiveVerbs(StepVerbs):
         return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
     def frequency_response_sensitivities(
-        self, omega: ArrayLike, parameters: Requested = None, outputs: Names = None,
-        inputs: Names = None,
-    ) -> Complex:  # fmt: skip
+        self, omega: ArrayLike, parameters: Requested = None, outputs: Names = None, inputs: Names = None
+    ) -> Complex:
         """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
 
         dG/dp = dD/dp + L^T dB/dp + dH/dp R - L^T (dK/dp + i w dC/dp - w^2 dM/dp) R

@@ -315,9 +315,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
             self._refuse("state_space", "state_space(modes=k)")
         return self.reduced(modes, correction=correction).state_space(realization)
 
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None
-    ) -> Array:
+    def time_response(self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None) -> Array:
         """Return the time response of the lowest modes, from rest.
 
         Parameters

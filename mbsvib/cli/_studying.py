@@ -35,9 +35,7 @@ def equilibrium(
         shell.say(f"Written: {shell.shown(file)}")
 
 
-def path(
-    model: ModelFile, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False
-) -> None:
+def path(model: ModelFile, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False) -> None:
     """Follow the equilibria while a joint coordinate is led along values, with their stability."""
     check_format(file, table=True)
     coordinate, requested = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")

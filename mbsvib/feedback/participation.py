@@ -83,9 +83,7 @@ def sources(poles: Complex, errors: Array, participation: Array, states: Sequenc
     return modes
 
 
-def origins(
-    system: Any, states: Sequence[str], poles: Complex, errors: Array, participation: Array
-) -> tuple[str, ...]:  # fmt: skip
+def origins(system: Any, states: Sequence[str], poles: Complex, errors: Array, participation: Array) -> tuple[str, ...]:
     """Return where each pole comes from: a mode of the plant, or the controller.
 
     ``states``: names of the plant's states, which come before those of controllers. ``poles`` (poles,) of the closed

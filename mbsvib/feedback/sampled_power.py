@@ -212,9 +212,7 @@ def _slopes(loop: SampledEquations, inputs: Inputs) -> Slopes:
     return loop_slopes(loop, at, sample, (a, b, c), earlier[3] + later[3])
 
 
-def _stretch(
-    motion: Motion, d: Array, time: float, inputs: Inputs, start: tuple[Complex, Complex]
-) -> Stretch:  # fmt: skip
+def _stretch(motion: Motion, d: Array, time: float, inputs: Inputs, start: tuple[Complex, Complex]) -> Stretch:
     """A stretch of time from a state and a phase."""
     from scipy.linalg import expm
 

@@ -42,9 +42,8 @@ class Active(Plant, Displayed):
     _engine = "scene space"
 
     def feedback(
-        self, controller: Any, sensors: Names = None, actuators: Names = None,
-        name: str | None = None,
-    ) -> ClosedLoop | Any:  # fmt: skip
+        self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
+    ) -> ClosedLoop | Any:
         """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.
 
         Parameters

@@ -200,9 +200,8 @@ class Isolation(Figures, Displayed):
     _engine = "linear scene"
 
     def under(
-        self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None,
-        band: tuple[float, float] | None = None,
-    ) -> Vibration:  # fmt: skip
+        self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None, band: tuple[float, float] | None = None
+    ) -> Vibration:
         """Return how much the body vibrates, and what legs stroke and carry, while noise shakes the base.
 
         S_y(f) = G(f) S(f) G(f)^H, mean square = integral of S_y over f

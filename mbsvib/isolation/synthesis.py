@@ -86,8 +86,7 @@ def hinf_synthesis(
         tried = _attempt(ctrlsys, normal.matrices, measurements, controls, middle)
         best, low = (best, middle) if tried is None else (tried, low)
     if relaxation > 1.0:
-        best = _attempt(ctrlsys, normal.matrices, measurements, controls,
-                        relaxation * float(best.norm or 0.0)) or best  # fmt: skip
+        best = _attempt(ctrlsys, normal.matrices, measurements, controls, relaxation * float(best.norm or 0.0)) or best
     law = normal.controller((best.A, best.B, best.C, best.D))
     return Synthesis(*law, float(best.norm or 0.0) * normal.performance, best.reciprocal_conditions)
 
@@ -177,9 +176,7 @@ class _Normalized:
         return a * self.rate, b * self.rate, self.controls[:, None] * c, self.controls[:, None] * d
 
 
-def _normalized(
-    plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str
-) -> _Normalized:  # fmt: skip
+def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> _Normalized:
     a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
     if not len(a):  # SLICOT returns at once, with any controller
         raise ResponseError(f"{caller}: the plant has no states; expected one with dynamics, its own or a filter's.")

@@ -220,10 +220,9 @@ WORM = (0.08, 0.012, 0.04)
 
 
 def quadruped(
-    *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e6, yaw_damping: float = 60.0,
-    gear_stiffness: float = 2e6, gear_damping: float = 60.0,
-    foot_stiffness: ArrayLike = (4e7, 4e7, 8e7), foot_damping: ArrayLike = (1200.0, 1200.0, 2400.0),
-    worm_ratio: float | None = None,
+    *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e6, yaw_damping: float = 60.0, gear_stiffness: float = 2e6,
+    gear_damping: float = 60.0, foot_stiffness: ArrayLike = (4e7, 4e7, 8e7),
+    foot_damping: ArrayLike = (1200.0, 1200.0, 2400.0), worm_ratio: float | None = None,
 ) -> Model:  # fmt: skip
     """Build the chapter's quadruped robot: 13 bodies, 18 degrees of freedom.
 

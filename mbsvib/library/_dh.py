@@ -62,8 +62,7 @@ def checked_closing(description: Any, i: int, links: Iterable[str]) -> dict[str,
     kinds = [kind for kind in KINDS if kind not in ("screw", "distance", "free")]
     word = JOINTS.get(joint, joint) if isinstance(joint, str) else joint
     if word not in kinds:
-        raise check.refuse(who, "joint", joint, f"one of {', '.join(kinds)}",
-                           "Add any other with add_joint.")  # fmt: skip
+        raise check.refuse(who, "joint", joint, f"one of {', '.join(kinds)}", "Add any other with add_joint.")
     if "first" not in description:
         raise check.refuse(who, "first", None, "the link whose last frame the joint is in")
     return _offset_and_turn(description, who) | {
@@ -137,8 +136,7 @@ def _cosine_sine(angle: float) -> tuple[float, float]:
 
 def from_dh(
     rows: Sequence[Mapping[str, Any]], *, name: str = "arm", position: ArrayLike = (0.0, 0.0, 0.0),
-    orientation: ArrayLike | None = None, gravity: ArrayLike | None = None,
-    closing: Sequence[Mapping[str, Any]] = (),
+    orientation: ArrayLike | None = None, gravity: ArrayLike | None = None, closing: Sequence[Mapping[str, Any]] = (),
 ) -> Model:  # fmt: skip
     """Build an arm, a tree or a closed chain from its Denavit-Hartenberg rows, in the pose that they give.
 

@@ -202,8 +202,7 @@ def chain(
 
 def ladder(
     layers: int = 5, joint: str = "revolute", *, axis: ArrayLike = Z, springs: int = 1, total: bool = True,
-    mass: float = MASS, inertia: ArrayLike = INERTIA,
-    stiffness: ArrayLike = STIFFNESS, damping: ArrayLike = DAMPING,
+    mass: float = MASS, inertia: ArrayLike = INERTIA, stiffness: ArrayLike = STIFFNESS, damping: ArrayLike = DAMPING,
 ) -> Model:  # fmt: skip
     """Build the chapter's ladder (its models L5RF1, L20RF1 and so on) of 3 bodies and one closed loop a layer.
 
@@ -255,8 +254,7 @@ def ladder(
 
 def tree(
     layers: int = 5, joint: str = "revolute", *, axis: ArrayLike = Z, springs: int = 1, total: bool = True,
-    mass: float = MASS, inertia: ArrayLike = INERTIA,
-    stiffness: ArrayLike = STIFFNESS, damping: ArrayLike = DAMPING,
+    mass: float = MASS, inertia: ArrayLike = INERTIA, stiffness: ArrayLike = STIFFNESS, damping: ArrayLike = DAMPING,
 ) -> Model:  # fmt: skip
     """Build the chapter's binary tree (its models T5RF1, T7RF1 and so on) of 2^layers - 1 bodies.
 

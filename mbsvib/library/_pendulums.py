@@ -38,8 +38,7 @@ def hinged_rod(
     ModelError
         If a size or the density is not positive.
     """
-    a, long = (positive(value, "hinged_rod", field, "m") for value, field in
-               ((width, "width"), (length, "length")))  # fmt: skip
+    a, long = (positive(value, "hinged_rod", field, "m") for value, field in ((width, "width"), (length, "length")))
     mass = positive(density, "hinged_rod", "density", "kg/m^3") * a * a * long
     across = mass * (a * a + long * long) / 12.0
     model = Model("hinged_rod", gravity=(0.0, 0.0, -gravity))

@@ -86,12 +86,11 @@ PAYLOAD_RADIUS, PAYLOAD_THICKNESS = 0.1, 0.01  # [m]
 
 def stewart(
     *, leg_stiffness: float = 20e6, leg_damping: float = 20.0, payload_mass: float = 1.0,
-    payload_inertia: ArrayLike | None = None, payload_height: float = 0.085,
-    base_radius: float = 0.115, base_height: float = 0.015, base_angles: ArrayLike = BASE_ANGLES,
-    platform_radius: float = 0.090, platform_height: float = 0.075, platform_angles: ArrayLike = PLATFORM_ANGLES,
-    part_mass: float = 0.1, part_length: float = 0.05, part_radius: float = 0.005,
-    foot: str = "universal", torsion_stiffness: float = 0.0, torsion_damping: float = 0.0,
-    ports: str | Sequence[str] = "platform",
+    payload_inertia: ArrayLike | None = None, payload_height: float = 0.085, base_radius: float = 0.115,
+    base_height: float = 0.015, base_angles: ArrayLike = BASE_ANGLES, platform_radius: float = 0.090,
+    platform_height: float = 0.075, platform_angles: ArrayLike = PLATFORM_ANGLES, part_mass: float = 0.1,
+    part_length: float = 0.05, part_radius: float = 0.005, foot: str = "universal", torsion_stiffness: float = 0.0,
+    torsion_damping: float = 0.0, ports: str | Sequence[str] = "platform",
 ) -> Model:  # fmt: skip
     """Build a Stewart platform: 13 moving bodies, 6 degrees of freedom.
 

@@ -40,8 +40,7 @@ class CommonErrors:
 
     def combined(self, outputs: Array, inputs: Array) -> CommonErrors:
         """Return the errors of T_o G T_i^T, of real matrices (new outputs, outputs) and (new inputs, inputs)."""
-        return CommonErrors(np.tensordot(outputs, self.rows, 1), self.variance,
-                            np.tensordot(inputs, self.columns, 1))  # fmt: skip
+        return CommonErrors(np.tensordot(outputs, self.rows, 1), self.variance, np.tensordot(inputs, self.columns, 1))
 
 
 def errors_of(data: Any) -> CommonErrors | None:

@@ -314,9 +314,7 @@ def _derivatives(unit: str, quantity: str, other: str, other_quantity: str = "")
     return (_QUANTITIES[quantity] if quantity else ORDERS[unit][1] if unit in ORDERS else known) - known
 
 
-def _nearest(
-    name: str, place: Place | None, near: Mapping[str, Place], candidates: Mapping[str, Any]
-) -> str:
+def _nearest(name: str, place: Place | None, near: Mapping[str, Place], candidates: Mapping[str, Any]) -> str:
     point = point_of(name)
     if place is None and point is not None:
         return f" Where node {point.node} is, is not known: give nodes={{{point.node}: (x, y, z)}}."

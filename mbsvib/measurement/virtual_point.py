@@ -35,8 +35,7 @@ def with_virtual_point(data: Any, name: str, position: Any, outputs: Any, inputs
     """Return a measurement with a virtual point in the place of some channels, see ``Measurement.virtual_point``."""
     point = np.array(check.vector(position, WHO, "position"))
     places = model_places(data)
-    sides = [_side(data, name, point, places, kind, given)
-             for kind, given in (("output", outputs), ("input", inputs))]  # fmt: skip
+    sides = [_side(data, name, point, places, kind, given) for kind, given in (("output", outputs), ("input", inputs))]
     (rows, t_out, _), (columns, t_in, _) = sides
     responses, consistency = data.responses, dict(data.consistency)
     for axis, (numbers, _, rigid) in enumerate(sides):

@@ -31,9 +31,8 @@ MOST_MODES, LEAST_SHARE = 6, 1e-3  # modes with curves of their own, and their l
 
 def bode(
     systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
-    span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
-    wrap: bool = False, marks: bool = True, decibels: bool = False, radians: bool = False, shared: bool = True,
-    ax: Given | None = None,
+    span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None, wrap: bool = False,
+    marks: bool = True, decibels: bool = False, radians: bool = False, shared: bool = True, ax: Given | None = None,
 ) -> Figure | Given:  # fmt: skip
     """Draw the magnitude and phase of G(i w) from inputs to outputs.
 
@@ -108,9 +107,8 @@ def _share(tops: list[tuple[Axes, str, list[tuple[str, Curve]]]]) -> None:
 
 
 def _panel(
-    top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool, decibels: bool, radians: bool,
-    first: int,
-) -> None:  # fmt: skip
+    top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool, decibels: bool, radians: bool, first: int
+) -> None:
     curve = drawn[0][1]
     phases = []
     turn = 2.0 * np.pi if radians else 1.0

@@ -25,9 +25,8 @@ ALIKE = 1e-6  # relative difference below which sources share a curve
 
 
 def budget_figure(
-    title: str, unit: str, frequencies: Array, total: tuple[Array, Array],
-    sources: Mapping[str, tuple[Array, Array]], contributions: Mapping[str, float], rms: float,
-    ax: Given | None = None,
+    title: str, unit: str, frequencies: Array, total: tuple[Array, Array], sources: Mapping[str, tuple[Array, Array]],
+    contributions: Mapping[str, float], rms: float, ax: Given | None = None,
 ) -> Figure | Given:  # fmt: skip
     """Draw the root of the density of an output, and its cumulative root mean square, with those of its sources.
 

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 SHADE = 0.15  # opacity of the band of singular values
 
 
-def isolation(
-    studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None
-) -> Figure | Given:
+def isolation(studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None) -> Figure | Given:
     """Draw transmissibility and compliance over frequency.
 
     Parameters
@@ -108,9 +106,7 @@ THIN = {"linestyle": "--", "linewidth": 0.7}  # look of what comes from other ax
 COUPLED = 1e-9  # share of the largest transmissibility below which an axis is not excited by another one
 
 
-def transmissibility(
-    studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None
-) -> Figure | Given:
+def transmissibility(studies: Any, labels: Sequence[str] | None = None, *, ax: Given | None = None) -> Figure | Given:
     """Draw the transmissibility of each axis in which the base is shaken, and what comes from the other axes.
 
     Parameters

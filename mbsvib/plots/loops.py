@@ -67,8 +67,7 @@ def gains(
 
 def loop_gain(
     loop: FeedbackLoop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
-    span: tuple[float | None, float | None] = (None, None), decibels: bool = False,
-    ax: Given | None = None,
+    span: tuple[float | None, float | None] = (None, None), decibels: bool = False, ax: Given | None = None,
 ) -> Figure | Given:  # fmt: skip
     """Draw the loop gain at each actuator with the other loops closed, and mark its margins.
 

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 MOST = 12  # panels
 
 
-def measured(
-    data: Any, model: Complex | None, label: str = "model", *, ax: Given | None = None
-) -> Figure | Given:
+def measured(data: Any, model: Complex | None, label: str = "model", *, ax: Given | None = None) -> Figure | Given:
     """Draw magnitude and phase of a Measurement, with one standard deviation, and a model's over them.
 
     ``model`` (outputs, inputs, n): its responses at the same lines and of the same quantities, with the name ``label``

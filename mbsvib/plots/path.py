@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 # Modes that are drawn, and markers of special points.
 LOWEST = 6
-MARKERS = {"limit": ("o", "limit point"), "turning": ("s", "turning point"),
-           "branch": ("D", "another path crosses")}  # fmt: skip
+MARKERS = {"limit": ("o", "limit point"), "turning": ("s", "turning point"), "branch": ("D", "another path crosses")}
 
 
 def path(data: EquilibriumPath[Any], *, ax: Given | None = None) -> Figure | Given:

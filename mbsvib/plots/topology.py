@@ -71,8 +71,7 @@ def laid_out(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
             edges.append(["spring", part.name, part.family, number[part.first], number[part.second]])
         elif part.symbol == "coupler":
             coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
-            edges += [["coupler", part.name, part.family, number[a], number[b]]
-                      for a, b in pairwise(coupled_bodies)]  # fmt: skip
+            edges += [["coupler", part.name, part.family, number[a], number[b]] for a, b in pairwise(coupled_bodies)]
     return {"nodes": nodes, "edges": edges}
 
 

@@ -181,9 +181,7 @@ class SampledRandom(Random):
         return loop, replace(self.sources, names=loop.inputs,
                              densities=tuple([self.sources.densities[k] for k in tables]))  # fmt: skip
 
-    def _by_white_noise(
-        self, loop: SampledLoop, which: list[int], together: bool = False
-    ) -> tuple[SampledLoop, Array]:  # fmt: skip
+    def _by_white_noise(self, loop: SampledLoop, which: list[int], together: bool = False) -> tuple[SampledLoop, Array]:
         """The loop among filters from white noises of some sources, and the variances of those that are sequences.
 
         ``together``: from independent noises of which the correlated ones of all sources are sums.

@@ -193,5 +193,4 @@ def base_noise(
                 raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
             densities[name] = density(value, f"base {name}")
     given = np.eye(len(densities)) if correlation is None else correlation
-    return BaseNoise(tuple(densities), tuple(densities.values()),
-                     checked_correlation(given, tuple(densities), None)[0])  # fmt: skip
+    return BaseNoise(tuple(densities), tuple(densities.values()), checked_correlation(given, tuple(densities), None)[0])

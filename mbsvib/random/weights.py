@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 
 # Corner frequencies [Hz] and quality factors of the weightings for health and comfort: band limits f1, f2; transition
 # f3, f4, Q4; upward step f5, Q5, f6, Q6, None without
-_ISO_2631 = {
-    "Wk": (0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)),
-    "Wd": (0.4, 100.0, 2.0, 2.0, 0.63, None),
-}
+_ISO_2631 = {"Wk": (0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)), "Wd": (0.4, 100.0, 2.0, 2.0, 0.63, None)}
 EXPECTED = ("'Wk' or 'Wd', isolation.shaped(numerator, denominator), a stable StateSpace or transfer function of "
             "python-control with one input and one output, at least two pairs (frequency [Hz], gain above 0) in "
             "ascending order, or a function of the frequency [Hz]")  # fmt: skip
@@ -245,9 +242,7 @@ def iso_2631(name: str) -> Shaped:
     return shaped(gain * numerator, denominator)
 
 
-def weights(
-    weighting: Any, outputs: tuple[str, ...], name: str
-) -> tuple[Weight | None, ...]:
+def weights(weighting: Any, outputs: tuple[str, ...], name: str) -> tuple[Weight | None, ...]:
     """Return the filter of each of some outputs of the equations ``name``, None for none.
 
     ``weighting``: one for all outputs, or a mapping of names or patterns; each ``EXPECTED``, or what

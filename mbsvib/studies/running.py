@@ -108,8 +108,7 @@ def follow(system: Any, path: str) -> Any:
         kind = type(value).__name__
         if name.startswith("_") or not (hasattr(type(value), name) or hasattr(value, name)):
             known = [attribute for attribute in dir(value) if not attribute.startswith("_")]
-            raise ModelError(f"of = '{path}': {kind} has no '{name}'.{nearest(name, known)}", element=path,
-                             field="of")  # fmt: skip
+            raise ModelError(f"of = '{path}': {kind} has no '{name}'.{nearest(name, known)}", element=path, field="of")
         value = getattr(value, name)
         if callable(value):
             try:

@@ -110,8 +110,7 @@ def sweep(
         varied = variables.values(columns) | variables.displacements(columns)
         varied |= {name: columns[name] for name in around.gains} | ({"relaxed": relaxed} if variables.pose else {})
         record = Record(file, head(model, sweep_points, varied, quantities))
-        outcomes.update((i, outcome) for i, outcome in record.known.items()
-                        if not (retry and isinstance(outcome, str)))  # fmt: skip
+        outcomes.update((i, outcome) for i, outcome in record.known.items() if not (retry and isinstance(outcome, str)))
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
     with (record if file is not None else nullcontext()) as book, \
             counting(progress, len(sweep_points), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip

@@ -93,11 +93,10 @@ class TradeOff(Columnar, Displayed):
 
 
 def trade_off(
-    model: Model, variables: Mapping[str, tuple[float | None, float | None] | None],
-    quantities: Mapping[str, Quantity], constraints: Constraint | Iterable[Constraint] = (), *,
-    divisions: int | None = None, ties: Ties | None = None, method: str = "SLSQP",
-    options: Mapping[str, Any] | None = None, starts: int = 1, seed: int = 0, progress: Progress = False,
-    plant: PlantFunction | None = None, relaxed: bool = False,
+    model: Model, variables: Mapping[str, tuple[float | None, float | None] | None], quantities: Mapping[str, Quantity],
+    constraints: Constraint | Iterable[Constraint] = (), *, divisions: int | None = None, ties: Ties | None = None,
+    method: str = "SLSQP", options: Mapping[str, Any] | None = None, starts: int = 1, seed: int = 0,
+    progress: Progress = False, plant: PlantFunction | None = None, relaxed: bool = False,
 ) -> TradeOff:  # fmt: skip
     """Return designs of which none is better in all of several quantities: the Pareto front.
 

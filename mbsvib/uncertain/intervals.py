@@ -135,9 +135,7 @@ def _candidates(channels: Channels, scalings: Scalings) -> Array:
     return np.asarray(np.abs(near.imag))
 
 
-def cover(
-    channels: Channels, known: list[Scalings], starts: Sequence[float] = (), most: int = 100
-) -> float | None:  # fmt: skip
+def cover(channels: Channels, known: list[Scalings], starts: Sequence[float] = (), most: int = 100) -> float | None:
     """Prove that Phi can be positive at all frequencies; return a frequency at which it cannot, None if it is proven.
 
     ``known``: scalings that were found before, which are tried first; new ones are added. ``starts``: frequencies to

@@ -76,8 +76,7 @@ def _unknowns(variables: Variables, reference: str) -> tuple[list[str], list[str
 
 
 def _structure_2(variables: Variables) -> list[str]:
-    outputs, derivatives = ("".join(f"<Unknown{entry}" for entry in listed)
-                            for listed in _unknowns(variables, "index"))  # fmt: skip
+    outputs, derivatives = ("".join(f"<Unknown{entry}" for entry in listed) for listed in _unknowns(variables, "index"))
     groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": outputs + derivatives}
     return [f"<{group}>{entries}</{group}>" for group, entries in groups.items() if entries]
 

@@ -65,23 +65,20 @@ class FmuFile(Displayed):
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str = ..., *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: Names = ...,
-    outputs: Names = ..., inputs: Names = ...,
+    realization: str = ..., platforms: Names = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> FmuFile: ...  # fmt: skip
 
 
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: tuple[str, ...] | list[str], *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: Names = ...,
-    outputs: Names = ..., inputs: Names = ...,
+    realization: str = ..., platforms: Names = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> tuple[FmuFile, ...]: ...  # fmt: skip
 
 
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str | Sequence[str] = "3.0", *, tunable: Sequence[str] = (),
-    realization: str = "physical", platforms: Names = None,
-    outputs: Names = None, inputs: Names = None,
+    realization: str = "physical", platforms: Names = None, outputs: Names = None, inputs: Names = None,
 ) -> FmuFile | tuple[FmuFile, ...]:  # fmt: skip
     """Write a system as a functional mock-up unit, for model exchange and co-simulation at once.
 
@@ -144,8 +141,7 @@ def to_fmu(
     for path in paths:
         check_companion(path, lambda file: _holds(file, plant.space.name), f"an FMU of '{plant.space.name}' by mbsvib",
                         "Move it, or take another name.")  # fmt: skip
-    return tuple(_write(plant, path, fmi_version, libraries)
-                 for path, fmi_version in zip(paths, versions, strict=True))  # fmt: skip
+    return tuple(_write(plant, path, fmi_version, libraries) for path, fmi_version in zip(paths, versions, strict=True))
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
