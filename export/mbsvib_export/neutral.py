@@ -12,6 +12,7 @@ from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import port_numbers
+from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ExportError, ResponseError, counted, nearest
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
@@ -257,19 +258,15 @@ def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:
     if outputs is None and inputs is None:
         return source
     if isinstance(source, SystemData):
-        return _with_ports(source, outputs, inputs)
+        o, i = port_numbers(outputs, inputs, (source.outputs, source.inputs), source.name)
+        ports = port_fields(source, o, i)
+        space = source.state_space.with_ports(ports["outputs"], ports["inputs"])
+        rows = {key: getattr(source, key)[o] for key in ("Cq", "Cv", "Ca")}
+        return replace(source, B=source.B[:, i], state_space=space, **rows, **ports)
     linear = source if kind_of(source) == "closed loop" else space_of(source, "physical")
     return linear.with_ports(outputs, inputs) if hasattr(linear, "with_ports") else source
 
 
-def _with_ports(data: SystemData, outputs: Names, inputs: Names) -> SystemData:
-    o, i = port_numbers(outputs, inputs, (data.outputs, data.inputs), data.name)
-    return replace(
-        data, outputs=tuple(data.outputs[k] for k in o), output_units=tuple(data.output_units[k] for k in o),
-        inputs=tuple(data.inputs[k] for k in i), input_units=tuple(data.input_units[k] for k in i),
-        B=data.B[:, i], Cq=data.Cq[o], Cv=data.Cv[o], Ca=data.Ca[o], D=data.D[o][:, i],
-        state_space=data.state_space.with_ports([data.outputs[k] for k in o], [data.inputs[k] for k in i]),
-    )  # fmt: skip
 
 
 def data_of(

@@ -7,7 +7,7 @@ Gramians); Atkinson, Donev & Tobias, Optimum Experimental Designs, with SAS (200
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class Gramians:
     joint, logarithmic = True, True
 
     def losses(self, sensors: Array, actuators: Array) -> Array:
-        """Return the losses (k, l), the sums of both sides."""
+        """Return the losses (k, l) of weights (k, sensors) with weights (l, actuators): the sums of both sides."""
         sides = [np.zeros(len(w)) if side is None else side.of(w)
                  for side, w in ((self.sensors, sensors), (self.actuators, actuators))]  # fmt: skip
         return np.asarray(sides[0][:, None] + sides[1])
@@ -239,6 +239,11 @@ class BestControl:
             z = z + np.einsum("zi,ij,zj->z", seen, spread, seen)
             u = np.einsum("ai,ij,aj->a", other.gain, spread, other.gain)
         return z, u
+
+
+# How sets of sensors (first side) and of actuators (second side) are rated, by weights of both sides: ``joint`` if the
+# loss is convex in both at once, ``logarithmic`` if it is the logarithm of a figure.
+Criterion: TypeAlias = Gramians | Experiments | BestControl
 
 
 def _squares(weights: Array) -> Array:

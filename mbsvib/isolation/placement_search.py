@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from itertools import combinations, pairwise
 from math import comb
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,28 +21,14 @@ from mbsvib.linalg.rank import SAME_FIGURE
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
+    from mbsvib.isolation.placement_criteria import Criterion
 
     Set = tuple[tuple[int, ...], tuple[int, ...]]
-    Slopes = tuple[float, tuple[Array, Array]]
 
 LEAST = 1e-4  # weight of candidates that are not chosen yet, so that information is never singular
 FEW = 32  # sets of one side for each of which the other side is bounded
 STEPS = 60  # of the solver of the relaxed problem
 EXCHANGES = 100
-
-
-class Criterion(Protocol):
-    """How sets of sensors (first side) and of actuators (second side) are rated."""
-
-    joint: bool  # whether the loss is convex in the weights of both sides at once
-    logarithmic: bool  # whether it is the logarithm of a figure
-
-    def losses(self, sensors: Array, actuators: Array) -> Array:
-        """Return the losses (k, l) of weights (k, sensors) with weights (l, actuators), infinite where there are none.
-        """
-
-    def slopes(self, sensors: Array, actuators: Array) -> Slopes:
-        """Return the loss at positive weights, and its gradients."""
 
 
 class Found(NamedTuple):

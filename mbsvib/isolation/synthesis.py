@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -357,23 +357,13 @@ def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tu
     return cost, np.asarray(gain)
 
 
-class _Weighted(NamedTuple):
-    """x' = a x + b u + bw w,  y = c x + d u + dw w,  z = e x + f u + g w, time in parts of a second: ``rate`` [1/s]."""
+def _weighted(
+    plant: Plant, sensors: Sequence[str], performance: Sequence[str]
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, float]:
+    """The plant in time units of its highest frequency, balanced, rotations times the length.
 
-    a: Array
-    b: Array
-    bw: Array
-    c: Array
-    d: Array
-    dw: Array
-    e: Array
-    f: Array
-    g: Array
-    rate: float
-
-
-def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> _Weighted:
-    """The plant in time units of its highest frequency, balanced, rotations times the length."""
+    x' = a x + b u + bw w,  y = c x + d u + dw w,  z = e x + f u + g w, and the ``rate`` [1/s], the unit of time.
+    """
     from mbsvib.responses.transmission_zeros import numbers
 
     space, scene = plant.space, plant.scene
@@ -386,7 +376,7 @@ def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) 
     a, b, c = scaled(space.A / rate, space.B / rate, space.C)
     through = space.D
     # noise and cost are densities over time too: a change of its unit scales all of them equally
-    return _Weighted(
+    return (
         a, b[:, u], b[:, w] * weights, c[y], through[np.ix_(y, u)], through[np.ix_(y, w)] * weights,
         size * c[z], size * through[np.ix_(z, u)], size * through[np.ix_(z, w)] * weights, rate,
     )  # fmt: skip

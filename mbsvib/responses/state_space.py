@@ -191,14 +191,11 @@ class StateSpace(LinearVerbs, Displayed):
 
     def _with_ports(self, outputs: Names, inputs: Names) -> Self:
         from mbsvib.common.selection import port_numbers
+        from mbsvib.equations.selection import port_fields
 
         o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
-        return replace(
-            self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)],
-            through=None if self.through is None else self.through[:, i],
-            inputs=tuple([self.inputs[k] for k in i]), input_units=tuple([self.input_units[k] for k in i]),
-            outputs=tuple([self.outputs[k] for k in o]), output_units=tuple([self.output_units[k] for k in o]),
-        )  # fmt: skip
+        through = None if self.through is None else self.through[:, i]
+        return replace(self, B=self.B[:, i], C=self.C[o], through=through, **port_fields(self, o, i))
 
     def modes(self) -> StateModes:
         """Return the eigenvalues of A mode by mode: natural frequencies, damping ratios, shapes of the states.
