@@ -22,7 +22,6 @@ from mbsvib.sensitivities.states import changed, states
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex

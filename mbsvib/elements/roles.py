@@ -18,7 +18,6 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.fast_init import fast_init
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools
 
     # Where parts might refuse values (..., parts, variants) of a field, from nominal ones (..., parts, 1) by field.

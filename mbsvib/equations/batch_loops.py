@@ -35,7 +35,6 @@ from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR, ZERO_ALONG
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Variants

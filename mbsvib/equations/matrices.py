@@ -13,7 +13,6 @@ from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction

@@ -10,7 +10,6 @@ import numpy as np
 from mbsvib.linalg.dead_points import no_dead_point
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.finite_motion.loops import Loops
 

@@ -22,7 +22,6 @@ from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.pose import Pose

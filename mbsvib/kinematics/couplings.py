@@ -14,7 +14,6 @@ from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
-
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Bools, Index

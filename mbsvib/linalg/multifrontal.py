@@ -25,7 +25,6 @@ import numpy as np
 from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Index
 
 

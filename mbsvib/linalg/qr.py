@@ -10,7 +10,6 @@ from scipy.linalg import blas, lapack
 from mbsvib.linalg.rank import FULL_RANK, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Index
 
 

@@ -19,7 +19,6 @@ from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.linalg.balancing import Exponents
 

@@ -29,7 +29,6 @@ from mbsvib.modes.rayleigh import both, forms_in, rayleigh
 from mbsvib.modes.undamped import FORCES, SUSPECT, Undamped, cleaned, perturbed
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
 

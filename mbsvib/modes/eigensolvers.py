@@ -12,7 +12,6 @@ from mbsvib.linalg.products import drift, nonzero_rows, single_entries
 from mbsvib.linalg.qr import sorted_qr, triangle
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
 

@@ -21,7 +21,6 @@ from mbsvib.modes.pairs import natural_frequencies, of_all
 from mbsvib.modes.zero_subspaces import answer
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations
 

@@ -17,7 +17,6 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.modes.pairs import with_neighbours, within_reach
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.energy_state import EnergyState

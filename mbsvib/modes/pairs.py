@@ -9,7 +9,6 @@ import numpy as np
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.

@@ -22,7 +22,6 @@ from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
     from mbsvib.equations.equations import Equations, Provenance
 

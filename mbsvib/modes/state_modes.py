@@ -13,7 +13,6 @@ from mbsvib.modes.damped import Damped
 from mbsvib.modes.result import Modes
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # Eigenvalues from sample to sample below this size belong to delays, which are forgotten within a few samples.

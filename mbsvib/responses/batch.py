@@ -21,7 +21,6 @@ from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import partial_sums
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.modes.batch import BatchModes

@@ -14,7 +14,6 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.responses.energy_schur import energy_matrix
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped

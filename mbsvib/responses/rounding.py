@@ -18,7 +18,6 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.responses.modal_sum import half_spectrum
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped

@@ -30,7 +30,6 @@ from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Bools, Complex
     from mbsvib.common.selection import Names
     from mbsvib.equations.equations import Equations

@@ -24,7 +24,6 @@ from mbsvib.sparse.geometric_stiffness import Loading
 from mbsvib.sparse.layout import VirtualUnknowns
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.rows import ElementRows
     from mbsvib.mechanism.topology import Topology

@@ -24,7 +24,6 @@ from mbsvib.sparse.operator import Operator, count_below
 from mbsvib.sparse.subspace import OFFSETS, SEARCHES, SLOW, Subspace
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array
     from mbsvib.sparse.equations import SparseEquations
 

@@ -20,7 +20,6 @@ from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Bools, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor

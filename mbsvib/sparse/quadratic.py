@@ -16,7 +16,6 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes.classical import proportional
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import AnyArray, Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
