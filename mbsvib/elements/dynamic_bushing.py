@@ -10,7 +10,6 @@ bushings before them are relaxed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -61,15 +60,6 @@ class DynamicBushing(Relaxing):
     dynamic_stiffness: Six | Matrix6 | None = None
 
     @property
-    def generated_names(self) -> tuple[str, ...]:
-        made = expand(self)
-        return (*made.bodies, *made.joints, *made.springs)
-
-    @property
-    def body_positions(self) -> Mapping[str, Vector]:
-        return dict.fromkeys(expand(self).bodies, self.position)
-
-    @property
     def acting(self) -> Six | Matrix6:
         """The stiffness K_d that depends on frequency."""
         return self.stiffness if self.dynamic_stiffness is None else self.dynamic_stiffness
@@ -108,6 +98,28 @@ class DynamicBushing(Relaxing):
     @property
     def cross_coupling(self) -> tuple[Array, Array] | None:
         return self.at_rest.cross_coupling
+
+    def replacement(self, *_: Any) -> ExpandedPart:
+        name, point, axes = self.name, self.position, self.orientation
+        matrix = matrix6(self.acting)
+        free = tuple([direction for i, direction in enumerate(DIRECTIONS) if matrix[i].any()])
+        idle, on_first = _idle(matrix), self.first == GROUND
+        base = self.first if on_first else self.second
+        bodies, joints, dampers = {}, {}, {}
+        carriers = {f"{name}.rest": replace(self.at_rest, name=f"{name}.rest")}
+        for k, (stiffness, tau) in enumerate(self.relaxations, 1):
+            if not self.dynamic.terms[k - 1][0]:
+                continue
+            stem = f"{name}.{k}"
+            node = f"{stem}.node"
+            bodies[node] = Node(node, 0.0, (0.0,) * 6, point)
+            joints[stem] = as_node_joint(_joint.make(stem, None, base, node, point, axes, None, None, None, free))
+            ends = (node, self.second) if on_first else (self.first, node)
+            spring = Bushing(f"{stem}.spring", *ends, point, stiffness, ZERO, axes)
+            damper = Bushing(f"{stem}.damper", base, node, point, _sum(ZERO, idle, self.dynamic.terms[k - 1][0]),
+                             _sum(ZERO, stiffness, tau), axes)  # fmt: skip
+            carriers[spring.name], dampers[damper.name] = spring, damper
+        return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
@@ -149,30 +161,6 @@ def make(
                          f"is symmetric, without negative eigenvalues and not zero, so that its relaxations take "
                          f"energy.", element=who, field=field)  # fmt: skip
     return result
-
-
-def expand(part: DynamicBushing, *_: Any) -> ExpandedPart:
-    """Return the nodes, their joints and the bushings that replace it."""
-    name, point, axes = part.name, part.position, part.orientation
-    matrix = matrix6(part.acting)
-    free = tuple([direction for i, direction in enumerate(DIRECTIONS) if matrix[i].any()])
-    idle, on_first = _idle(matrix), part.first == GROUND
-    base = part.first if on_first else part.second
-    bodies, joints, dampers = {}, {}, {}
-    carriers = {f"{name}.rest": replace(part.at_rest, name=f"{name}.rest")}
-    for k, (stiffness, tau) in enumerate(part.relaxations, 1):
-        if not part.dynamic.terms[k - 1][0]:
-            continue
-        stem = f"{name}.{k}"
-        node = f"{stem}.node"
-        bodies[node] = Node(node, 0.0, (0.0,) * 6, point)
-        joints[stem] = as_node_joint(_joint.make(stem, None, base, node, point, axes, None, None, None, free))
-        ends = (node, part.second) if on_first else (part.first, node)
-        spring = Bushing(f"{stem}.spring", *ends, point, stiffness, ZERO, axes)
-        damper = Bushing(f"{stem}.damper", base, node, point, _sum(ZERO, idle, part.dynamic.terms[k - 1][0]),
-                         _sum(ZERO, stiffness, tau), axes)  # fmt: skip
-        carriers[spring.name], dampers[damper.name] = spring, damper
-    return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))
 
 
 def _idle(matrix: Array) -> Six | Matrix6:

@@ -8,7 +8,6 @@ length.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
-from mbsvib.elements.relaxing import RelaxingAxis, check_axis, factor_of
+from mbsvib.elements.relaxing import RelaxingAxis, relaxing
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
 
@@ -38,6 +37,7 @@ class DynamicSpring(RelaxingAxis):
               relaxations="relaxations")  # fmt: skip
 
     roles = Spring.roles
+    made_at_rest = staticmethod(spring.make)
 
     start: Vector
     end: Vector
@@ -48,26 +48,32 @@ class DynamicSpring(RelaxingAxis):
     free_length: float | None = None
 
     @property
-    def generated_names(self) -> tuple[str, ...]:
-        made = expand(self)
-        return (*made.bodies, *made.joints, *made.springs)
-
-    @property
-    def body_positions(self) -> Mapping[str, Vector]:
-        return {name: node.position for name, node in expand(self).bodies.items()}
-
-    @property
     def line(self) -> Vector:
         """Unit vector from start to end."""
         return line_between(self.name, self.start, self.end, "")[2]
 
-    @property
-    def at_rest(self) -> Spring | None:
-        """The spring without relaxations; None where nothing is left."""
-        if not (self.rest_stiffness or self.rest_damping or self.preload):
-            return None
-        return spring.make(self.name, self.first, self.second, self.start, self.end, self.rest_stiffness,
-                           self.rest_damping, self.preload, self.free_length)  # fmt: skip
+    def replacement(self, *_: Any) -> ExpandedPart:
+        # nodes are on the ground if it is an end
+        bodies, joints, dampers = {}, {}, {}
+        carriers: dict[str, Spring] = {}
+        if self.at_rest is not None:
+            carriers[f"{self.name}.rest"] = replace(self.at_rest, name=f"{self.name}.rest")
+        (far, start), (base, end) = (self.first, self.start), (self.second, self.end)
+        if self.first == GROUND:
+            (far, start), (base, end) = (base, end), (far, start)
+        for k, ((stiffness,), tau) in enumerate(self.relaxations, 1):
+            if not stiffness:
+                continue
+            stem = f"{self.name}.{k}"
+            node = f"{stem}.node"
+            line = spring.make(f"{stem}.spring", far, node, start, end, stiffness, 0.0)
+            bodies[node] = Node(node, 0.0, (0.0,) * 6, end)
+            slides = _joint.make(stem, "prismatic", base, node, end, None, line.line, None, None, None)
+            joints[stem] = as_node_joint(slides)
+            carriers[line.name] = line
+            dampers[f"{stem}.damper"] = replace(line, name=f"{stem}.damper", first=base, stiffness=0.0,
+                                                damping=tau * stiffness)  # fmt: skip
+        return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
@@ -85,35 +91,4 @@ def make(
 ) -> Spring | DynamicSpring:  # fmt: skip
     """Check the values of a line spring, whose stiffness may depend on frequency, and build it."""
     plain = spring.make(name, first, second, start, end, stiffness, damping, preload, free_length)
-    if dynamic is None:
-        return plain
-    who = f"spring '{name}'"
-    factor = factor_of(dynamic, who)
-    check_axis(plain, factor, who, "N/m")
-    result = DynamicSpring(name, first, second, plain.start, plain.end, plain.stiffness, factor, plain.damping,
-                           plain.preload, plain.free_length)  # fmt: skip
-    result.at_rest  # noqa: B018  a free length needs a stiffness at rest
-    return result
-
-
-def expand(part: DynamicSpring, *_: Any) -> ExpandedPart:
-    """Return the nodes, their joints and the springs that replace it; nodes are on the ground if it is an end."""
-    bodies, joints, dampers = {}, {}, {}
-    carriers: dict[str, Spring] = {}
-    if part.at_rest is not None:
-        carriers[f"{part.name}.rest"] = replace(part.at_rest, name=f"{part.name}.rest")
-    (far, start), (base, end) = (part.first, part.start), (part.second, part.end)
-    if part.first == GROUND:
-        (far, start), (base, end) = (base, end), (far, start)
-    for k, ((stiffness,), tau) in enumerate(part.relaxations, 1):
-        if not stiffness:
-            continue
-        stem = f"{part.name}.{k}"
-        node = f"{stem}.node"
-        line = spring.make(f"{stem}.spring", far, node, start, end, stiffness, 0.0)
-        bodies[node] = Node(node, 0.0, (0.0,) * 6, end)
-        joints[stem] = as_node_joint(_joint.make(stem, "prismatic", base, node, end, None, line.line, None, None, None))
-        carriers[line.name] = line
-        dampers[f"{stem}.damper"] = replace(line, name=f"{stem}.damper", first=base, stiffness=0.0,
-                                            damping=tau * stiffness)  # fmt: skip
-    return ExpandedPart(bodies=bodies, joints=joints, springs=carriers | dampers, carriers=tuple(carriers))
+    return plain if dynamic is None else relaxing(DynamicSpring, plain, dynamic, "N/m")

@@ -15,7 +15,7 @@ from mbsvib.elements.deformations import Law, twist
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.dynamic_bushing import DynamicBushing
 from mbsvib.elements.part import Part
-from mbsvib.elements.relaxing import RelaxingAxis, check_axis, factor_of
+from mbsvib.elements.relaxing import RelaxingAxis, relaxing
 from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring
 
 if TYPE_CHECKING:
@@ -34,20 +34,13 @@ class DynamicTorsionSpring(RelaxingAxis):
               relaxations="relaxations")  # fmt: skip
 
     roles = TorsionSpring.roles
+    made_at_rest = TorsionSpring
 
     axis: Vector
     stiffness: float
     dynamic: Dynamic
     damping: float = 0.0
     preload: float | None = None
-
-    @property
-    def generated_names(self) -> tuple[str, ...]:
-        return self.as_bushing.generated_names
-
-    @property
-    def body_positions(self) -> Mapping[str, Vector]:
-        return self.as_bushing.body_positions
 
     @property
     def as_bushing(self) -> DynamicBushing:
@@ -61,13 +54,8 @@ class DynamicTorsionSpring(RelaxingAxis):
         return {name: {field: np.concatenate((np.zeros((5, len(value))), value[None]))
                        for field, value in values.items()} for name, values in own.items()}  # fmt: skip
 
-    @property
-    def at_rest(self) -> TorsionSpring | None:
-        """The spring without relaxations; None where nothing is left."""
-        if not (self.rest_stiffness or self.rest_damping or self.preload):
-            return None
-        return TorsionSpring(self.name, self.first, self.second, self.axis, self.rest_stiffness, self.rest_damping,
-                             self.preload)  # fmt: skip
+    def replacement(self, *_: Any) -> ExpandedPart:
+        return self.as_bushing.replacement()
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # relaxations are relaxed there, and act in the directions in which a damper about the axis does
@@ -91,14 +79,4 @@ def make(
 ) -> TorsionSpring | DynamicTorsionSpring:  # fmt: skip
     """Check the values of a torsion spring, whose stiffness may depend on frequency, and build it."""
     plain = torsion_spring.make(name, first, second, axis, stiffness, damping, preload)
-    if dynamic is None:
-        return plain
-    who = f"torsion spring '{name}'"
-    factor = factor_of(dynamic, who)
-    check_axis(plain, factor, who, "N m/rad")
-    return DynamicTorsionSpring(name, first, second, plain.axis, plain.stiffness, factor, plain.damping, plain.preload)
-
-
-def expand(part: DynamicTorsionSpring, *_: Any) -> ExpandedPart:
-    """Return the nodes, their joints and the bushings that replace it."""
-    return dynamic_bushing.expand(part.as_bushing)
+    return plain if dynamic is None else relaxing(DynamicTorsionSpring, plain, dynamic, "N m/rad")

@@ -8,8 +8,9 @@ relaxation a spring g k in series with a damper g tau k. At rest dampers carry n
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -22,17 +23,34 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.connection import PreloadForm
+    from mbsvib.elements.shared_rows import ExpandedPart
 
 _LABELS = ("g", "tau")
+R = TypeVar("R", bound="RelaxingAxis")
 
 
 class Relaxing(Connection):
     """A connection whose stiffness ``dynamic`` lets depend on frequency."""
 
     __slots__ = ()
+    _engine = "replacement"
     dynamic: Dynamic
+
+    @abstractmethod
+    def replacement(self, *_: Any) -> ExpandedPart:
+        """Return the nodes, their joints and the connections that replace it."""
+
+    @property
+    def generated_names(self) -> tuple[str, ...]:
+        made = self.replacement()
+        return (*made.bodies, *made.joints, *made.springs)
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        return {name: node.position for name, node in self.replacement().bodies.items()}
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
@@ -82,8 +100,10 @@ class RelaxingAxis(Relaxing):
     """A relaxing connection along or about one axis, with one stiffness and one damping."""
 
     __slots__ = ()
+    made_at_rest: ClassVar[Callable[..., Connection]]  # what makes such a connection without relaxations
     stiffness: float
     damping: float
+    preload: float | None
 
     @property
     def batched_fields(self) -> frozenset[str]:
@@ -102,6 +122,15 @@ class RelaxingAxis(Relaxing):
     def rest_damping(self) -> float:
         """Damping without relaxations."""
         return self.damping + self.dynamic.viscous * self.stiffness
+
+    @property
+    def at_rest(self) -> Any:
+        """The connection without relaxations; None where nothing is left."""
+        if not (self.rest_stiffness or self.rest_damping or self.preload):
+            return None
+        values = self.arguments() | {"stiffness": self.rest_stiffness, "damping": self.rest_damping}
+        del values["dynamic"]
+        return type(self).made_at_rest(**values)
 
     @property
     def relaxations(self) -> tuple[tuple[tuple[float], float], ...]:
@@ -127,8 +156,16 @@ def factor_of(dynamic: Any, who: str) -> Dynamic:
     return factor
 
 
-def check_axis(plain: Any, factor: Dynamic, who: str, unit: str) -> None:
-    """Refuse a connection along one axis whose stiffness is not positive, as relaxations then give energy."""
+def relaxing(kind: Callable[..., R], plain: Any, dynamic: Any, unit: str) -> R:
+    """Return a connection along one axis whose stiffness depends on frequency, from the same without.
+
+    One whose stiffness is not positive is refused, as its relaxations would give energy.
+    """
+    who = f"{plain.family} '{plain.name}'"
+    factor = factor_of(dynamic, who)
     if plain.stiffness <= 0.0:
         raise ModelError(f"{who}: stiffness = {plain.stiffness:g} {unit} with dynamic = {factor!r}; expected one above "
                          f"0, so that its relaxations take energy.", element=who, field="stiffness")  # fmt: skip
+    result = kind(**plain.arguments(), dynamic=factor)
+    result.at_rest  # noqa: B018  a free length needs a stiffness at rest
+    return result
