@@ -187,33 +187,28 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     shape = len(first), path.shape[1]
     on_paths = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
     row, column, signs = on_paths(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
-    vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
-    variants = [array.shape[1] for array in vectors if array.ndim == 3]
-    if variants and max(variants) == 1:  # faster without an axis of variants
-        force, moment, linear, angular, point, start = [array.reshape(3, -1) for array in vectors]
-        value = entry_values((linear, angular, start), Rows(rows.first, rows.second, point, force, moment), row, column,
-                             signs)  # fmt: skip
-        return Triplets(row, column, value[None], shape)
-    if variants:
-        value = _of_variants(vectors, row, column)
-        value *= signs[:, None]
-        return Triplets(row, column, value.T, shape)
-    twist = coordinates.linear, coordinates.angular, coordinates.point
-    return Triplets(row, column, entry_values(twist, rows, row, column, signs), shape)
+    vectors = _alike(coordinates.linear, coordinates.angular, coordinates.point, rows.force, rows.moment, rows.point)
+    return Triplets(row, column, entry_values(vectors[:3], vectors[3:], row, column, signs), shape)
 
 
-def entry_values(twist: tuple[Array, Array, Array], rows: Rows, row: Index, column: Index, sign: Any) -> Array:
-    """Return sign (f . v + w . ((p_r - p_k) x f + m)), (n,), for pairs of a row and a coordinate, (n,) each.
+def _alike(*vectors: Array) -> list[Array]:
+    """Vectors (3, n), all with an axis of variants (3, variants, n) where one has it; of length one if constant."""
+    if all(array.ndim == 2 for array in vectors):
+        return list(vectors)
+    return [array if array.ndim == 3 else array[:, None] for array in vectors]
 
-    ``twist``: v, w and p of the coordinates, (3, coordinates) each.
+
+def entry_values(twist: Sequence[Array], ends: Sequence[Array], row: Index, column: Index, sign: Any) -> Array:
+    """Return sign (f . v + w . m + (p_r - p_k) . (f x w)), (..., n), for pairs of a row and a coordinate, (n,) each.
+
+    ``twist``: v, w and p_k of the coordinates, (3, ..., coordinates) each; ``ends``: f, m and p_r of the rows.
     """
-    force, moment, point = (array.take(row, axis=1) for array in (rows.force, rows.moment, rows.point))
-    linear, angular, start = (array.take(column, axis=1) for array in twist)
-    arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
-    turned = arm[1:4] * wide[2:]
-    turned -= arm[2:] * wide[1:4]
-    turned = (turned + moment) * angular + force * linear  # any of them may be complex
-    value: Array = (turned[0] + turned[1] + turned[2]) * sign
+    force, moment, point = (array.take(row, axis=-1) for array in ends)
+    linear, angular, start = (array.take(column, axis=-1) for array in twist)
+    turned, wide = force.take(CYCLE, axis=0), angular.take(CYCLE, axis=0)
+    lever = turned[1:4] * wide[2:] - turned[2:] * wide[1:4]
+    terms = (point - start) * lever + (moment * angular + force * linear)
+    value: Array = (terms[0] + terms[1] + terms[2]) * sign
     clear_rounding(value, force, moment, linear, angular, point, start)
     return value
 
@@ -235,58 +230,20 @@ def _entries(path: bytes, shape: tuple[int, ...], first: bytes, second: bytes) -
     return row, column, signs
 
 
-def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array:
-    """Entries (n, variants) of relative motion, w . m + f . v + (p_r - p_k) . (f x w).
-
-    Only the last term depends on points, and it is zero where f x w is. Variants come last, so that each entry is one
-    contiguous vector.
-    """
-    force, moment, linear, angular, point, start = (
-        array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in vectors)  # fmt: skip
-    variants = max(array.shape[2] for array in (force, moment, linear, angular, point, start))
-    entry_force, entry_angular = force.take(row, axis=1), angular.take(column, axis=1)
-    straight = entry_force * linear.take(column, axis=1) + moment.take(row, axis=1) * entry_angular
-    turned, wide = entry_force.take(CYCLE, axis=0), entry_angular.take(CYCLE, axis=0)
-    lever = turned[1:4] * wide[2:] - turned[2:] * wide[1:4]
-    varies = np.asarray(lever.any(axis=(0, 2)))
-    used, others = varies.nonzero()[0], (~varies).nonzero()[0]
-    points, starts = point.take(row.take(used), axis=1), start.take(column.take(used), axis=1)
-    product = (points - starts) * lever.take(used, axis=1)
-    product = product + straight.take(used, axis=1)
-    variable, fixed = product[0] + product[1] + product[2], straight.take(others, axis=1).sum(axis=0)
-    largest = (np.abs(array).max(axis=2, initial=0.0)[..., None] for array in (point, start))
-    for value, at, ends in (
-        (variable, used, (points, starts)),
-        (fixed, others, [far.take(of.take(others), axis=1) for far, of in zip(largest, (row, column), strict=True)]),
-    ):
-        clear_rounding(value, *(array.take(of.take(at), axis=1) for array, of in (
-            (force, row), (moment, row), (linear, column), (angular, column))), *ends)  # fmt: skip
-    result: Array = np.empty((len(row), variants), np.result_type(variable, fixed))
-    result[others], result[used] = fixed, variable
-    return result
-
-
 def clear_rounding(value: Array, *vectors: Array) -> None:
     """Set entries of relative motion to zero, in place, that are rounding.
 
-    ``value`` (entries,) or (entries, variants): f . v + w . ((p_r - p_k) x f + m). ``vectors`` (3, entries), or
-    (3, entries, variants) and (3, entries, 1): f, m, v, w, p_r and p_k of each. Directions are rounded by eps of one,
-    points by eps of their distance from the origin.
+    ``value`` (..., entries): f . v + w . ((p_r - p_k) x f + m). ``vectors`` (3, ..., entries): f, m, v, w, p_r and p_k
+    of each. Directions are rounded by eps of one, points by eps of their distance from the origin.
     """
-    size = np.abs(value)
-    small = (size < LARGEST_ROUNDING) & (value != 0.0)
+    small = (np.abs(value) < LARGEST_ROUNDING) & (value != 0.0)
     if not np.count_nonzero(small):
         return
-    if value.ndim == 1:
-        at = small.nonzero()[0]
-        sizes = np.maximum.reduce(np.abs(np.concatenate([array.take(at, axis=1) for array in vectors]))
-                                  .reshape(len(vectors), 3, -1), axis=1)  # fmt: skip
-        value.real[at[size.take(at) <= _noise(*sizes)]] = 0.0
-        return
-    at = small.any(axis=1).nonzero()[0]
-    entries = value.take(at, axis=0)
-    entries.real[np.abs(entries) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
-    value[at] = entries
+    at = (small if small.ndim == 1 else small.any(axis=0)).nonzero()[0]
+    entries = value.take(at, axis=-1)
+    noise = _noise(*[np.maximum.reduce(np.abs(array.take(at, axis=-1))) for array in vectors])
+    entries.real[np.abs(entries) <= noise] = 0.0
+    value[..., at] = entries
 
 
 def _noise(force: Array, moment: Array, linear: Array, angular: Array, point: Array, start: Array) -> Array:
@@ -306,43 +263,23 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
-    linear, angular, point = coordinates.linear, coordinates.angular, coordinates.point
-    variants = [len(array) for array in (position,) if array.ndim == 3]
-    variants += [array.shape[1] for array in (linear, angular, point) if array.ndim == 3]
-    if variants and max(variants) > 1:
-        return _body_motion_of_variants(coordinates, position)
-    if variants:  # faster without an axis of variants
-        linear, angular, point = (array.reshape(3, -1) for array in (linear, angular, point))
-        position = position.reshape(-1, 3)
-    sign = coordinates.path[:-1, None].astype(float)
-    angular, point = angular.take(CYCLE, axis=0), point.take(CYCLE, axis=0)
-    arm = position.take(CYCLE, axis=1)[..., None] - point
-    translation = angular[1:4] * arm[:, 2:]
-    translation -= angular[2:] * arm[:, 1:4]
-    translation = translation + linear
-    result = np.empty((len(translation), 6, sign.shape[2]), translation.dtype)
-    np.multiply(translation, sign, out=result[:, :3])
-    np.multiply(angular[:3], sign, out=result[:, 3:])
-    return result[None] if variants else result
-
-
-def _body_motion_of_variants(coordinates: Twists, position: Array) -> Array:
-    """Displacements of the bodies in all variants: only coordinates on the path from ground move a body."""
-    body, column = coordinates.path[:-1].nonzero()
-    sign = coordinates.path[body, column].astype(float)[:, None]
-    centre = np.moveaxis(position, (-1, -2), (0, 1))
-    linear, angular, point = (array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in (
-        coordinates.linear, coordinates.angular, coordinates.point))  # fmt: skip
-    turns = angular.take(column, axis=1) * sign
-    arm = (centre if centre.ndim == 3 else centre[..., None]).take(body, axis=1) - point.take(column, axis=1)
-    arm, wide = arm.take(CYCLE, axis=0), turns.take(CYCLE, axis=0)
+    path, n = coordinates.path[:-1], coordinates.path.shape[1]
+    body, column, sign = _on_paths(path.tobytes(), path.shape)
+    *vectors, centre = _alike(coordinates.linear, coordinates.angular, coordinates.point, np.moveaxis(position, -1, 0))
+    linear, angular, point = (array.take(column, axis=-1) for array in vectors)
+    arm, wide = (centre.take(body, axis=-1) - point).take(CYCLE, axis=0), angular.take(CYCLE, axis=0)
     translation = wide[1:4] * arm[2:]
     translation -= wide[2:] * arm[1:4]
-    translation = translation + linear.take(column, axis=1) * sign
-    *_, variants = np.broadcast_shapes(translation.shape, turns.shape)
-    bodies, n = len(coordinates.path) - 1, coordinates.path.shape[1]
-    result = np.zeros((variants, bodies * 6 * n), np.result_type(translation, turns))
-    at = (6 * body + np.arange(3)[:, None]) * n + column
-    result[:, at.reshape(-1)] = translation.reshape(3 * len(body), translation.shape[2]).T
-    result[:, at.reshape(-1) + 3 * n] = turns.reshape(3 * len(body), turns.shape[2]).T
-    return result.reshape(variants, bodies, 6, n)
+    translation = (translation + linear) * sign
+    result = np.zeros((*translation.shape[1:-1], len(path) * 6 * n), translation.dtype)
+    at = (6 * body + np.arange(6)[:, None]) * n + column
+    result[..., at[:3]], result[..., at[3:]] = np.moveaxis(translation, 0, -2), np.moveaxis(angular * sign, 0, -2)
+    return result.reshape(*result.shape[:-1], len(path), 6, n)
+
+
+@lru_cache(maxsize=32)
+def _on_paths(path: bytes, shape: tuple[int, int]) -> tuple[Index, Index, Array]:
+    """Body, coordinate and sign of each coordinate on the path from ground to a body."""
+    of_body = np.frombuffer(path, np.int8).reshape(shape)
+    body, column = of_body.nonzero()
+    return body, column, of_body[body, column].astype(float)

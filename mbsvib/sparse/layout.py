@@ -292,7 +292,8 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     row, nth = items_of_groups(begin[of_row + 1] - begin[of_row])
     entry = begin[of_row[row]] + nth
     column = coordinate[entry]
-    values = entry_values((tree.linear, tree.angular, tree.point), rows, row, column, sign[entry])
+    values = entry_values((tree.linear, tree.angular, tree.point), (rows.force, rows.moment, rows.point), row, column,
+                          sign[entry])  # fmt: skip
     return row, column, values, skipped[of_row]
 
 
