@@ -103,7 +103,7 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     a, force = _first_order(stiffness, damping, scale, n1)
     position, rate = np.zeros((2 * p + n1, m)), np.zeros((2 * p + n1, m))
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
-    null = _null_spaces(system, basis, back, stiffness, undamped_modes.rigid)
+    null = _null_spaces(system, basis, back, stiffness, undamped_modes)
     chains = _chains(system, basis, damping, null, free)
     zeros = zero_subspaces(stiffness, damping, null, chains, scale)
     if zeros is None:
@@ -230,16 +230,29 @@ def _terms(system: Equations, basis: Array, value: Array, second_part: Array | N
     return result if second_part is None else result + most.T @ np.abs(second_part) @ most
 
 
+def _stiffness_terms(system: Equations, basis: Array, modes: Undamped) -> Array:
+    """Sums of the magnitudes of all terms of K in the basis. The undamped modes were found from the factors, so that
+    rounding of their stiffness is that of their own springs and not of the stiffest ones.
+    """
+    p = len(modes.square)
+    result = _terms(system, basis, system.row_stiffness, None)
+    result[:p, :p] = np.diag(np.abs(system.row_stiffness) @ product_with_zeros(system.elastic_rows, basis[:, :p]) ** 2)
+    if system.circulatory is not None:
+        most = rounding_scale(basis, coordinate_sizes(system))
+        result += most.T @ np.abs(system.circulatory) @ most
+    return result
+
+
 def _null_spaces(
-    system: Equations, basis: Array, back: Array, stiffness: Array, rigid: int
+    system: Equations, basis: Array, back: Array, stiffness: Array, modes: Undamped
 ) -> tuple[Array, Array]:
     """Right and left null space of K in the basis, (m, r) each."""
-    m = system.dof
+    m, rigid = system.dof, modes.rigid
     null = np.eye(m)[:, :rigid]
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
-        return null_pair(stiffness, _terms(system, basis, system.row_stiffness, system.circulatory))
+        return null_pair(stiffness, _stiffness_terms(system, basis, modes))
     # motions that damping couples to massless ones are not among the undamped modes
     motions = product_with_zeros(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]

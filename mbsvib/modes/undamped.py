@@ -9,6 +9,10 @@ next, more accurate solver is used:
 products  symmetric-definite eigenproblem of M and K; loses (highest / lowest frequency)^2 eps in the shapes
 factors   singular vectors of diag(sqrt k) D R^-1, R^T R = M from a QR of W; loses highest / lowest frequency
 jacobi    one-sided Jacobi (LAPACK gejsv) on the factors in the basis of the previous shapes; loses neither
+
+Stiffness of loads has both signs. Shapes are then corrected until rounding alone is left, from those of products or,
+if these are too far off, from jacobi's for stiffness without signs. A mode is one of a rigid body if the rounding of
+its own stiffness leaves nothing of it, never because other modes are in its shape.
 """
 
 from __future__ import annotations
@@ -18,6 +22,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse.csgraph import connected_components
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
@@ -28,13 +34,17 @@ from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_product
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 
 
-# A mode with a larger relative error is a rigid-body mode if stiffness has both signs. The limit is low because the
+# A mode of which rounding leaves less is a rigid-body mode if stiffness has both signs. The limit is low because the
 # estimate covers only about a fiftieth of the rounding of loads: a pendulum about a vertical axis must not oscillate.
 NONE = 0.01
+# Corrections of shapes go on while each reduces the error at least to this share.
+GAIN = 0.5
 # Below this share of the largest frequency a mode may be a rigid-body mode, and the rank of the rows decides.
 SUSPECT = 1e-5
 # Two modes are separated if their coupling is less than this part of the distance of their squared frequencies.
@@ -64,7 +74,9 @@ class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
     negative where stiffness is; ``shapes`` (m, m) with shapes^T M shapes = 1; ``errors`` (m,) of omega, relative;
     ``method`` is the solver that was used, ``uncertainty`` the largest error that a more accurate solver could reduce.
-    The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most.
+    The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most. ``coupling`` is
+    the largest error that the other modes in a shape make, and ``cancelled`` (m,) the modes of which rounding leaves
+    nothing, if stiffness has both signs.
     """
 
     square: Array
@@ -74,6 +86,8 @@ class Undamped:
     method: str
     uncertainty: float
     mixed: float = 0.0
+    coupling: float = 0.0
+    cancelled: NDArray[np.bool_] | None = None
 
     @property
     def omega(self) -> Array:
@@ -108,18 +122,59 @@ def undamped(
         if result is not None:
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
-    if scene.sign is not None and np.count_nonzero(result.errors >= NONE):
-        none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # stiffness of loads cancels in these modes
-        scene.null = result.shapes[:, none]
-        result = refined(scene, result.shapes, "products", rtol)
+    if scene.sign is not None:
+        return _with_loops(_of_both_signs(scene, result, rtol), system)
     solvers: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
-    for method, solve in solvers if scene.sign is None else ():
+    for method, solve in solvers:
         if result.uncertainty <= rtol:
             break
         better = refined(scene, solve(scene, result.shapes), method, rtol)
         if better.uncertainty < result.uncertainty:
             result = better
     return _with_loops(result, system)
+
+
+def _of_both_signs(scene: Factors, result: Undamped, rtol: float) -> Undamped:
+    """Return the modes where stiffness has both signs; those in which it cancels are rigid-body modes."""
+    result = _corrected(scene, result, rtol)
+    if result.coupling > rtol:
+        better = _corrected(scene, refined(scene, by_jacobi(scene, result.shapes), "jacobi", rtol), rtol)
+        result = better if better.coupling < result.coupling else result
+    if result.cancelled is not None and np.count_nonzero(result.cancelled):
+        scene.null = result.shapes[:, result.cancelled | (np.arange(len(result.square)) < result.rigid)]
+        result = refined(scene, result.shapes, result.method, rtol)
+    return result
+
+
+def _corrected(scene: Factors, result: Undamped, rtol: float) -> Undamped:
+    """Correct shapes as long as this reduces the error that the other modes in them make."""
+    while result.coupling > rtol:
+        better = refined(scene, _apart(scene, result.shapes), result.method, rtol)
+        if not better.coupling <= GAIN * result.coupling:
+            break
+        result = better
+    return result
+
+
+def _apart(scene: Factors, shapes: Array) -> Array:
+    """Return shapes in which groups of modes that are not separated are the modes of their subspaces."""
+    inertia, elastic = _forms(scene, shapes)
+    square = elastic.diagonal()
+    coupled = np.abs(elastic - inertia * square) > SEPARATE * np.abs(square - square[:, None])
+    result = shapes.copy()
+    count, labels = connected_components(coupled, directed=False)
+    for group in range(count):
+        inside = (labels == group).nonzero()[0]
+        if len(inside) > 1:
+            at = np.ix_(inside, inside)
+            result[:, inside] = shapes[:, inside] @ eigh(elastic[at], inertia[at])[1]
+    return result
+
+
+def _forms(scene: Factors, phi: Array) -> tuple[Array, Array]:
+    """Return M and K in a basis, from the factors."""
+    h, e = scene.w @ phi, scene.stretch(phi)
+    return h.T @ h, e.T @ (e if scene.sign is None else scene.sign[:, None] * e)
 
 
 def _with_loops(result: Undamped, system: Equations) -> Undamped:
@@ -209,10 +264,15 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     # stiffness of both signs cancels: terms are larger than their sum, and those of loads are rounded by themselves
     energy = np.abs(square) if scene.sign is None else np.einsum("ij,ij->j", e, e)
     least = EPS * np.sqrt(energy * (scene.stiffness_diagonal @ power))
-    uncertainty += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
-    if scene.sign is not None:
-        uncertainty += FORCES * EPS * energy
+    noise = 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
     flexible = np.arange(len(value)) >= rigid
+    coupling, cancelled = 0.0, None
+    if scene.sign is not None:
+        noise += FORCES * EPS * energy
+        whole = 2.0 * (size + noise)
+        coupling = float(np.divide(uncertainty, whole, out=np.zeros_like(whole), where=flexible & (whole > 0.0)).max())
+        cancelled = flexible & (noise >= 2.0 * NONE * size)
+    uncertainty += noise
     errors = np.divide(0.5 * uncertainty, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     largest_error = float(errors.max(initial=0.0))
     cheap = EPS * np.sqrt(scene.mass.diagonal() @ power)
@@ -223,7 +283,8 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     if np.count_nonzero(value[1:] < value[:-1]):
         order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
         value, phi, errors = value[order], phi[:, order], errors[order]
-    return Undamped(value, phi, errors, rigid, method, largest_error)
+        cancelled = None if cancelled is None else cancelled[order]
+    return Undamped(value, phi, errors, rigid, method, largest_error, 0.0, coupling, cancelled)
 
 
 def _rounding(rows: Array, phi: Array, image: Array, least: Array, size: Array, rtol: float) -> Array:
