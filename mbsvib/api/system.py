@@ -150,7 +150,6 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
 
         return time_response(part.basis, *record)
 
-
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
 
@@ -166,7 +165,6 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
         from mbsvib.responses.transmission_zeros import transmission_zeros
 
         return transmission_zeros(self.basis, outputs, inputs)
-
 
     def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.

@@ -111,7 +111,6 @@ class Coupler(Coupling):
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
         return _coupler(self.name, terms, self.curvature)
 
-
     def placed(self, to: Placement) -> Coupler:
         terms = [(*_placed(name, to), value) for name, value in self.coefficients]
         first = terms[0][1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closing import ClosedSpace
@@ -84,9 +83,7 @@ def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, 
 
 
 def _sum(first: Array | None, second: Array | None) -> Array | None:
-    if first is None or second is None:
-        return second if first is None else first
-    return first + second
+    return second if first is None else first if second is None else first + second
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -96,6 +93,8 @@ class ClosedLoop(FeedbackLoop):
     It has all methods of a system. Under static gains without feedthrough the loop is a system of second order again,
     ``second_order``, and its results come from there.
     """
+
+    sampled_form: ClassVar[type[SampledLoop]] = SampledLoop
 
     def _forces(self, w: Array, plant: tuple[Complex, Complex]) -> tuple[Complex, Array]:
         k = self._gains(w)
@@ -173,8 +172,6 @@ class ClosedLoop(FeedbackLoop):
         """The closed loop as a system, M q'' + C' q' + K' q = B' w, or None if its controllers have states, or sensors
         of acceleration would change M.
         """
-        from mbsvib.feedback.closed_loop import closed_system
-
         system = self.plant.system
         if len(self.law.A) or getattr(system, "basis", None) is None:
             return None
@@ -221,11 +218,6 @@ class ClosedLoop(FeedbackLoop):
     def poles(self) -> Complex:
         """Return the poles (states,) of the closed loop [1/s], in ascending magnitude."""
         return super().poles() if self.second_order is None else np.asarray(self.second_order.poles())
-
-    @property
-    def sampled_form(self) -> type[SampledLoop]:
-        """The class of the loop with discrete-time controllers."""
-        return SampledLoop
 
     @cached_property
     def _eigen(self) -> tuple[Complex, Array, Array]:

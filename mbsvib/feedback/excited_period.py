@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -35,14 +35,9 @@ if TYPE_CHECKING:
 SHORT, NODES = 0.5, 8
 
 
-class Part(Protocol):
-    """A stretch of time, or an event."""
-
-    def then(self, other: Self) -> Self:
-        """Return both in a row."""
+S = TypeVar("S", "Excited", "Stretch")
 
 
-S = TypeVar("S", bound=Part)
 
 
 def short_time(time: float, fastest: float) -> tuple[int, float, Array, Array]:
@@ -180,6 +175,27 @@ class Excited(NamedTuple):
             self.seen + back * product(np.ascontiguousarray(before.T), other.seen),
             self.direct + other.direct + back * later, self.turn * other.turn,
         )  # fmt: skip
+
+
+class Stretch(NamedTuple):
+    """A stretch of time, or an event, under white noise: x+ = E x + noise, for s sources of white noise and o outputs.
+
+    ``transition`` E (after, before); ``noise`` (s, after, after) covariance of what each source adds; ``weight`` (o,
+    before, before), so that x^T weight x is the integral of y^2 without noise; ``own`` (o, s) the integral of the
+    variance of y that noise within the stretch causes.
+    """
+
+    transition: Array
+    noise: Array
+    weight: Array
+    own: Array
+
+    def then(self, other: Stretch) -> Stretch:
+        """Return both in a row."""
+        e, f = self.transition, other.transition
+        between = np.tensordot(other.weight, self.noise, axes=((1, 2), (1, 2)))
+        return Stretch(f @ e, f @ self.noise @ f.T + other.noise, self.weight + e.T @ other.weight @ e,
+                       self.own + other.own + between)  # fmt: skip
 
 
 def _each(left: Complex, right: Complex) -> Complex:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 from warnings import warn
 
 import numpy as np
@@ -36,6 +36,8 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
 
     _engine = "continuous_form sampled_form"
 
+    sampled_form: ClassVar[type[Any] | None] = None  # the class with discrete-time controllers, None: this one
+
     def columns(self) -> dict[str, Any]:
         """Return the poles as columns by name: those of the table of ``modes()``."""
         return dict(self.modes().columns())
@@ -65,13 +67,6 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
     @abstractmethod
     def _first_order(self, realization: str) -> StateSpace:
         """What ``state_space`` returns."""
-
-
-
-    @property
-    @abstractmethod
-    def sampled_form(self) -> type[Any]:
-        """The class of the loop with discrete-time controllers."""
 
     @property
     def continuous_form(self) -> type[Any]:
@@ -129,7 +124,6 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
     def response(self, w: ArrayLike) -> Complex:
         """Return the response of the closed loop, whether or not it is stable: from those of the plant or, where these
         cancel, as next to its poles or a controller's, from the closed-loop equations.
-
 
         Parameters
         ----------
@@ -199,5 +193,6 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
             raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a "
                                 f"delay that is not negative.")  # fmt: skip
-        return self.sampled_form(self.plant, self.controllers, self.sensors, self.actuators, float(rate), float(delay),
-                                 selection=self.selection, continuous_form=self.continuous_form)  # fmt: skip
+        form: type[Any] = self.sampled_form or type(self)
+        return form(self.plant, self.controllers, self.sensors, self.actuators, float(rate), float(delay),
+                    selection=self.selection, continuous_form=self.continuous_form)  # fmt: skip

@@ -106,14 +106,12 @@ class Loop(Displayed, ABC):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        known: tuple[str, ...] = self.plant.system.outputs if self.selection is None else self.selection[0]
-        return known
+        return tuple(self.plant.system.outputs if self.selection is None else self.selection[0])
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
-        known: tuple[str, ...] = self.plant.system.inputs if self.selection is None else self.selection[1]
-        return known
+        return tuple(self.plant.system.inputs if self.selection is None else self.selection[1])
 
     @property
     def output_units(self) -> tuple[str, ...]:

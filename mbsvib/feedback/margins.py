@@ -99,7 +99,6 @@ class Margins(Columnar, Displayed):
                      f"{self.modulus:.3g}"))  # fmt: skip
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
-        if not self.stable:
             notes = ["The closed loop is unstable: it has no margins."]
         elif self.modulus > 1.0 - VANISHES:
             notes = ["No critical frequency: the sensitivity is largest, 1, where the loop gain vanishes."]
@@ -122,8 +121,8 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     band, poles, largest, frequency = _disk(loop, frequencies)
     limits = band.response(band.ends[[0, -1]])[: 2 if frequencies is None else 0]
     endless = np.isinf(loop.resolution.period)
-    single_margins = [_single(band, poles, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
-    (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
+    each = [_single(band, poles, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
+    (lower, gain, phase, delay, modulus), at = np.array(each).transpose(2, 1, 0)
     lower_at, gain_at, phase_at, delay_at, modulus_at = at
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
                    lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip

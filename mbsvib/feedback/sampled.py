@@ -172,10 +172,6 @@ class SampledLoop(SampledEquations, FeedbackLoop):
                             "and most exports are refused: ask loop.continuous. For mean squares give a band, or a "
                             "table of densities.")  # fmt: skip
 
-    @property
-    def sampled_form(self) -> type[SampledLoop]:
-        """The class of the loop with discrete-time controllers."""
-        return type(self)
 
 
 SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.excited_period import doubled, period, short_time
+from mbsvib.feedback.excited_period import Stretch, doubled, period, short_time
 from mbsvib.linalg.balancing import balanced
 from mbsvib.linalg.discrete import tustin_gradient
 from mbsvib.linalg.lasting import separated
@@ -38,27 +38,6 @@ if TYPE_CHECKING:
 
 
 LONGEST = 60  # doublings, after which a pole that is less than 1 by a rounding has decayed
-
-
-class Stretch(NamedTuple):
-    """A stretch of time or an event: x+ = E x + noise, for s sources of white noise and o outputs.
-
-    ``transition`` E (after, before); ``noise`` (s, after, after) covariance of what each source adds; ``weight`` (o,
-    before, before), so that x^T weight x is the integral of y^2 without noise; ``own`` (o, s) the integral of the
-    variance of y that noise within the stretch causes.
-    """
-
-    transition: Array
-    noise: Array
-    weight: Array
-    own: Array
-
-    def then(self, other: Stretch) -> Stretch:
-        """Return both in a row."""
-        e, f = self.transition, other.transition
-        between = np.tensordot(other.weight, self.noise, axes=((1, 2), (1, 2)))
-        return Stretch(f @ e, f @ self.noise @ f.T + other.noise, self.weight + e.T @ other.weight @ e,
-                       self.own + other.own + between)  # fmt: skip
 
 
 def event(transition: Array, inputs: Array, outputs: int, intensities: Array, together: bool) -> Stretch:
@@ -86,6 +65,13 @@ def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float, toget
         squares = (c @ reached) ** 2
         own = own + share * (step - s) * (np.array([[squares.sum()]]) if together else squares)
     return doubled(Stretch(expm(a * step), np.asarray(noise), np.asarray(weight), np.asarray(own)), doublings)
+
+
+def under_noise(at: Period, intensities: Array, together: bool = False) -> Stretch:
+    """Return a whole period under white noise, of which some is sampled; arguments as of ``mean_squares``."""
+    outputs = 1 if together else len(at.seen)
+    return at.composed(partial(event, outputs=outputs, intensities=intensities, together=together),
+                       partial(free_motion, together=together))  # fmt: skip
 
 
 def _outer(rows: Array, together: bool) -> Array:
@@ -125,11 +111,7 @@ def mean_squares(loop: SampledEquations, intensities: Array, together: bool = Fa
     ``intensities`` (sources,): variances of those that are sampled sequences, 0 of others, which sampling must not meet
     directly. ``together``: of all sources and all outputs in one sum, refused if it is infinite.
     """
-    shown, sources = loop.selected_ports
-    part = period(loop, shown, sources)
-    outputs = 1 if together else len(shown)
-    whole = part.composed(partial(event, outputs=outputs, intensities=intensities, together=together),
-                          partial(free_motion, together=together))  # fmt: skip
+    whole = under_noise(period(loop, *loop.selected_ports), intensities, together)
     interval, infinite = _decaying(whole, loop, together)
     lasting = interval
     for _ in range(LONGEST):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.feedback.excited_period import excited_motion, excited_states, period, steady_state
-from mbsvib.feedback.sampled_norm import Slopes, flow, loop_slopes, with_rest
+from mbsvib.feedback.sampled_norm import Slopes, flow, loop_slopes, under_noise, with_rest
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
@@ -106,13 +106,8 @@ def folded(loop: SampledEquations, w: Array, sequence: Index) -> Complex:
 
     ``sequence``: numbers of the inputs that are sampled sequences themselves, of which nothing is folded.
     """
-    from mbsvib.feedback.sampled_norm import event, free_motion
-
-    shown, sources = loop.selected_ports
-    part = period(loop, shown, sources)
-    whole = part.composed(
-        lambda e, f: event(e, f, len(shown), np.zeros(len(sources)), together=False),
-        lambda a, b, c, d, time: free_motion(a, b, c, d, time, together=False))  # fmt: skip
+    part = period(loop, *loop.selected_ports)
+    whole = under_noise(part, np.zeros(len(loop.inputs)))
     rows, _ = part.demand
     z = np.exp(1j * w / loop.rate)[:, None, None]
     reached = np.linalg.solve((z * np.eye(len(whole.transition)) - whole.transition).swapaxes(1, 2),

@@ -50,10 +50,7 @@ def response_data(
     number of the first of these values; ``known``: names of values
     that there are.
     """
-    match = _scaled(measurement.matched(scene.model), kinds, name)
-    outputs, inputs = scene.plant.outputs, scene.plant.inputs
-    rows = np.array([outputs.index(one) for one in match.output_names], dtype=np.intp)
-    columns = np.array([inputs.index(one) for one in match.input_names], dtype=np.intp)
+    match, rows, columns = _matched(measurement, scene, kinds, name)
     responses = np.moveaxis(measurement.responses, 2, 0)
     variance = None if measurement.variance is None else np.moveaxis(measurement.variance, 2, 0)
     sign = np.moveaxis(match.factor(measurement.omega), 2, 0)
@@ -74,14 +71,21 @@ def response_data(
     ), added  # fmt: skip
 
 
-def _scaled(match: Matching, kinds: Sequence[str], name: str) -> Matching:
-    """The same; channels in volts or unknown units are refused unless their gains are fitted."""
+def _matched(
+    measured: Measurement | Records, scene: Any, kinds: Sequence[str], name: str
+) -> tuple[Matching, Index, Index]:
+    """Partners of the channels, and their numbers among the ports of the plant; channels in volts or unknown units are
+    refused unless their gains are fitted.
+    """
+    match = measured.matched(scene.model)
     for partner in () if "gain" in kinds else (*match.outputs, *match.inputs):
         if not partner.scale_known:
             raise ResponseError(f"fit: the channel '{partner.measured}' of {name} is in {partner.measured_unit}, that "
                                 f"of the model in {partner.unit}, and the factor between them is not known; fit it, "
                                 f"channels=['gain'], or convert the data to SI units: m, rad, N, N m, m/s, m/s^2.")
-    return match
+    rows, columns = (np.array([ports.index(one) for one in names], dtype=np.intp) for ports, names in (
+        (scene.plant.outputs, match.output_names), (scene.plant.inputs, match.input_names)))  # fmt: skip
+    return match, rows, columns
 
 
 def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Complex, Array]:
@@ -141,14 +145,11 @@ def record_data(
     records: Records, name: str, number: int, scene: Any, kinds: Sequence[str], first: int, known: Sequence[str]
 ) -> tuple[RecordData, list[Channel]]:
     """Return time records as data, and the values of their channels, as ``response_data`` does."""
-    match = _scaled(records.matched(scene.model), kinds, name)
-    outputs, inputs = scene.plant.outputs, scene.plant.inputs
+    match, rows, columns = _matched(records, scene, kinds, name)
     for partner in match.inputs:
         if partner.derivatives:
             raise ResponseError(f"fit: the input '{partner.measured}' of {name} is in {partner.measured_unit}, that of "
                                 f"the model in {partner.unit}; give records of what the model has as its input.")
-    rows, columns = (np.array([listed.index(one) for one in names], dtype=np.intp)
-                     for listed, names in ((outputs, match.output_names), (inputs, match.input_names)))  # fmt: skip
     numbers = records.lines()
     omega = 2.0 * np.pi * numbers / (records.samples * records.t)
     channels, added = _channels(records, omega, kinds, first, known, name)

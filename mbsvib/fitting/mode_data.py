@@ -61,19 +61,14 @@ class ModeData:
     def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
         """Yield the residuals of all modes with their derivatives."""
         eigenvalues, vectors, shapes, pairs = self._modes(equations)
-        residuals, changes = [], []
+        parts = []
         for k, at in enumerate(pairs):
-            change = None if slopes is None else _changes(
-                equations, slopes, eigenvalues[at], vectors[at], (self.rows, self.powers))  # fmt: skip
-            for r, dr in self._residuals(k, eigenvalues[at], shapes[at], change):
-                residuals.append(r)
-                changes.append(dr)
-        count = None if slopes is None else len(slopes["K"])
-        every = None
-        if count is not None:
-            every = np.zeros((len(values), sum(map(len, residuals))), dtype=complex)
-            every[:count] = np.concatenate(changes, axis=1)
-        yield Block(np.concatenate(residuals), every)
+            change: tuple[Complex, Complex] = np.zeros(0, dtype=complex), np.zeros((0, len(self.rows)), dtype=complex)
+            if slopes is not None:
+                change = _changes(equations, slopes, eigenvalues[at], vectors[at], (self.rows, self.powers))
+            parts += list(self._residuals(k, eigenvalues[at], shapes[at], *change))
+        residual, changes = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        yield Block(residual, None if slopes is None else np.pad(changes, ((0, len(values) - len(changes)), (0, 0))))
 
     def guesses(self, equations: Any) -> Iterator[str]:
         """Yield in words which modes have no shape and are far from those of the model that are taken for them."""
@@ -115,32 +110,29 @@ class ModeData:
                 distance[k] += 1.0 - mac(shape[known, None], shapes.T[known])[0]
         return np.asarray(linear_sum_assignment(distance)[1])
 
-    def _residuals(self, k: int, value: complex, shape: Complex, change: tuple[Complex, Complex] | None) -> Any:
+    def _residuals(
+        self, k: int, value: complex, shape: Complex, d_value: Complex, d_shape: Complex
+    ) -> Iterator[tuple[Complex, Complex]]:
         """Residuals (n,) of measured mode k, with derivatives (v, n)."""
-        size, none = abs(value), np.zeros((0, 0))
-        d_value = None if change is None else change[0]
-        slope = none if d_value is None else (np.conj(value) * d_value).real / size**2
+        size = abs(value)
+        slope = (np.conj(value) * d_value).real / size**2
         if np.isfinite(self.frequencies[k]):
             deviation = self.frequency_deviation[k]
             residual = np.log(size / (2.0 * np.pi * self.frequencies[k])) / deviation
-            yield np.array([residual + 0j]), slope[:, None] / deviation if d_value is not None else none
+            yield np.array([residual + 0j]), slope[:, None] / deviation + 0j
         if np.isfinite(self.damping_ratios[k]):
             deviation = self.damping_deviation[k] * max(self.damping_ratios[k], np.finfo(float).tiny)
             ratio = -value.real / size
-            d_ratio = none if d_value is None else (-d_value.real / size - ratio * slope)[:, None] / deviation
-            yield np.array([(ratio - self.damping_ratios[k]) / deviation + 0j]), d_ratio
+            d_ratio = -d_value.real / size - ratio * slope
+            yield np.array([(ratio - self.damping_ratios[k]) / deviation + 0j]), d_ratio[:, None] / deviation + 0j
         known = np.isfinite(self.shapes[:, k])
         if known.any():
             measured, phi = self.shapes[known, k], shape[known]
             norm = float((np.abs(phi) ** 2).sum())
             factor = (phi.conj() @ measured) / norm if norm else 0.0
-            deviation = self.shape_deviation[known, k]
-            d_shape = none
-            if change is not None:
-                d_phi = change[1][:, known] * self.sign[known]
-                d_factor = ((d_phi.conj() @ (measured - factor * phi)) - factor * (d_phi @ phi.conj())) / (norm or 1.0)
-                d_shape = (factor * d_phi + d_factor[:, None] * phi) / deviation
-            yield (factor * phi - measured) / deviation, d_shape
+            d_phi, deviation = d_shape[:, known] * self.sign[known], self.shape_deviation[known, k]
+            d_factor = ((d_phi.conj() @ (measured - factor * phi)) - factor * (d_phi @ phi.conj())) / (norm or 1.0)
+            yield (factor * phi - measured) / deviation, (factor * d_phi + d_factor[:, None] * phi) / deviation
 
 
 def _null_vector(equations: Any, value: complex) -> Complex:

@@ -60,22 +60,17 @@ class Problem:
         other = np.delete(rates, moved)
         for k, data in enumerate(self.data):
             for block in data.blocks(*known[data.scene], values, far):
-                if block.slopes is None:
-                    yield k, block
-                else:
+                if block.slopes is not None:
                     block.slopes[len(moved) :] *= other.reshape(-1, *[1] * block.residual.ndim)
-                    yield k, block
+                yield k, block
         if np.isfinite(variables.prior).any():
-            yield -1, self._prior(values, rates)
+            held = np.flatnonzero(np.isfinite(variables.prior[:, 1]))
+            value, deviation = variables.prior[held].T
+            yield -1, _diagonal(held, (values[held] - value) / deviation, rates[held] / deviation, len(values))
         if far:
             held = np.flatnonzero(variables.positive)
             away = (np.asarray(x) - variables.unknowns(variables.start))[held]
             yield -1, _diagonal(held, away / LEASH, np.full(len(held), 1.0 / LEASH), len(x))
-
-    def _prior(self, values: Array, rates: Array) -> Block:
-        known = np.flatnonzero(np.isfinite(self.variables.prior[:, 1]))
-        value, deviation = self.variables.prior[known].T
-        return _diagonal(known, (values[known] - value) / deviation, rates[known] / deviation, len(values))
 
     def cost(self, x: Array, far: bool) -> float:
         """Return half the sum of squares, of logarithms in the robust measure 2 (sqrt(1 + |r|^2) - 1)."""
@@ -121,7 +116,6 @@ class Problem:
             if k >= 0:
                 parts[k].append(block.residual)
         return [np.concatenate(part) for part in parts]
-
 
     def fitted(self, x: Array, number: int) -> Complex:
         """Return fitted responses (n, outputs, inputs) of one of the data."""

@@ -68,15 +68,12 @@ def blocks(
         try:
             if s[0] == 0.0 and _moves_freely(pencil[0]):
                 raise np.linalg.LinAlgError
-            if changes is None:
-                right = np.linalg.solve(z, np.broadcast_to(b, (len(z), *b.shape)))
-            elif symmetric:
-                both = np.linalg.solve(z, np.concatenate((np.broadcast_to(b, (len(z), *b.shape)),
-                                                          sensing.swapaxes(1, 2)), axis=2))  # fmt: skip
-                right, left = both[:, :, : b.shape[1]], both[:, :, b.shape[1] :]
+            into, out = np.broadcast_to(b, (len(z), *b.shape)), sensing.swapaxes(1, 2)
+            if changes is not None and symmetric:
+                right, left = np.split(np.linalg.solve(z, np.concatenate((into, out), axis=2)), [b.shape[1]], axis=2)
             else:
-                right = np.linalg.solve(z, np.broadcast_to(b, (len(z), *b.shape)))
-                left = np.linalg.solve(z.swapaxes(1, 2), sensing.swapaxes(1, 2))
+                right = np.linalg.solve(z, into)
+                left = out if changes is None else np.linalg.solve(z.swapaxes(1, 2), out)
         except np.linalg.LinAlgError:
             raise ResponseError("fit: a measured line is at an undamped pole of the model, where its response is "
                                 "infinite (0 Hz if it moves freely); leave the line out, data.within(low, high), or "
@@ -305,7 +302,6 @@ class ResponseData:
         for i in np.flatnonzero(channels.input_gain >= 0).tolist():
             values[channels.input_gain[i]] = _gain(size[:, :, i], turn[:, :, i], counts[:, :, i])
         return values
-
 
     def check_phases(self, equations: Any) -> None:
         """Warn if phases turn against those of the model, over steps of 1, 2, 4, ... lines."""

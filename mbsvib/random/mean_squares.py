@@ -109,8 +109,7 @@ class Random:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        names: tuple[str, ...] = self.linear.outputs
-        return names
+        return tuple(self.linear.outputs)
 
     @property
     def exact(self) -> bool:

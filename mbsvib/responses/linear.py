@@ -152,7 +152,6 @@ class StepVerbs(PortedVerbs):
 
         return step_info(self.with_ports(outputs, inputs), band)
 
-
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
         inputs: Names = None,
@@ -185,7 +184,6 @@ class StepVerbs(PortedVerbs):
             initial states are given, or there are more than two million samples.
         """
         return self._over_time(self.with_ports(outputs, inputs), (t, u, hold, initial))
-
 
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.

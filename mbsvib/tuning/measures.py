@@ -45,9 +45,14 @@ class Goal(Displayed, ABC):
     least: ClassVar[bool] = False
 
     @property
-    @abstractmethod
     def label(self) -> str:
         """The goal in words."""
+        words = self._words()
+        return words if self.limit is None else f"{words} {'>=' if self.least else '<='} {self.limit:g}"
+
+    @abstractmethod
+    def _words(self) -> str:
+        """What is measured."""
 
     @abstractmethod
     def at(self, scene: Scene) -> Measure:
@@ -70,8 +75,6 @@ class Goal(Displayed, ABC):
             return None
         return bool(value >= self.limit if self.least else value <= self.limit)
 
-    def _limited(self, text: str) -> str:
-        return text if self.limit is None else f"{text} {'>=' if self.least else '<='} {self.limit:g}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,10 +87,8 @@ class Hinf(Goal):
     limit: float | None = None
     shape: Weight | None = None
 
-    @property
-    def label(self) -> str:
-        """The norm and its ports."""
-        return self._limited(f"hinf {_text(self.outputs)} / {_text(self.inputs)}{', weighted' if self.shape else ''}")
+    def _words(self) -> str:
+        return f"hinf {_text(self.outputs)} / {_text(self.inputs)}{', weighted' if self.shape else ''}"
 
     def _shape(self, linear: Any) -> Weight | None:
         if self.shape is None:
@@ -140,10 +141,8 @@ class Rms(Goal):
     weighting: Any = None
     limit: float | None = None
 
-    @property
-    def label(self) -> str:
-        """The outputs."""
-        return self._limited(f"rms {_text(self.outputs)}")
+    def _words(self) -> str:
+        return f"rms {_text(self.outputs)}"
 
     def at(self, scene: Scene) -> Measure:
         """Return the root mean square at a plant."""
@@ -190,10 +189,8 @@ class Damping(Goal):
     limit: float
     least: ClassVar[bool] = True
 
-    @property
-    def label(self) -> str:
-        """The limit."""
-        return self._limited("damping")
+    def _words(self) -> str:
+        return "damping"
 
     def at(self, scene: Scene) -> Measure:
         """Return the least damping ratio at a plant, 1 if no pole vibrates."""
@@ -226,10 +223,8 @@ class Margin(Goal):
     limit: float
     least: ClassVar[bool] = True
 
-    @property
-    def label(self) -> str:
-        """The limit."""
-        return self._limited("margin")
+    def _words(self) -> str:
+        return "margin"
 
     def at(self, scene: Scene) -> Measure:
         """Return the modulus margin at a plant."""
@@ -255,10 +250,8 @@ class Rolloff(Goal):
     decibels: float
     limit: float = 1.0
 
-    @property
-    def label(self) -> str:
-        """The limit."""
-        return self._limited(f"roll-off {self.decibels:g} dB/decade from {self.frequency:g} Hz")
+    def _words(self) -> str:
+        return f"roll-off {self.decibels:g} dB/decade from {self.frequency:g} Hz"
 
     @property
     def shape(self) -> Weight:

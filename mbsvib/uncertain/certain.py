@@ -25,11 +25,9 @@ from mbsvib.uncertain.intervals import Channels, cover
 from mbsvib.uncertain.moment_bound import affine, moment_bound
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
-from mbsvib.uncertain.search import gain, peak_of, perturbed, values_at
+from mbsvib.uncertain.search import gain, halved, peak_of, perturbed, values_at
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closing import Matrices
@@ -74,9 +72,8 @@ class Proof:
         a, b, c, d, *_ = closed_space(self.space, law, list(range(r)), list(range(r)))
         if len(a) and np.linalg.eigvals(a).real.max() >= 0.0:
             return None
-        left = np.concatenate((half, np.full(len(c) - r, 1.0 / np.sqrt(g))))
-        right = np.concatenate((np.ones(r), np.full(b.shape[1] - r, 1.0 / np.sqrt(g))))
-        return Channels(*scaled(a, b * right, left[:, None] * c), left[:, None] * d * right, self.sizes, b.shape[1] - r)
+        left = np.append(half, np.ones(len(c) - r))[:, None]
+        return Channels(*scaled(a, b, left * c), left * d, self.sizes, b.shape[1] - r).over(g)
 
     def holds(self, limits: Array, starts: list[float], g: float = 1.0, most: int = MOST) -> bool:
         """Return whether the equations are proven stable, and the gain below g, everywhere within limits.
@@ -191,7 +188,7 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
     lower, last = 0.0, min(upper, largest)
     for share in (*SHARES, 1.0 - accuracy):  # upwards: what is proven costs less than what is not
         if not proves(share * last):
-            lower = _closest(proves, lower, share * last, 0.02 * last)
+            lower = halved(proves, lower, share * last, HALVINGS, 0.02 * last)[0]
             break
         lower = share * last
     return RobustStability(plant.name, lower, upper, values, omega, plant.parameters)
@@ -202,17 +199,6 @@ def _rightmost(a: Array) -> float:
     return float(np.abs(poles[int(np.argmax(poles.real))].imag))
 
 
-def _closest(proves: Callable[[float], bool], good: float, bad: float, near: float) -> float:
-    """The number nearest to ``bad`` that is proven, from ``good`` on, in a few steps."""
-    for _ in range(HALVINGS):
-        if abs(bad - good) <= near:
-            break
-        middle = 0.5 * (good + bad)
-        if proves(middle):
-            good = middle
-        else:
-            bad = middle
-    return good
 
 
 def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> WorstGain:
@@ -242,7 +228,8 @@ def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> Wo
     while share < HIGHEST:
         above = lower * (1.0 + share)
         if proves(above):
-            return WorstGain(plant.name, lower, _closest(proves, above, below, lower * accuracy), values, omega, *known)
+            upper = halved(proves, above, below, HALVINGS, lower * accuracy)[0]
+            return WorstGain(plant.name, lower, upper, values, omega, *known)
         below, share = above, 6.0 * share
     return WorstGain(plant.name, lower, np.inf, values, omega, *known)
 

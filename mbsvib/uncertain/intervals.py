@@ -14,13 +14,14 @@ of high-dimensional uncertain systems (2011).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.feedback.closing import on_axis, transfer
 from mbsvib.uncertain.scalings import Scalings, best_scalings
+from mbsvib.uncertain.search import halved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +57,11 @@ class Channels:
         """Return M (k, rows, columns) at angular frequencies, of which the last may be infinite."""
         return transfer((self.a, self.b, self.c, self.d), on_axis(w))
 
+    def over(self, gain: float) -> Channels:
+        """Return channels in which a gain is 1."""
+        left, right = (np.where(np.arange(count) < self.count, 1.0, 1.0 / np.sqrt(gain)) for count in self.d.shape)
+        return replace(self, b=self.b * right, c=left[:, None] * self.c, d=left[:, None] * self.d * right)
+
     def poles(self) -> Complex:
         """Return the eigenvalues of A."""
         return np.linalg.eigvals(self.a).astype(complex) if len(self.a) else np.zeros(0, dtype=complex)
@@ -76,33 +82,18 @@ def interval(channels: Channels, scalings: Scalings, w0: float) -> tuple[float, 
     if least(channels, scalings, np.array([w0]))[0] <= MARGIN:
         return w0, w0
     stops = np.unique(np.concatenate(([0.0, w0], _candidates(channels, scalings), _beside(channels.poles()))))
-    low, high = 0.0, np.inf
-    below, above = stops[stops < w0], stops[stops > w0]
-    inner = np.concatenate((below, [w0], above))
-    between = 0.5 * (inner[1:] + inner[:-1])
-    points = np.sort(np.concatenate((inner, between, [2.0 * inner[-1] + 1.0, np.inf])))
-    good = least(channels, scalings, points) > MARGIN
+    points = np.sort(np.concatenate((stops, 0.5 * (stops[1:] + stops[:-1]), [2.0 * stops[-1] + 1.0, np.inf])))
     at = int(np.searchsorted(points, w0))
-    bad = np.flatnonzero(~good)
+    bad = np.flatnonzero(least(channels, scalings, points) <= MARGIN)
     before, after = bad[bad < at], bad[bad > at]
-    if len(before):
-        low = _edge(channels, scalings, points[before[-1] + 1], points[before[-1]])
-    if len(after):
-        high = _edge(channels, scalings, points[after[0] - 1], points[after[0]])
-    return low, high
+    low = _edge(channels, scalings, points[before[-1] + 1], points[before[-1]]) if len(before) else 0.0
+    return low, _edge(channels, scalings, points[after[0] - 1], points[after[0]]) if len(after) else np.inf
 
 
 def _edge(channels: Channels, scalings: Scalings, good: float, bad: float) -> float:
     """The last frequency known to be good on the way to a bad one."""
-    if np.isinf(bad):
-        bad = 1e6 * max(good, 1.0)
-    for _ in range(12):
-        middle = 0.5 * (good + bad)
-        if least(channels, scalings, np.array([middle]))[0] > MARGIN:
-            good = middle
-        else:
-            bad = middle
-    return float(good)
+    bad = 1e6 * max(good, 1.0) if np.isinf(bad) else bad
+    return float(halved(lambda w: bool(least(channels, scalings, np.array([w]))[0] > MARGIN), good, bad, 12)[0])
 
 
 def _beside(poles: Complex) -> Array:

@@ -22,11 +22,18 @@ SHOWN = 2  # parameters in a row of a table
 ROUNDING = 1e-8  # share of half the width of limits below which a table shows a value as 0
 
 
+@dataclass(frozen=True, repr=False, eq=False)
 class _AtValues(Columnar, Displayed):
     """A result with the ``values`` of ``parameters`` at which it is reached."""
 
+    name: str
+    """Name of the system or loop."""
+    lower: float
+    upper: float
     values: Mapping[str, float]
-    parameters: tuple[Block, ...]
+    omega: float
+    parameters: tuple[Block, ...] = field(default=(), repr=False)
+
     _index = "parameter"
 
     def columns(self) -> dict[str, Any]:
@@ -38,11 +45,9 @@ class _AtValues(Columnar, Displayed):
             ``parameter``, ``unit``, ``lower``, ``nominal``, ``upper``, ``value``.
         """
         shown = [block for block in self.parameters if block.name in self.values]
-        columns = {"parameter": [block.name for block in shown], "unit": [block.unit for block in shown],
-                   "lower": [block.low for block in shown], "nominal": [block.nominal for block in shown],
-                   "upper": [block.high for block in shown],
-                   "value": [self.values[block.name] for block in shown]}  # fmt: skip
-        return {name: np.array(column) for name, column in columns.items()}
+        return by_name(("parameter", "unit", "lower", "nominal", "upper", "value"), [
+            (block.name, block.unit, block.low, block.nominal, block.high, self.values[block.name])
+            for block in shown])  # fmt: skip
 
     def _table(self, title: str, notes: list[str]) -> dict[str, Any]:
         known = {block.name: block for block in self.parameters}
@@ -65,14 +70,6 @@ class RobustStability(_AtValues):
     that vanishes. Without such values ``upper`` is infinite, ``values`` are empty and ``omega`` is not a number.
     ``parameters`` are those of the plant.
     """
-
-    name: str
-    """Name of the system or loop."""
-    lower: float
-    upper: float
-    values: Mapping[str, float]
-    omega: float
-    parameters: tuple[Block, ...] = field(default=(), repr=False)
 
     def table(self) -> dict[str, Any]:
         """Return the table of factors and values as arguments of ``mbsvib.common.tables.text`` and ``show``."""
@@ -97,13 +94,6 @@ class WorstGain(_AtValues):
     of the plant.
     """
 
-    name: str
-    """Name of the system or loop."""
-    lower: float
-    upper: float
-    values: Mapping[str, float]
-    omega: float
-    parameters: tuple[Block, ...] = field(default=(), repr=False)
     outputs: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     unit: str = ""

@@ -75,7 +75,7 @@ def mean_square_bound(channels: Channels, beyond: Channels) -> float:
 def _samples(channels: Channels) -> Array:
     """Changes (k, channels) of the parameters from -1 to 1: none, vertices, and points at random."""
     limits = np.tile([-1.0, 1.0], (len(channels.sizes), 1))
-    return np.repeat(samples(limits, 0, CORNERS, INSIDE, INSIDE), channels.sizes, axis=1)
+    return np.repeat(samples(limits, CORNERS, INSIDE, INSIDE), channels.sizes, axis=1)
 
 
 def _reached(channels: Channels, deltas: Array, w: Array) -> Array:
@@ -139,7 +139,7 @@ def _over_band(channels: Channels, deltas: Array, band: Band, least: float) -> f
 def _proven(channels: Channels, gain: float, w: float) -> tuple[float, float, float] | None:
     """A bound of the gain near that of samples, and an interval about ``w`` on which it is proven."""
     for factor in FACTORS:
-        scaled = _at_level(channels, factor * gain)
+        scaled = channels.over(factor * gain)
         scalings, s = best_scalings(scaled.at(np.array([w]))[0], channels.sizes, channels.inputs, ENOUGH)
         if s > 0.0:
             low, high = interval(scaled, scalings, w)
@@ -148,12 +148,6 @@ def _proven(channels: Channels, gain: float, w: float) -> tuple[float, float, fl
     return None
 
 
-def _at_level(channels: Channels, gain: float) -> Channels:
-    """Channels in which a gain is 1."""
-    n, unit = channels.count, 1.0 / np.sqrt(gain)
-    left, right = np.ones(len(channels.c)), np.ones(channels.b.shape[1])
-    left[n:] = right[n:] = unit
-    return replace(channels, b=channels.b * right, c=left[:, None] * channels.c, d=left[:, None] * channels.d * right)
 
 
 def _tail(channels: Channels, deltas: Array) -> tuple[float, float] | None:

@@ -6,7 +6,7 @@ equations that this closes have gradients by ``feedback.closing``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -67,13 +67,13 @@ class Perturbed:
 
     def within(self, t: float) -> Perturbed:
         """Return the same with limits t times as far."""
-        return Perturbed(self.space, self.owner, t * self.limits, self.shown, self.sources)
+        return replace(self, limits=t * self.limits)
 
-    def highest(self, measure: Measure, seed: int = 0, more: Any = ()) -> tuple[float, Array]:
-        """Return the largest value that ascents from several points reach, and where."""
+    def highest(self, measure: Measure, *more: Array) -> tuple[float, Array]:
+        """Return the largest value that ascents from several points reach, ``more`` among them, and where."""
         from scipy.optimize import minimize
 
-        points = np.concatenate((samples(self.limits, seed), np.reshape(np.array(list(more)), (-1, len(self.limits)))))
+        points = np.array([*samples(self.limits), *more])
         values = np.array([self.measured(measure, point)[0] for point in points])
         best = int(np.argmax(np.nan_to_num(values, nan=-np.inf)))
         value, where = float(values[best]), points[best]
@@ -91,7 +91,7 @@ class Perturbed:
                 break
         return value, np.asarray(where)
 
-    def destabilizing(self, known: float, largest: float, seed: int = 0) -> tuple[float, Array] | None:
+    def destabilizing(self, known: float, largest: float) -> tuple[float, Array] | None:
         """Return the smallest factor t on the limits found at which the equations are not stable, and where; None if
         there is none up to the ``largest``.
 
@@ -99,14 +99,14 @@ class Perturbed:
         """
         t, last = known, None
         while last is None:
-            value, where = self.within(t).highest(growth, seed)
+            value, where = self.within(t).highest(growth)
             last = where if value >= 0.0 else None
             if last is None and t >= largest:
                 return None
             t = min(1.5 * t, largest)
         t, last = self._down(last)
         for _ in range(8):  # a smaller box may hold another one
-            value, where = self.within(0.995 * t).highest(growth, seed, [0.995 * last])
+            value, where = self.within(0.995 * t).highest(growth, 0.995 * last)
             if value < 0.0:
                 break
             t, last = self._down(where)
@@ -114,26 +114,32 @@ class Perturbed:
 
     def _down(self, delta: Array) -> tuple[float, Array]:
         """The first point of the ray to delta that is not stable, and its factor on the limits."""
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            if self.measured(growth, middle * delta)[0] >= 0.0:
-                high = middle
-            else:
-                low = middle
-        return self.factor(high * delta), high * delta
+        first = delta * halved(lambda share: self.measured(growth, share * delta)[0] < 0.0, 0.0, 1.0, HALVINGS)[1]
+        return self.factor(first), first
 
     def factor(self, delta: Array) -> float:
         """Return by which factor of the limits a point is away from the nominal values."""
         return float(np.max(np.where(delta > 0.0, delta / self.limits[:, 1], delta / self.limits[:, 0])))
 
 
-def samples(limits: Array, seed: int = 0, vertices: int = VERTICES, many: int = RANDOM, inner: int = RANDOM // 4
-            ) -> Array:  # fmt: skip
+def halved(holds: Callable[[float], bool], good: float, bad: float, steps: int, near: float = 0.0
+           ) -> tuple[float, float]:  # fmt: skip
+    """Return a number that holds and one that does not, after halving the way between two in so many steps at most, or
+    until they are so ``near``.
+    """
+    for _ in range(steps):
+        if abs(bad - good) <= near:
+            break
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good, bad
+
+
+def samples(limits: Array, vertices: int = VERTICES, many: int = RANDOM, inner: int = RANDOM // 4) -> Array:
     """Return points (k, parameters) within limits: none changed, all vertices of so many parameters or ``many`` of
     more, and so many inner ones.
     """
-    rng, count = np.random.default_rng(seed), len(limits)
+    rng, count = np.random.default_rng(0), len(limits)
     if count <= vertices:
         corners = np.array(list(product((0, 1), repeat=count)), dtype=np.intp)
     else:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from mbsvib.uncertain.blocks import Block
-from mbsvib.uncertain.certain import HALVINGS, _closest
+from mbsvib.uncertain.certain import HALVINGS
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
+from mbsvib.uncertain.search import halved
 
 
 def test_tables_of_what_is_certain():
@@ -47,11 +48,11 @@ def test_steps_towards_what_is_not_proven(true, near):
         asked.append(t)
         return t <= true
 
-    found = _closest(proves, 0.2, 1.0, near)
+    found = halved(proves, 0.2, 1.0, HALVINGS, near)[0]
     assert found <= true
     assert len(asked) <= HALVINGS
     last = min([1.0, *[t for t in asked if t > true]])
     assert last - found == pytest.approx(0.8 * 0.5 ** len(asked))
     assert (len(asked) == HALVINGS) or last - found <= near
-    downwards = _closest(lambda t: t >= true, 1.0, 0.2, near)
+    downwards = halved(lambda t: t >= true, 1.0, 0.2, HALVINGS, near)[0]
     assert downwards >= true

@@ -83,7 +83,7 @@ def test_gains_of_samples_are_those_of_closed_equations():
     assert np.abs(deltas).max() == 1.0
     expected = np.max([closed(c, row[[0, 2]], w) for row in deltas], axis=0)
     np.testing.assert_allclose(rms_bound._reached(c, deltas, w), expected, rtol=1e-12)
-    level = rms_bound._at_level(c, 7.0)
+    level = c.over(7.0)
     np.testing.assert_allclose(rms_bound._reached(level, deltas, w), expected / 7.0, rtol=1e-12)
     many = rms_bound._samples(replace(c, sizes=(1,) * 7))
     assert many.shape[1] == 7
