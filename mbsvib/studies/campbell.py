@@ -49,9 +49,6 @@ class CriticalSpeed:
     whirl: float
 
 
-def upper_eigenvalues(modes: Modes) -> Complex:
-    """Return one eigenvalue (modes,) for each mode; see ``matching.upper``."""
-    return upper(modes.pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +74,7 @@ class SpeedSweep:
 
     def station(self, speed: float, modes: Modes) -> Station:
         """Return modes with their shapes weighted by the energies of both kinds."""
-        return Station(speed, upper_eigenvalues(modes), self.energy @ modes.shapes)
+        return Station(speed, upper(modes.pairs), self.energy @ modes.shapes)
 
     def between(self, speed: float) -> Station:
         """Return the modes at another speed."""
@@ -102,7 +99,7 @@ class SpeedSweep:
                 area += sign * 2.0 * (axis @ np.cross(u.imag, u.real, axis=0))
                 size += (np.abs(u) ** 2).sum(axis=0)
         result = np.divide(area, size, out=np.zeros_like(area), where=size > 1e-20 * size.max(initial=0.0))
-        return np.where(upper_eigenvalues(modes).imag > 0.0, result, 0.0)
+        return np.where(upper(modes.pairs).imag > 0.0, result, 0.0)
 
 
 def speed_sweep(model: Model, ratios: Mapping[str, float]) -> SpeedSweep:
@@ -144,7 +141,7 @@ def critical_speeds(
     """Return where tracks cross frequency = times |speed|: at samples, or between two by a bracketing root finder."""
     from scipy.optimize import brentq
 
-    eigenvalues = np.array([upper_eigenvalues(modes)[which] for modes, which in zip(modes_at, order, strict=True)])
+    eigenvalues = np.array([upper(modes.pairs)[which] for modes, which in zip(modes_at, order, strict=True)])
     frequency_gap = eigenvalues.imag - times * np.abs(w)[:, None]
     result = []
     for k in range(len(w)):
@@ -165,7 +162,7 @@ class _Ends:
     """One mode between two speeds, followed from the nearest speed at which it was computed and is separate."""
 
     def __init__(self, sweep: SpeedSweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
-        single = [side for side in sides if is_simple(upper_eigenvalues(side[1]))[side[2]]]
+        single = [side for side in sides if is_simple(upper(side[1].pairs))[side[2]]]
         self.sweep, self.known, self.times = sweep, single or sides, times
 
     def mode(self, speed: float) -> tuple[Modes, int]:
@@ -174,18 +171,18 @@ class _Ends:
             return modes, number
         modes_here = self.sweep.at(speed)
         at = int(self.sweep.followed((near, modes), (speed, modes_here))[number])
-        if is_simple(upper_eigenvalues(modes_here))[at]:
+        if is_simple(upper(modes_here.pairs))[at]:
             self.known.append((speed, modes_here, at))
         return modes_here, at
 
     def off(self, speed: float) -> float:
         modes, number = self.mode(speed)
-        return float(upper_eigenvalues(modes)[number].imag - self.times * abs(speed))
+        return float(upper(modes.pairs)[number].imag - self.times * abs(speed))
 
 
 def _point(sweep: SpeedSweep, modes: Modes, number: int, at: tuple[int, float, float]) -> CriticalSpeed:
     mode, times, speed = at
-    value = upper_eigenvalues(modes)[number]
+    value = upper(modes.pairs)[number]
     ratio = float(0.0 - value.real / abs(value))
     return CriticalSpeed(mode + 1, times, speed, float(value.imag) / (2.0 * np.pi), ratio,
                          float(sweep.whirl(modes, speed)[number]))  # fmt: skip
@@ -312,7 +309,7 @@ def campbell(
     stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
     order = track_modes(stations, sweep.between)
     steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
-    eigenvalues = np.array([upper_eigenvalues(modes)[which] for modes, _, which in steps])
+    eigenvalues = np.array([upper(modes.pairs)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
     errors = np.array([modes.pair_errors.max(axis=1)[which] for modes, _, which in steps])
     lines = reals(orders, "campbell", "orders", "multiples of the speed", ModelError)

@@ -206,19 +206,17 @@ class DesignPoint:
     def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:
         """Return the frequency response (outputs, inputs, n), and its derivatives (variables, outputs, inputs, n)."""
         w = np.asarray(omega, dtype=float)
-        o = [self.system.outputs.index(name) for name in outputs]
-        i = [self.system.inputs.index(name) for name in inputs]
-        value = steady_response(self.system, w)[np.ix_(o, i)]
+        value = steady_response(self.system, w, outputs, inputs)
         if not self.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
         return value, self.derivatives.response(w, outputs, inputs)
 
 
-def steady_response(system: Any, omega: Array) -> Complex:
+def steady_response(system: Any, omega: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
     """Return the frequency response of a system, or of a loop that is stable; others have no steady vibration."""
     if isinstance(system, Loop):
         system.check_stable()
-    return np.asarray(system.frequency_response(omega))
+    return np.asarray(system.frequency_response(omega, list(outputs), list(inputs)))
 
 
 def station(asked: Any, at: float = 0.0, modes: Modes | None = None) -> Station:

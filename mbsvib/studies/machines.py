@@ -89,7 +89,7 @@ class CycleMeasures(Displayed):
         """
         _checked(quantity)
         unit = UNITS[quantity] if " " not in UNITS[quantity] else f"({UNITS[quantity]})"
-        return _OfCycle(f"mean square {quantity} [{unit}^2]", partial(self._square, quantity=quantity, drive=drive))
+        return Leaf(f"mean square {quantity} [{unit}^2]", partial(self._square, quantity=quantity, drive=drive), False)
 
     def rms(self, quantity: str, drive: str | None = None) -> Quantity:
         """Return the root mean square of a quantity, for constraints; it has no derivative where it is zero.
@@ -207,10 +207,6 @@ def _same_but(names: tuple[str, ...], first: Model, second: Model) -> bool:
     return like.gravity == second.gravity and like.groups() == second.groups()
 
 
-class _OfCycle(Leaf):
-    """A number of a cycle, which no equations of small motion are needed for."""
-
-    equations = False
 
 
 def cycle(

@@ -252,13 +252,7 @@ def variable(name: str) -> Quantity:
     ModelError
         In a search that has no such variable.
     """
-    return _Variable(name, partial(_value_of, name))
-
-
-class _Variable(Leaf):
-    """The value of a variable, which no equations are needed for."""
-
-    equations = False
+    return Leaf(name, partial(_value_of, name), equations=False)
 
 
 def _value_of(name: str, point: DesignPoint) -> Dual:

@@ -250,8 +250,8 @@ def optimize(
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:
                 raise
-            values, nowhere = _named(search, search.scales.values(x)), dict.fromkeys(variables_design.variables, np.nan)
-            descents.append(Descent(values, nowhere, np.nan, np.nan, False, str(error)))
+            nowhere = dict.fromkeys(variables_design.variables, np.nan)
+            descents.append(Descent(search.values(x), nowhere, np.nan, np.nan, False, str(error)))
     if not ends:
         raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
                          field="starts")  # fmt: skip
@@ -303,7 +303,7 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
             break
     solver_result = replace(solver_result, iterations=iterations, failures=failures)
     _check_failures(search, z, solver_result)
-    return _optimum(search, z, solver_result, search.scales.values(x), began)
+    return _optimum(search, z, solver_result, x, began)
 
 
 def _better(new: Value, old: Value) -> bool:
@@ -337,18 +337,16 @@ def _rank(end: Optimum) -> tuple[float, float]:
     return max(end.violation, FEASIBLE), end.objective
 
 
-def _named(search: Search, values: Array) -> dict[str, float]:
-    return dict(zip(search.design.variables, values.tolist(), strict=True))
 
 
-def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array, began: float) -> Optimum:
+def _optimum(search: Search, z: Array, solver_result: SolverResult, x: Array, began: float) -> Optimum:
     point = search.point(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
     evaluation = search.at(z)
     violation, optimality = _violation(evaluation), _left_over(search, z)
     parameters, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and optimality <= (DOUBTED if solver_result.success else OPTIMAL)
-    descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
+    descent = Descent(search.values(x), values, objective, violation, success, solver_result.message)
     model = (search.systems.balanced(point.values)[0] if search.needs_equations
              else search.systems.described(point.values))  # fmt: skip
     return Optimum(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from operator import add, itemgetter, methodcaller, mul, neg, sub, truediv
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,10 +28,12 @@ class Quantity(Displayed):
     """
 
     __array_ufunc__ = None  # numpy's numbers leave arithmetic to this class
-    equations: ClassVar[bool] = True  # whether it asks for the equations of motion, where it has no parts that tell
 
-    def __init__(self, label: str, parts: tuple[Quantity, ...], rule: Callable[..., Dual]) -> None:
+    def __init__(
+        self, label: str, parts: tuple[Quantity, ...], rule: Callable[..., Dual], equations: bool = True
+    ) -> None:
         self.label, self.parts, self._rule = label, parts, rule
+        self._equations = equations  # whether it asks for the equations of motion, where it has no parts that tell
 
     def at(self, point: DesignPoint) -> Dual:
         """Return numbers and derivatives.
@@ -72,7 +74,7 @@ class Quantity(Displayed):
     @property
     def needs_equations(self) -> bool:
         """Whether it is a number of the linear equations, rather than of the model itself."""
-        return any(part.needs_equations for part in self.parts) if self.parts else self.equations
+        return any(part.needs_equations for part in self.parts) if self.parts else self._equations
 
     def inner(self) -> Iterator[Quantity]:
         """Iterate over this quantity and all its parts."""
@@ -168,17 +170,11 @@ class Quantity(Displayed):
         return f"Quantity({self.label})"
 
 
-class Constant(Quantity):
-    """A quantity that is the same everywhere."""
-
-    equations = False
-
-
 class Leaf(Quantity):
-    """A quantity that is computed directly at a point."""
+    """A quantity that is computed directly at a point; ``equations``: whether it takes those of small motion."""
 
-    def __init__(self, label: str, ask: Callable[[DesignPoint], Dual]) -> None:
-        super().__init__(label, (), ask)
+    def __init__(self, label: str, ask: Callable[[DesignPoint], Dual], equations: bool = True) -> None:
+        super().__init__(label, (), ask, equations)
 
     def at(self, point: DesignPoint) -> Dual:
         """Return numbers and derivatives at a point."""
@@ -226,7 +222,7 @@ def quantity(value: Any) -> Quantity:
     if fixed.ndim != 1 or not np.isfinite(fixed).all():
         raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
     label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)
-    return Constant(label, (), partial(Dual, fixed, np.zeros((len(fixed), 1))))
+    return Quantity(label, (), partial(Dual, fixed, np.zeros((len(fixed), 1))), equations=False)
 
 
 def _joined(sign: str, a: Quantity, b: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:

@@ -53,9 +53,7 @@ class PortResponses:
 
     def response(self, system: System, w: Array) -> Complex:
         """Return the responses at angular frequencies, (outputs, inputs, n)."""
-        outputs, inputs = self.of(system)
-        o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
-        return np.asarray(steady_response(system, w)[np.ix_(o, i)])
+        return steady_response(system, w, *self.of(system))
 
     def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
         """Return the responses and their derivatives, (variables, outputs, inputs, n)."""

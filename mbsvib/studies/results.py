@@ -20,7 +20,7 @@ from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.plots.studies import over_variables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -152,18 +152,21 @@ class Sweep(Columnar, Displayed):
         modes do, ``label(1,2)`` of matrices, ``.re`` and ``.im`` of complex numbers;
         ``error`` of points that failed.
         """
-        result: dict[str, NDArray[Any]] = dict(self.parameters)
-        for label, values in self.results.items():
-            flat = values.reshape(len(self), -1)
-            for i in range(flat.shape[1]):
-                index = np.unravel_index(i, values.shape[1:]) if values.ndim > 1 else ()
-                name = label + (f"({','.join(str(int(k) + 1) for k in index)})" if index else "")
-                if values.dtype.kind == "c":
-                    result[f"{name}.re"], result[f"{name}.im"] = flat[:, i].real, flat[:, i].imag
-                else:
-                    result[name] = flat[:, i]
+        result = self._by_entry(lambda label, index: label + (f"({','.join(map(str, index))})" if index else ""))
         if self.errors:
             result["error"] = np.array([self.errors.get(i, "") for i in range(len(self))])
+        return result
+
+    def _by_entry(self, named: Callable[[str, tuple[int, ...]], str]) -> dict[str, NDArray[Any]]:
+        """Variables, and each entry of the results, which count from 1, with a name for its label and numbers."""
+        result: dict[str, NDArray[Any]] = dict(self.parameters)
+        for label, values in self.results.items():
+            for index in np.ndindex(*values.shape[1:]):
+                name, column = named(label, tuple([k + 1 for k in index])), values[:, *index]
+                if values.dtype.kind == "c":
+                    result[f"{name}.re"], result[f"{name}.im"] = column.real, column.imag
+                else:
+                    result[name] = column
         return result
 
     def to_xarray(self) -> Any:

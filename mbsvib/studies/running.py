@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -237,24 +237,10 @@ def task(systems: Systems, question: Question) -> Task:
     return Task(systems, question, "batch" if question.batched else "variants", system.dof)
 
 
-class Work(Protocol):
-    """Work at numbered points, as a ``Task`` is; ``dof`` tells how many points go together."""
-
-    @property
-    def kind(self) -> str:
-        """As of ``Task``."""
-
-    @property
-    def dof(self) -> int:
-        """Size of the matrices of a point."""
-
-    def run(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> list[tuple[int, Any]]:
-        """Return the outcomes at the points with these numbers."""
-
-
-def run(task: Work, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
+def run(task: Any, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
     """Compute the remaining points and yield their outcomes as they are available.
 
+    ``task``: a ``Task``, or other work with ``run``, ``kind`` and ``dof``, which tells how many points go together.
     ``columns`` (n,): values of the variables at all points. ``workers``: number of processes; 1: only this one.
     Default: joblib's configuration, else the number of processors if these save time. What a point costs is known as
     soon as pieces no longer grow: the first one includes what is computed once, small ones cost more for each point.
@@ -295,7 +281,7 @@ def error_text(error: BaseException) -> str:
 
 
 def _parallel(
-    task: Work, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None, configured: bool, many: int
+    task: Any, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None, configured: bool, many: int
 ) -> Iterator[Outcomes]:
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend

@@ -51,8 +51,7 @@ class Scales:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return bounds of the unknowns."""
-        lower, upper = self._unknown(self.low), self._unknown(self.high)
-        return lower, upper
+        return self._unknown(self.low), self._unknown(self.high)
 
     def _unknown(self, p: Array) -> Array:
         ratio = np.where(self.positive, p, 1.0) / np.where(self.positive, self.start, 1.0)
@@ -154,7 +153,8 @@ class Search:
                        for c, value in zip(constraints, numbers, strict=True)]  # fmt: skip
         self._check_directions(start)
 
-    def _values(self, x: Array) -> dict[str, float]:
+    def values(self, x: Array) -> dict[str, float]:
+        """Return the variables by name at their unknowns."""
         return dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
 
     def point(self, x: Array) -> DesignPoint:
@@ -163,7 +163,7 @@ class Search:
         """
         if self._point is None or not np.array_equal(self._point[0], x):
             self.evaluations += 1
-            values, scale = self._values(x), self.scales.rates(self.scales.values(x))
+            values, scale = self.values(x), self.scales.rates(self.scales.values(x))
             try:
                 point = DesignPoint.at(self.systems, values, scale, scale, self.needs_equations)
                 order = self._followed(x, point) if self._follows else None
@@ -301,7 +301,7 @@ class Search:
 
         def between(share: float) -> Station:
             inside = origin + share * (x - origin)
-            return framed(station(self.systems.asked(self._values(inside)), share), self._frame)
+            return framed(station(self.systems.asked(self.values(inside)), share), self._frame)
 
         target = framed(replace(target, at=1.0), self._frame)
         number, tracks = match_next(known, 0.0, target, between)

@@ -106,7 +106,6 @@ def sweep(
     work = task(Systems(model, variables, around), quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
-
         varied = variables.values(columns) | variables.displacements(columns)
         varied |= {name: columns[name] for name in around.gains} | ({"relaxed": relaxed} if variables.pose else {})
         record = Record(file, head(model, sweep_points, varied, quantities))

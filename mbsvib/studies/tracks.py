@@ -76,14 +76,7 @@ class Tracks(Sweep):
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return everything as columns of n entries, results by the names of their modes."""
-        result: dict[str, NDArray[Any]] = dict(self.parameters)
-        for label, values in self.results.items():
-            for name, column in zip(self.modes, values.T, strict=True):
-                if values.dtype.kind == "c":
-                    result[f"{label}[{name}].re"], result[f"{label}[{name}].im"] = column.real, column.imag
-                else:
-                    result[f"{label}[{name}]"] = column
-        return result
+        return self._by_entry(lambda label, index: f"{label}[{self.modes[index[0] - 1]}]")
 
     def root_locus(self, modes: Sequence[str] | None = None, *, ax: Given | None = None) -> Figure | Given:
         """Draw the eigenvalues in the complex plane.
