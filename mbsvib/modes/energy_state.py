@@ -30,7 +30,7 @@ from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gra
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
-from mbsvib.modes.zero_subspaces import long_chains, unbraked, zero_subspaces
+from mbsvib.modes.zero_subspaces import damping_terms, long_chains, unbraked, zero_subspaces
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -191,7 +191,7 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     p = len(undamped_modes.square)
     rows = product_with_zeros(system.elastic_rows, basis)
     stiffness = weighted_gram(rows, system.row_stiffness)
-    stiffness[np.abs(stiffness) <= ZERO_SUM * _terms(system, basis, system.row_stiffness, None)] = 0.0
+    stiffness[np.abs(stiffness) <= ZERO_SUM * _spring_terms(system, basis)] = 0.0
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product_with_zeros(product_with_zeros(basis.T, system.circulatory), basis)
@@ -223,11 +223,10 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
-    """Sum of the magnitudes of all terms of D^T diag(value) D and of a second part, for motions of the basis."""
+def _spring_terms(system: Equations, basis: Array) -> Array:
+    """Sum of the magnitudes of all terms of D^T diag(k) D, for motions of the basis."""
     most = rounding_scale(basis, coordinate_sizes(system))
-    result = weighted_gram(np.abs(system.elastic_rows) @ most, np.abs(value))
-    return result if second_part is None else result + most.T @ np.abs(second_part) @ most
+    return weighted_gram(np.abs(system.elastic_rows) @ most, np.abs(system.row_stiffness))
 
 
 def _stiffness_terms(system: Equations, basis: Array, modes: Undamped) -> Array:
@@ -235,7 +234,7 @@ def _stiffness_terms(system: Equations, basis: Array, modes: Undamped) -> Array:
     rounding of their stiffness is that of their own springs and not of the stiffest ones.
     """
     p = len(modes.square)
-    result = _terms(system, basis, system.row_stiffness, None)
+    result = _spring_terms(system, basis)
     result[:p, :p] = np.diag(np.abs(system.row_stiffness) @ product_with_zeros(system.elastic_rows, basis[:, :p]) ** 2)
     if system.circulatory is not None:
         most = rounding_scale(basis, coordinate_sizes(system))
@@ -268,5 +267,4 @@ def _chains(
     z, y = null
     if _resists(system) and system.gyroscopic is None:
         return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
-    terms = np.abs(y).T @ _terms(system, basis, system.row_damping, system.gyroscopic) @ np.abs(z)
-    return null_pair(y.T @ damping @ z, terms)
+    return null_pair(y.T @ damping @ z, damping_terms(system, basis @ y, basis @ z))

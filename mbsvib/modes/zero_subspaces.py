@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.equations.unresisted_motion import coordinate_sizes, free_motions, matrix_scales, null_pair, rounding_scale
 from mbsvib.linalg.products import product_with_zeros, weighted_gram
-from mbsvib.linalg.rank import DEPENDENT_ROWS
+from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, ZERO_SUM
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
 LONGER = 1e-9
+# Share of the terms of a damper between two motions that do not move it, whose rounding is squared: a rank decision
+# takes 1e-14 of it as zero.
+UNMOVED = ZERO_SUM**2 / (LEAST_ROW * DEPENDENT_ROWS)
 
 
 def null_basis(rows: Array) -> Array:
@@ -99,6 +102,20 @@ def unbraked(system: Equations, rigid: Array) -> Array:
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
     relative_motion = product_with_zeros(system.elastic_rows, rigid)
-    most = np.abs(system.elastic_rows) @ rounding_scale(rigid, coordinate_sizes(system))
-    c = system.row_damping
-    return rigid @ null_pair(weighted_gram(relative_motion, c), weighted_gram(most, c))[0]
+    resistance = weighted_gram(relative_motion, system.row_damping)
+    return rigid @ null_pair(resistance, damping_terms(system, rigid, rigid))[0]
+
+
+def damping_terms(system: Equations, first: Array, second: Array) -> Array:
+    """Return the sums of the magnitudes of all terms of Y^T C Z for motions Y (m, k) and Z (m, n) that rank decisions
+    found. Dampers that these do not move count by the square of a rounding.
+    """
+    sizes, dampers = coordinate_sizes(system), np.abs(system.row_damping)[:, None]
+    most = [rounding_scale(motions, sizes) for motions in (first, second)]
+    moved = [np.abs(product_with_zeros(system.elastic_rows, motions)) for motions in (first, second)]
+    reach = [np.abs(system.elastic_rows) @ part for part in most]
+    result = moved[0].T @ (dampers * (moved[1] + reach[1])) + reach[0].T @ (dampers * (moved[1] + UNMOVED * reach[1]))
+    if system.gyroscopic is not None:
+        spin, (y, z) = np.abs(system.gyroscopic), (np.abs(first), np.abs(second))
+        result += y.T @ spin @ (z + most[1]) + most[0].T @ spin @ (z + UNMOVED * most[1])
+    return np.asarray(result)

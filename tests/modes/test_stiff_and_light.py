@@ -83,3 +83,23 @@ def test_mounts_of_a_rotor_in_oil_bearings():
     mass = 812.0 + 7800 * np.pi * 0.01**2 * 0.25
     # the mass is off the base's centre by 4 mm, and turns it a little; bearings give way by a millionth
     assert_allclose(np.abs(modes.eigenvalues[:6]), np.sqrt(soft / mass), rtol=1e-3)
+
+
+@pytest.mark.parametrize("spinning", [True, False])
+def test_weak_drag_of_a_slide_that_carries_strong_dampers(spinning):
+    """A slide on a rail of drag c decays at c / m beside a rotor on it, or a damper under negative stiffness; it was 0.
+    """
+    drag, light = 1e-4, 1e-6
+    model = mv.Model("slide")
+    model.add_body("slide", 50.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "slide", axis=(1, 0, 0))
+    model.add_spring("drag", "ground", "slide", (-1, 0, 0), (0, 0, 0), damping=drag)
+    model.add_body("light", light, (light, light, light))
+    model.add_joint("gimbal", None, "slide", "light", (0, 0, 0), free=("x", "rx", "ry"))
+    stiffness = (1e3, 0, 0, 2.0, 2.0, 0) if spinning else (1e3, 0, 0, -1.0, 2.0, 0)
+    model.add_bushing("strong", "slide", "light", (0, 0, 0), stiffness, (1e4, 0, 0, 1e4, 1e4, 0))
+    if spinning:
+        model.add_rotor("wheel", "light", 100.0, (0, 0, 1), inertia=light)
+    slow = model.linearize().modes().eigenvalues[:2]
+    assert slow[0] == 0.0
+    assert_allclose(slow[1], -drag / (50.0 + light), rtol=1e-9)
