@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ REFINEMENTS = 2
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
     """The equation A P + P A^T + W = 0 of a matrix ``a`` (n, n) whose eigenvalues have negative real parts.
+
+    A solution of which rounding leaves no digit is refused (ResponseError).
 
     Source: Bartels & Stewart, Commun. ACM 15 (1972) 820: by the Schur form; its residual is solved for again.
     """
@@ -51,9 +54,16 @@ class Lyapunov:
             residual = half + half.T + w
             step = self._once(residual, transposed)
             if np.abs(step).max() > 0.5 * np.abs(result).max():
-                break
+                raise self._unsolved()
             result = result + step
         return np.asarray(0.5 * (result + result.T))
+
+    def _unsolved(self) -> ResponseError:
+        """The error of a solution that rounding leaves no digit of."""
+        rates = np.abs(np.linalg.eigvals(self.a).real)
+        return ResponseError(f"mean square: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, which "
+                             f"rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or leave out "
+                             f"what decays that fast.")  # fmt: skip
 
     def _once(self, w: Array, transposed: bool) -> Array:
         from scipy.linalg import lapack

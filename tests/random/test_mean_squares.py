@@ -372,3 +372,20 @@ def test_slow_processes_are_finite(rate, noise):
     """Noise of a one-sided density of 2 on x' = -a x + w has the mean square 1 / 2 a, however slow its decay is."""
     space = mv.StateSpace.from_arrays([[-rate]], [[1.0]], [[1.0]], 0)
     assert space.rms("y1", {"u1": noise})["y1"] == pytest.approx(np.sqrt(0.5 / rate), rel=1e-12)
+
+
+def test_rates_that_rounding_cannot_tell_apart_are_refused():
+    """A slide with a light part on strong dampers: its mean square was 0 in place of S / (4 c k); a band has it."""
+    model, light = mv.Model("slide"), 1e-6
+    model.add_body("slide", 50.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "slide", axis=(1, 0, 0))
+    model.add_spring("drag", "ground", "slide", (-1, 0, 0), (0, 0, 0), stiffness=0.02, damping=1.0)
+    model.add_body("light", light, (light, light, light))
+    model.add_joint("gimbal", None, "slide", "light", (0, 0, 0), free=("x", "rx", "ry"))
+    model.add_bushing("strong", "slide", "light", (0, 0, 0), (1e3, 0, 0, 2, 2, 0), (1e4, 0, 0, 1e4, 1e4, 0))
+    model.add_input("f", "slide", "x")
+    model.add_output("x", "slide", "x")
+    system = model.linearize()
+    with pytest.raises(mv.MbsvibError, match=r"0.0002 to 1e\+10 1/s.*Give a band"):
+        system.rms("x", {"f": 1.0})
+    assert system.rms("x", {"f": 1.0}, band=(0, 1e6))["x"] == pytest.approx(np.sqrt(1 / (4 * 0.02)), rel=1e-9)
