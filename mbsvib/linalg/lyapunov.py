@@ -61,9 +61,9 @@ class Lyapunov:
     def _unsolved(self) -> ResponseError:
         """The error of a solution that rounding leaves no digit of."""
         rates = np.abs(np.linalg.eigvals(self.a).real)
-        return ResponseError(f"mean square: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, which "
-                             f"rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or leave out "
-                             f"what decays that fast.")  # fmt: skip
+        return ResponseError(f"mean square: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, "
+                             f"which rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or "
+                             f"leave out what decays that fast.")  # fmt: skip
 
     def _once(self, w: Array, transposed: bool) -> Array:
         from scipy.linalg import lapack
