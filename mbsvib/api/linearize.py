@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal, overload
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
+from mbsvib.equations.alignment import aligned
 from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.self_stress import warn
@@ -82,8 +83,6 @@ def linearize(
     """
     model = a_model(model, "linearize")
     if align is not None:
-        from mbsvib.equations.alignment import aligned
-
         model = aligned(model, align)
     if model.rolling:
         from mbsvib.api.rolling_system import rolling_system

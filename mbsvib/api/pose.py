@@ -9,6 +9,9 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import reals
+from mbsvib.equilibrium.articulation import with_preloads_of, with_rigid_parts
+from mbsvib.equilibrium.couplers import check_couplers
+from mbsvib.equilibrium.moved import moved
 from mbsvib.equilibrium.posed_variants import pose_coordinates
 from mbsvib.errors import EquilibriumError, MbsvibError, ModelError, SingularPoseError, UnreachableError
 from mbsvib.mechanism.mechanism import Mechanism
@@ -101,9 +104,6 @@ class Posed(Mechanism):
         NearSingularWarning
             If the new pose is a dead centre of the coordinates, by which it is known to a few digits only.
         """
-        from mbsvib.equilibrium.couplers import check_couplers
-        from mbsvib.equilibrium.moved import moved
-
         result = moved(self, values, relaxed, cut)
         check_couplers(self, result)
         return result
@@ -173,7 +173,6 @@ class Posed(Mechanism):
         if not preload:
             result = equilibrium(self, snap, cut)
         else:
-            from mbsvib.equilibrium.articulation import with_preloads_of, with_rigid_parts
             from mbsvib.equilibrium.preloads import preloaded
 
             result = with_preloads_of(self, equilibrium(preloaded(with_rigid_parts(self), preload), snap, cut))

@@ -12,6 +12,7 @@ from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
 from mbsvib.common.expected import names as names_of
 from mbsvib.errors import ModelError
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.rolling.equations import rolling_equations
 
 if TYPE_CHECKING:
@@ -47,8 +48,6 @@ class RollingSystem(StateSpace):
     @property
     def ignorable(self) -> tuple[str, ...]:
         """Names of the states whose eigenvalues are 0 by structure: nothing drives them back, or depends on them."""
-        from mbsvib.linalg.groups import part_numbers
-
         part = part_numbers(self.A != 0.0, strong=True)
         alone = np.bincount(part)[part] == 1
         return tuple([name for name, single, value in zip(self.states, alone, np.diag(self.A), strict=True)

@@ -11,9 +11,10 @@ import numpy as np
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import PortedVerbs
-from mbsvib.sparse.equations import SparseEquations
+from mbsvib.sparse.equations import SparseEquations, with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     from mbsvib.api.modes import SomeModes
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
@@ -49,8 +49,6 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
     """
 
     def _with_ports(self, outputs: Names, inputs: Names) -> Self:
-        from mbsvib.sparse.equations import with_ports
-
         return with_ports(self, outputs, inputs)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
@@ -135,7 +133,6 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
     def _response(self, part: SparseSystem, w: Array) -> Complex:
-        from mbsvib.common.selection import port_numbers
         from mbsvib.sparse.response import frequency_response
 
         # one sparse factorisation a frequency, which all parts share

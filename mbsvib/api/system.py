@@ -15,6 +15,7 @@ from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
 from mbsvib.common.fast_init import fast_init
+from mbsvib.equations.selection import reachable
 from mbsvib.errors import counted
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.random.verbs import RandomVerbs
@@ -187,8 +188,6 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
         ResponseError
             If a name is unknown, or there is none.
         """
-        from mbsvib.equations.selection import reachable
-
         return reachable(self, outputs, inputs)
 
     def state_space(self, realization: str = "physical", reachable: bool = False) -> StateSpace:

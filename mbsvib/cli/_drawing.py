@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -206,8 +207,6 @@ def _curves(
 
 
 def _over_frequency(first: Limit, last: Limit, part: System) -> Computed:
-    from math import pi
-
     omega = part.frequency_grid(f_min=first, f_max=last)
     return ("frequency_hz", "frequencies_hz"), omega / (2.0 * pi), part.frequency_response(omega)
 

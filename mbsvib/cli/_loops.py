@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,8 +54,6 @@ def loop(
 
 def _columns(plant: Any, closed: Any, inputs: list[str] | None, outputs: list[str] | None) -> dict[str, Any]:
     """Frequency responses of open and closed loop."""
-    from math import pi
-
     from mbsvib.common.columnar import by_pair
 
     parts = {label: one.with_ports(outputs, inputs) for label, one in (("open", plant), ("closed", closed))}

@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
+from scipy.linalg import expm
 
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
@@ -217,8 +218,6 @@ def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array
     Q = integral of (t - s) C exp((A - i omega) s) B + t D, over s from 0 to a short time t, which is doubled until it
     is the whole time
     """
-    from scipy.linalg import expm
-
     fastest = max(float(np.linalg.norm(a, 2)) if len(a) else 0.0, float(np.abs(w).max(initial=0.0)))
     doublings, step, s, share = short_time(time, fastest)
     flow = expm(a * s[:, None, None])

@@ -26,6 +26,7 @@ from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import steps
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside, spectrum
+from mbsvib.modes.state_modes import StateModes, state_modes
 from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.norms import Norm
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from mbsvib.feedback.excited_period import Period
     from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.linalg.spectrum import Spectrum
-    from mbsvib.modes.state_modes import StateModes
     from mbsvib.responses.linear import LinearVerbs
 
 
@@ -118,8 +118,6 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         StateModes
             Printed as a table.
         """
-        from mbsvib.modes.state_modes import state_modes
-
         at_samples = self.sample_to_sample
         return state_modes(at_samples.A, self.name, at_samples.states, self.rate)
 

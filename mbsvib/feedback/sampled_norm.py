@@ -17,6 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.excited_period import Stretch, doubled, period, short_time
@@ -54,8 +55,6 @@ def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float, toget
     own = integral of (t - s) (c exp(A s) b)^2, over s from 0 to a short time t, which is doubled until it is the whole
     time; ``together``: of all sources and of all outputs in one
     """
-    from scipy.linalg import expm
-
     doublings, step, nodes, shares = short_time(time, float(np.linalg.norm(a, 2)))
     noise, weight, own = 0.0, 0.0, 0.0
     for s, share in zip(nodes, shares, strict=True):
@@ -230,8 +229,6 @@ def _series(left: Array, middle: Array, right: Array) -> Array:
 
 def _of_motion(motion: Motion, time: float, parts: list[Stretch], slopes: Stretch) -> Motion:
     """Gradients to A, B, C of a motion, of those to what it makes of a state over a time."""
-    from scipy.linalg import expm
-
     (a, b, c), n = motion, len(motion[0])
     for part in parts[-2::-1]:
         slopes = _halved(slopes, part)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from mbsvib.feedback.excited_period import excited_motion, excited_states, period, steady_state
 from mbsvib.feedback.sampled_norm import Slopes, flow, loop_slopes, under_noise, with_rest
@@ -209,8 +210,6 @@ def _slopes(loop: SampledEquations, inputs: Inputs) -> Slopes:
 
 def _stretch(motion: Motion, d: Array, time: float, inputs: Inputs, start: tuple[Complex, Complex]) -> Stretch:
     """A stretch of time from a state and a phase."""
-    from scipy.linalg import expm
-
     (a, b, c), n = motion, len(motion[0])
     count, step = panels(a, time, inputs.w)
     nodes, shares = np.polynomial.legendre.leggauss(NODES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigh
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError
@@ -112,8 +113,6 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
         law = integrators("skyhook", -gains, plant.names("acceleration"), plant.names("actuator"), leak)
         return law.for_plant(plant.system)
     ratios = _shared(gain, 6, "skyhook", "damping ratios of the six suspension modes")
-    from scipy.linalg import eigh
-
     mass = plant.mass
     square, shapes = eigh(plant.stiffness, mass)
     damper = mass @ (shapes * (2.0 * ratios * np.sqrt(np.maximum(square, 0.0)))) @ shapes.T @ mass

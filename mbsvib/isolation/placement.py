@@ -15,6 +15,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.isolation.placement_problems import Candidates, by_modes, by_parameters, by_rms, evaluation, score_of
 from mbsvib.isolation.placement_search import search
 from mbsvib.linalg.rank import SAME_FIGURE
+from mbsvib.plots.studies import placement_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -137,8 +138,6 @@ class Placement(Columnar, Displayed):
         matplotlib.figure.Figure, or ``ax``
             The figure.
         """
-        from mbsvib.plots.studies import placement_figure
-
         sets = [(*one.sensors, *one.actuators) for one in self.sets]
         label = "share of the information [1]" if self.larger else "root of the cost [1]"
         return placement_figure(self.name, f"by {self.criterion}", sets, [one.score for one in self.sets], self.bound,

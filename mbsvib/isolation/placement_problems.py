@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import eig
 
 from mbsvib.common import arguments as check
 from mbsvib.common.selection import PATTERN, selected
@@ -149,8 +150,6 @@ def _amounts(
 
 def by_modes(scene: Candidates, modes: Any) -> tuple[Gramians, str]:
     """The Gramians of modes, W_ij = -v_i^* v_j / (lambda_i^* + lambda_j), with states of one decay each."""
-    from scipy.linalg import eig
-
     system = scene.system
     values, labels = _eigenvalues(system, modes)
     space = first_order(system)

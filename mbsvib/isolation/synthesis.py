@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import schur, solve_continuous_lyapunov
 
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.feedback.closing import closed_space
@@ -14,6 +15,7 @@ from mbsvib.isolation.study_scene import ACCELERATIONS
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.state_space import StateSpace
+from mbsvib.responses.transmission_zeros import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -328,8 +330,6 @@ def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tu
     Source: A. J. Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. Automatic Control 24 (1979);
     D. L. Kleinman, On an iterative technique for Riccati equation computations, the same 13 (1968), for the last step.
     """
-    from scipy.linalg import schur, solve_continuous_lyapunov
-
     none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
                          "sensors, or effort and noise are too small against the rest.")  # fmt: skip
     n = len(a)
@@ -364,8 +364,6 @@ def _weighted(
 
     x' = a x + b u + bw w,  y = c x + d u + dw w,  z = e x + f u + g w, and the ``rate`` [1/s], the unit of time.
     """
-    from mbsvib.responses.transmission_zeros import numbers
-
     space, scene = plant.space, plant.scene
     u, w = ([space.inputs.index(name) for name in names] for names in (plant.names("actuator"), scene.inputs))
     y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)

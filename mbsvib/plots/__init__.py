@@ -22,34 +22,11 @@ from mbsvib.plots.studies import campbell, front, trade_off
 from mbsvib.plots.topology import topology
 
 __all__ = [
-    "STYLE",
-    "bode",
-    "campbell",
-    "comparison",
-    "cycle",
-    "energy",
-    "front",
-    "isolation",
-    "loop_gain",
-    "loop_nyquist",
-    "mechanism",
-    "mode_comparison",
-    "mode_contributions",
-    "mode_strips",
-    "modes",
-    "nyquist",
-    "path",
-    "periodic",
-    "pole_zero_map",
-    "root_locus",
-    "sensitivity",
-    "singular_values",
-    "step",
-    "time_grid",
-    "topology",
-    "trade_off",
+    "STYLE", "bode", "campbell", "comparison", "cycle", "energy", "front", "isolation", "loop_gain", "loop_nyquist",
+    "mechanism", "mode_comparison", "mode_contributions", "mode_strips", "modes", "nyquist", "path", "periodic",
+    "pole_zero_map", "root_locus", "sensitivity", "singular_values", "step", "time_grid", "topology", "trade_off",
     "transmissibility",
-]
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

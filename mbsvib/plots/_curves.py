@@ -78,8 +78,9 @@ def pick(system: Linear, kind: str, names: Names) -> list[str]:
     return result
 
 
-def pairs_of(system: Linear, outputs: Names, inputs: Names) -> list[list[tuple[str, str]]]:
-    """Return the panels of a figure, row by row, as (output, input).
+def pairs_of(system: Linear, outputs: Names, inputs: Names) -> tuple[list[tuple[str, str]], int]:
+    """Return the panels of a figure, row by row, as (output, input), and how many stand in a row.
+
 
     Several outputs and inputs make a matrix, as the transfer matrix is written; a single input or output fills rows
     of at most three.
@@ -93,10 +94,8 @@ def pairs_of(system: Linear, outputs: Names, inputs: Names) -> list[list[tuple[s
             f"Outputs: {', '.join(results)}. Inputs: {', '.join(sources)}."
         )
     if len(sources) > 1 and len(results) > 1:
-        return [[(result, source) for source in sources] for result in results]
-    flat = [(result, source) for source in sources for result in results]
-    width = columns_of(count)
-    return [flat[start : start + width] for start in range(0, count, width)]
+        return [(result, source) for result in results for source in sources], len(sources)
+    return [(result, source) for source in sources for result in results], columns_of(count)
 
 
 def columns_of(count: int) -> int:

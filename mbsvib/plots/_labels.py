@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.text import Annotation, Text
 
 from mbsvib.plots import _style as style
 
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.text import Annotation
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
@@ -98,8 +98,6 @@ def slide(axes: Axes, texts: Sequence[Annotation], curves: Sequence[Array], bloc
 
 def _sizes(texts: Sequence[Annotation]) -> Array:
     """Return widths and heights of texts [pixel], (n, 2), without the lines that lead to them."""
-    from matplotlib.text import Text
-
     return np.array([(box.width, box.height) for box in (Text.get_window_extent(text) for text in texts)])
 
 

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.transforms import offset_copy
 
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
 
     from mbsvib.common.arrays import Array
     from mbsvib.plots._scene import DrawnScene
@@ -65,8 +67,6 @@ class Picture:
     """
 
     def __init__(self, axes: Axes, scene: DrawnScene, view: View, rest: bool = False, reach: float = 0.0) -> None:
-        from matplotlib.collections import LineCollection, PolyCollection
-
         self._scene, self._axes_of = scene, axes_of(view)
         flat = scene.points @ self._axes_of.T
         polylines = [(line.kind, np.arange(line.first, line.last)) for line in scene.lines]
@@ -132,8 +132,6 @@ def _heads(tails: Array, tips: Array, length: float) -> Array:
 
 def triad(axes: Axes, view: View) -> None:
     """Draw the directions x, y and z into the lower left corner, as large in every drawing."""
-    from matplotlib.transforms import offset_copy
-
     arms, corner = axes_of(view)[:2].T, 0.5 * CORNER
     origin = offset_copy(axes.transAxes, axes.get_figure(root=True), corner, corner, units="points")
     for name, arm in zip("xyz", arms, strict=True):
@@ -170,8 +168,6 @@ def _families(scene: DrawnScene, kind: str, until: str) -> str:
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:
     """Return an entry: a line, a mark, or both."""
-    from matplotlib.lines import Line2D
-
     colour, width = LINES.get(kind, ("none", 0.0))
     sign, size, fill, edge, edge_width = MARKS.get(kind, ("None", 0.0, "none", "none", 0.0))
     if kind == "input":

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from mbsvib.errors import ResponseError, counted
 from mbsvib.plots import _style as style
@@ -13,7 +14,6 @@ from mbsvib.plots import _style as style
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # What is given as ``ax``: axes, or a sequence or array of them. Returned where it is given, instead of a figure.
@@ -151,8 +151,6 @@ def _last(cell: Any) -> int:
 
 def _given(who: str, ax: Any, count: int) -> list[Any]:
     """Return given axes in a row, if they are axes, and as many as there are panels."""
-    from matplotlib.axes import Axes
-
     flat = [ax] if isinstance(ax, Axes) else np.array(ax, dtype=object).ravel().tolist()
     wrong = next((type(one).__name__ for one in flat if not isinstance(one, Axes)), None)
     needed = counted(count, "panel")

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import Formatter, LogLocator, MaxNLocator
+from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -82,9 +83,7 @@ _LOCK = RLock()  # matplotlib's settings are one dictionary for the whole proces
 @contextmanager
 def context() -> Iterator[None]:
     """Apply the style while a figure is built; figures may be built in several threads."""
-    import matplotlib
-
-    with _LOCK, matplotlib.rc_context(STYLE):
+    with _LOCK, rc_context(STYLE):
         yield
 
 
@@ -140,8 +139,6 @@ def phase_axis(axes: Axes) -> None:
 
 def logarithmic(*several: Axis) -> None:
     """Make axes logarithmic, with plain numbers at ticks where they are short: 0.2, 0.3, not powers of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     for axis in several:
         axis.axes.set(**{"xscale" if axis is axis.axes.xaxis else "yscale": "log"})
         axis.set_major_locator(LogTicks())

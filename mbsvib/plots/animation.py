@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from shutil import which
+from subprocess import CalledProcessError
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import rc_context, rcParams
 
 from mbsvib.common import units
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError, nearest
@@ -125,8 +129,6 @@ class Animation(Displayed):
         ExportError
             If the suffix is none of these, ffmpeg is not installed, or the file cannot be written.
         """
-        from mbsvib.common.atomic_file import write_atomic
-
         kind = Path(path).suffix.lower()
         if kind not in SUFFIXES:
             raise ExportError(f"{path}: motions are written to files that end in {', '.join(SUFFIXES)}.")
@@ -140,10 +142,6 @@ class Animation(Displayed):
         return stream.getvalue()
 
     def _mp4(self) -> bytes:
-        from subprocess import CalledProcessError
-
-        from matplotlib import rc_context
-
         path = program()
         with style.context(), rc_context({"animation.ffmpeg_path": path}):
             try:
@@ -156,8 +154,6 @@ class Animation(Displayed):
         return self._by_matplotlib("html", "motion.html", fps=self.rate, embed_frames=True)
 
     def _by_matplotlib(self, writer: str, name: str, **options: Any) -> bytes:
-        from tempfile import TemporaryDirectory
-
         from matplotlib.animation import writers
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -215,8 +211,6 @@ def in_motion(
 
 def program() -> str:
     """Return the path of ffmpeg: of matplotlib's setting and the path first, then that of imageio-ffmpeg."""
-    from matplotlib import rcParams
-
     path = which(rcParams["animation.ffmpeg_path"])
     if path is None:
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import MultipleLocator
 
 from mbsvib.common import units
 from mbsvib.plots import _style as style
@@ -72,11 +73,9 @@ def bode(
         If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
     named = listed(systems, labels)
-    panels = pairs_of(named[0][1], outputs, inputs)
-    flat = [pair for row in panels for pair in row]
+    flat, columns = pairs_of(named[0][1], outputs, inputs)
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     lines = [curves(system, flat, grid) for _, system in named]
-    columns = max(map(len, panels))
     magnitudes = _magnitudes(lines[0], decibels)
     with pairs("plots.bode", ax, len(flat), columns) as (paper, couples):
         tops = []
@@ -151,8 +150,6 @@ def _magnitude_axis(axes: Axes, decibels: bool) -> None:
 
 
 def _phase_axis(axes: Axes, phases: list[Array]) -> None:
-    from matplotlib.ticker import MultipleLocator
-
     values = np.concatenate(phases)
     values = values[np.isfinite(values)]
     low, high = (values.min(), values.max()) if values.size else (-90.0, 90.0)
@@ -210,13 +207,11 @@ def nyquist(
         If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
     named = listed(systems, labels)
-    panels = pairs_of(named[0][1], outputs, inputs)
-    flat = [pair for row in panels for pair in row]
+    flat, columns = pairs_of(named[0][1], outputs, inputs)
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     if frequencies is None:
         grid = finer(grid)
     lines = [curves(system, flat, grid) for _, system in named]
-    columns = max(map(len, panels))
     with in_rows("plots.nyquist", ax, len(flat), columns, (4.6, 3.6)) as paper:
         for number, ((output, source), axes) in enumerate(zip(flat, paper.panels, strict=True)):
             drawn = [group[number] for group in lines]
@@ -272,10 +267,8 @@ def mode_contributions(
     ResponseError
         If a name is unknown, there are more than twelve panels, or modes do not add up to the response.
     """
-    panels = pairs_of(system, outputs, inputs)
-    flat = [pair for row in panels for pair in row]
+    flat, columns = pairs_of(system, outputs, inputs)
     grid = shared_grid([system], flat, frequencies, span)
-    columns = max(map(len, panels))
     with in_rows("plots.mode_contributions", ax, len(flat), columns, (4.0, 3.2)) as paper:
         for axes, pair, curve in zip(paper.panels, flat, curves(system, flat, grid), strict=True):
             axes.set_title(f"{curve.source} → {curve.output}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import ResponseError
@@ -109,8 +110,6 @@ def _moment(data: CycleData) -> Array:
 
 
 def _named(first: CycleData, panels: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     drives = first.drives
     over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample"
     mixed = "force of drive [N]" if len(drives) == 1 else "torque [N m, N]"

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.errors import ModelError
@@ -69,9 +71,6 @@ def isolation(studies: Any, labels: Sequence[str] | None = None, *, ax: Given | 
 
 def _explain(paper: Sheet[Any], names: Sequence[str], crossed: bool) -> None:
     """Say what curves, the band of a single study and circles are."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     looks = [style.line(paper.first + number) for number in range(len(names))]
     alone = len(names) == 1
     handles: list[Any] = [Line2D([], [], label="Frobenius index" if alone else name, **look)
@@ -156,8 +155,6 @@ def transmissibility(studies: Any, labels: Sequence[str] | None = None, *, ax: G
 
 def _entries(paper: Sheet[Any], names: Sequence[str], coupled: bool) -> list[Any]:
     """What curves are: those of each study, and thin and dashed ones if there are any."""
-    from matplotlib.lines import Line2D
-
     labels = ["base along this axis"] if len(names) == 1 else names
     looks = [style.line(paper.first + number) for number in range(len(names))]
     entries = [Line2D([], [], label=label, **look) for label, look in zip(labels, looks, strict=True)]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_system
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots._curves import System
     from mbsvib.plots._projection import View
     from mbsvib.plots._scene import DrawnScene
@@ -56,8 +56,6 @@ def mechanism(
     ResponseError
         If the view is none of these.
     """
-    from mbsvib.mechanism.mechanism import Mechanism
-
     if isinstance(source, Mechanism):
         scene = _scene.of_model(source)
     else:

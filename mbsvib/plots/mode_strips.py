@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.expected import a_system, kind_of, mode_index, positive
@@ -157,8 +160,6 @@ def _turned(values: Complex) -> Complex:
 
 def _strip(axes: Axes, shapes: Shapes, k: int) -> None:
     """Draw one mode."""
-    from matplotlib.collections import PolyCollection
-
     values = shapes.values[:, :, k]
     position, count = np.arange(len(shapes.places)), len(shapes.directions)
     complex_shape = bool(np.abs(values.imag).max(initial=0.0) > QUADRATURE)
@@ -209,9 +210,6 @@ def _name_places(axes: Axes, names: Sequence[str]) -> None:
 
 def _legend(paper: Sheet[Any], shapes: Shapes) -> None:
     """Explain the colours of directions."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     if shapes.radius is None and len(shapes.directions) == 1:
         return
     handles: list[Patch | Line2D] = [Patch(color=_colour(name), label=name) for name in shapes.directions]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
+from matplotlib.ticker import MaxNLocator
 
 from mbsvib.common.expected import a_system, kind_of, reals
 from mbsvib.errors import ResponseError
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
@@ -129,7 +130,6 @@ def energy(system: System, kind: str = "strain", *, ax: Given | None = None) -> 
         raise ResponseError(f"kind = {kind!r}: expected 'strain' or 'kinetic'.")
     if a_system(system, "plots.energy").dof == 0:
         raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
-    from matplotlib.ticker import MaxNLocator
 
     rows = largest(*shares(system, system.modes(), kind))
     count = min(len(system.modes()), MOST_MODES)
@@ -161,8 +161,6 @@ def energy(system: System, kind: str = "strain", *, ax: Given | None = None) -> 
 
 def _colours(lowest: float, highest: float) -> Colormap:
     """White at zero, blue above and red below it, as strong for shares of the same size."""
-    from matplotlib.colors import LinearSegmentedColormap, to_rgb
-
     size = max(highest, -lowest)
 
     def colour(share: float, full: str) -> tuple[float, float, float]:

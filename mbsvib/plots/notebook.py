@@ -7,6 +7,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 from mbsvib.common.tables import html
+from mbsvib.plots.mechanism import mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,8 +52,6 @@ def _few(names: Sequence[str]) -> str:
 def _with_picture(source: Mechanism | System, bodies: int, text: str) -> str:
     if not 0 < bodies <= MOST_BODIES:
         return text
-    from mbsvib.plots.mechanism import mechanism
-
     picture = image(mechanism(source))
     return f'<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">{picture}{text}</div>'
 

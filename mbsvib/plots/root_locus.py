@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
     from mbsvib.common.selection import Names
     from mbsvib.plots._curves import Systems
@@ -103,8 +104,6 @@ def root_locus(
 
 def draw_legend() -> list[Line2D]:
     """Return what explains the marks of a root locus."""
-    from matplotlib.lines import Line2D
-
     return [Line2D([], [], color=style.INK, linestyle="none", marker=marker, markersize=size, mfc=face, label=words)
             for marker, size, face, words in (("x", 6.0, None, "open loops"), ("o", 4.0, None, "best gain"),
                                               ("o", 6.0, "none", "zeros"))]  # fmt: skip
@@ -179,7 +178,6 @@ def pole_zero_map(
     """
     across, upward = limits_of(real, "real", "plots.pole_zero_map"), limits_of(imaginary, "imaginary",
                                                                               "plots.pole_zero_map")  # fmt: skip
-    from matplotlib.ticker import NullLocator
 
     named = listed(systems, labels)
     with sheet("plots.pole_zero_map", ax, (5.6, 5.2)) as paper:

@@ -210,14 +210,13 @@ def step(
         If a name is unknown, there are more than twelve panels, or the duration is not positive.
     """
     named = listed(systems, labels)
-    panels = pairs_of(named[0][1], outputs, inputs)
-    group, flat = [system for _, system in named], [pair for row in panels for pair in row]
+    flat, columns = pairs_of(named[0][1], outputs, inputs)
+    group = [system for _, system in named]
     known = infos(group, *(list(dict.fromkeys(names)) for names in zip(*flat, strict=True)))
     zero = [rounding(system) for system in group]
     t = time_grid(group, until_settled(group, known, zero) if duration is None else duration)
     factor, unit = units.prefix("s", t[-1])
-    responses = [_responses(system, t, {source for row in panels for _, source in row}) for system in group]
-    columns = max(map(len, panels))
+    responses = [_responses(system, t, {source for _, source in flat}) for system in group]
     with in_rows("plots.step", ax, len(flat), columns, (3.6, 2.6)) as paper:
         for number, ((output, source), axes) in enumerate(zip(flat, paper.panels, strict=True)):
             drawn = [Drawn(name, system, y[source][system.outputs.index(output)],

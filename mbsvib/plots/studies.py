@@ -7,6 +7,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from mbsvib.common import units
 from mbsvib.plots import _style as style
@@ -148,8 +150,6 @@ def trade_off(data: Any, *, ax: Given | None = None) -> Figure | Given:
 
 
 def _panel(axes: Axes, data: Any, pair: tuple[str, str]) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     x, y = pair
     third = [name for name in data.values if name not in pair]
     if len(third) == 1:
@@ -256,8 +256,6 @@ def campbell(
         Forward whirl full, backward dashed, motions without whirl dotted; critical speeds are circles, unstable modes
         are marked by crosses.
     """
-    from matplotlib.lines import Line2D
-
     with sheet("plots.campbell", ax) as paper:
         axes = paper.panels[0]
         count = _lowest(data, orders) if modes is None else modes

@@ -21,6 +21,7 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.feedback.pole_track import ratios
 from mbsvib.linalg.matching import Station, is_simple, match_next, reference, track_modes, upper
 from mbsvib.modes.pairs import growing
+from mbsvib.modes.result import digits
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -246,8 +247,6 @@ class Campbell(Columnar, Displayed):
 
     def table(self) -> dict[str, Any]:
         """Return frequencies, critical speeds and instability as arguments of ``mbsvib.common.tables.text``."""
-        from mbsvib.modes.result import digits
-
         signs = {"forward": " F", "backward": " B", "": "  "}
         speeds, modes = self.whirl.shape
         rows = [(digits(speed), *(digits(f) + signs[d] for f, d in zip(row, which, strict=True)))

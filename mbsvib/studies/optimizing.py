@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib import util
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,11 +52,8 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverRe
     name = str(method).lower()
     if name not in known:
         raise check.refuse("optimize", "method", method, "'SLSQP', 'trust-constr' or 'ipopt'")
-    if name == "ipopt":
-        from importlib.util import find_spec
-
-        if find_spec("casadi") is None:
-            raise ModelError("optimize: method 'ipopt' is CasADi's; pip install mbsvib[casadi]", field="method")
+    if name == "ipopt" and util.find_spec("casadi") is None:
+        raise ModelError("optimize: method 'ipopt' is CasADi's; pip install mbsvib[casadi]", field="method")
     return known[name]
 
 

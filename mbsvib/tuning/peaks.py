@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, ResponseError
@@ -218,8 +219,6 @@ def _largest(g: Array | Complex) -> Array:
 
 def eigen(a: Array) -> Eigen:
     """Return eigenvalues, eigenvectors and their inverse, None where they are nearly dependent in balanced states."""
-    from scipy.linalg import matrix_balance
-
     values, vectors = np.linalg.eig(a)
     units = matrix_balance(a, permute=False, separate=True)[1][0][:, None] if len(a) else np.ones((0, 1))
     even: Complex = np.asarray(vectors / units, dtype=complex)

@@ -9,16 +9,15 @@ from mbsvib.plots._curves import listed, pairs_of
 
 def test_all_pairs_make_a_matrix(slider):
     panels = pairs_of(slider(), None, None)
-    assert panels == [[(name, "F"), (name, "ax")] for name in ("x", "v", "a")]
+    assert panels == ([(name, source) for name in ("x", "v", "a") for source in ("F", "ax")], 2)
 
 
 def test_a_single_input_fills_rows(slider):
-    assert pairs_of(slider(), None, "F") == [[("x", "F"), ("v", "F"), ("a", "F")]]
-    assert pairs_of(slider(), ["x", "v", "x"], "F") == [[("x", "F"), ("v", "F")]]
-    four = pairs_of(mv.library.build("stewart").linearize(), "r*", ["Fx"])
-    assert [len(row) for row in four] == [3]
-    four = pairs_of(mv.library.build("stewart").linearize(), ["x", "y", "z", "rx"], "Fx")
-    assert [len(row) for row in four] == [2, 2]
+    assert pairs_of(slider(), None, "F") == ([("x", "F"), ("v", "F"), ("a", "F")], 3)
+    assert pairs_of(slider(), ["x", "v", "x"], "F") == ([("x", "F"), ("v", "F")], 2)
+    for outputs, count, columns in (("r*", 3, 3), (["x", "y", "z", "rx"], 4, 2)):
+        panels, width = pairs_of(mv.library.build("stewart").linearize(), outputs, ["Fx"])
+        assert (len(panels), width) == (count, columns)
 
 
 def test_too_many_panels_are_refused_with_an_example():
