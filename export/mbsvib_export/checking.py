@@ -19,17 +19,8 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export import responses as answers
 from mbsvib_export.neutral import SystemData, data_of
-from mbsvib_export.responses import (
-    check_points,
-    motions,
-    poles,
-    poles_of,
-    response_error,
-    response_of,
-    second_order_response,
-    state_space_response,
-)
 from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
@@ -162,18 +153,18 @@ def _of_equations(
         raise ExportError(f"'{data.name}' is a state space, and its file has nothing to compare it with; give the loop "
                           f"or state space that it came from as well.")  # fmt: skip
     _same_names(data, reference)
-    space, values = data.state_space if isinstance(data, SystemData) else data, poles_of(reference)
-    omega = check_points(values)
-    truth, errors = response_of(reference, omega), {}
+    space, values = data.state_space if isinstance(data, SystemData) else data, answers.poles_of(reference)
+    omega = answers.check_points(values)
+    truth, errors = answers.response_of(reference, omega), {}
 
     def compare(form: str, response: Complex) -> None:
-        errors[f"response of {form}"] = response_error(response, truth, reference, omega)
+        errors[f"response of {form}"] = answers.response_error(response, truth, reference, omega)
 
-    compare(source, state_space_response(space, omega))
+    compare(source, answers.state_space_response(space, omega))
     if model is not None:
         if of_bodies is not None:
-            compare("M C K", second_order_response(of_bodies, omega))
-        errors["poles"] = pole_error(poles(space.A), values)
+            compare("M C K", answers.second_order_response(of_bodies, omega))
+        errors["poles"] = pole_error(answers.poles(space.A), values)
     if of_bodies is not None and not isinstance(reference, StateSpace):
         errors["displacements of the bodies"] = _body_error(of_bodies, reference, omega)
     return tuple([Comparison(quantity, against, error, limit) for quantity, error in errors.items()])
@@ -184,16 +175,16 @@ def _body_error(data: SystemData, reference: System | SystemData, omega: Array) 
     space, m = data.state_space, len(data.coordinates)
     direct = np.zeros((m, len(data.inputs))) if space.through is None else space.through[:m]
     rows = data.body_motion.reshape(6 * len(data.bodies), m)
-    actual = state_space_response(replace(space, C=rows @ space.transform[:m], D=rows @ direct), omega)
+    actual = answers.state_space_response(replace(space, C=rows @ space.transform[:m], D=rows @ direct), omega)
     rows = reference.body_motion.reshape(6 * len(reference.bodies), len(reference.coordinates))
-    exact = np.stack([rows @ motions(reference, w) for w in omega], axis=-1)
+    exact = np.stack([rows @ answers.motions(reference, w) for w in omega], axis=-1)
     scale = np.abs(exact).max(axis=(0, 2), keepdims=True, initial=0.0)
     return float(np.max(np.abs(actual - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
 
 
 def _of_responses(data: Measurement, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(data, model)
-    error = response_error(data.responses, response_of(model, data.omega), model, data.omega)
+    error = answers.response_error(data.responses, answers.response_of(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 

@@ -30,20 +30,9 @@ import numpy as np
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ExportError
+from mbsvib_export import record as kept
 from mbsvib_export.neutral import SystemData, data_of
 from mbsvib_export.reading import arrays_in, content_read
-from mbsvib_export.record import (
-    FORMAT,
-    KEYS,
-    NEEDED,
-    OPTIONAL,
-    STATE_TEXTS,
-    TEXTS,
-    VERSION,
-    check_version,
-    data_from,
-    record_of,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -95,7 +84,7 @@ def arrays_of(data: SystemData | StateSpace) -> dict[str, Any]:
     """Return everything that a file keeps of a system as arrays by the keys of the file; the inverse of ``record_in``.
     """
     return {key: np.array(value, dtype=str) if isinstance(value, tuple) else np.asarray(value)
-            for key, value in record_of(data).items()}  # fmt: skip
+            for key, value in kept.record_of(data).items()}  # fmt: skip
 
 
 def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
@@ -118,21 +107,21 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
     with content_read(path, ".npz file", "npz") as content:
-        return data_from(record_in(arrays_in(content, KEYS)))
+        return kept.data_from(record_in(arrays_in(content, kept.KEYS)))
 
 
 def record_in(arrays: dict[str, Any]) -> dict[str, Any]:
     """Return the record that arrays, by the keys of the file, hold."""
     form = str(arrays.get("format"))
-    check_version(form, int(arrays.get("version", 0)))
+    kept.check_version(form, int(arrays.get("version", 0)))
     record: dict[str, Any] = {"format": form}
-    if missing := [key for key in NEEDED[form] if key not in arrays]:
+    if missing := [key for key in kept.NEEDED[form] if key not in arrays]:
         raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
-    for key in (*NEEDED[form], *arrays.keys() & {OPTIONAL[form]}):
+    for key in (*kept.NEEDED[form], *arrays.keys() & {kept.OPTIONAL[form]}):
         array = arrays[key]
         if key in ("name", "realization"):
             record[key] = str(array)
-        elif key in (*TEXTS, *STATE_TEXTS):
+        elif key in (*kept.TEXTS, *kept.STATE_TEXTS):
             record[key] = tuple(map(str, array.tolist()))
         elif array.dtype != float:
             raise ExportError(f"the array '{key}' holds {array.dtype}; expected float64.")
@@ -228,19 +217,19 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
     with content_read(path, ".npz file", "npz_batch") as content:
-        arrays = arrays_in(content, (*KEYS, "parameters", "values"))
+        arrays = arrays_in(content, (*kept.KEYS, "parameters", "values"))
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
         if (kind, version) != (BATCH_FORMAT, BATCH_VERSION):
             raise ExportError(f"format = {kind!r}, version {version}; expected {BATCH_FORMAT!r}, version "
                               f"{BATCH_VERSION}. A single system is read by from_npz.")  # fmt: skip
         names, values = arrays.pop("parameters").tolist(), arrays.pop("values")
-        shared = {key: arrays.pop(key) for key in ("name", "realization", *TEXTS, *STATE_TEXTS)}
+        shared = {key: arrays.pop(key) for key in ("name", "realization", *kept.TEXTS, *kept.STATE_TEXTS)}
         if values.ndim != 2 or values.dtype != float:
             raise ExportError(f"the array 'values' has shape {values.shape}; expected floats (parameters, variants).")
         for key, array in arrays.items():
             if array.shape[:1] != values.shape[1:]:
                 raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
-        shared |= {"format": FORMAT, "version": VERSION}
-        systems: Any = tuple([data_from(record_in(shared | {key: array[i].copy() for key, array in arrays.items()}))
-                              for i in range(values.shape[1])])  # fmt: skip
+        shared |= {"format": kept.FORMAT, "version": kept.VERSION}
+        variants = ({key: array[i].copy() for key, array in arrays.items()} for i in range(values.shape[1]))
+        systems: Any = tuple([kept.data_from(record_in(shared | variant)) for variant in variants])
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
