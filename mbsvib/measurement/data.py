@@ -195,20 +195,10 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                                 f"at {self.frequencies[k]:g} Hz; expected {expected} wherever a response is known.")
 
     def _check_channels(self, set_: Any) -> None:
-        nodes = nodes_of(self.nodes)
-        for kind in ("output", "input"):
-            names = getattr(self, f"{kind}s")
-            units = getattr(self, f"{kind}_units") or ("",) * len(names)
-            if len(units) != len(names):
-                raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
-                                    f"one of each.")  # fmt: skip
-            points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
-            set_(f"{kind}_units", tuple(map(unit_of, units)))
-            set_(f"{kind}_points", tuple(points))
+        for name, value in channels_of(self, self.outputs, self.inputs, WHO).items():
+            set_(name, value)
         for name in ("modes", "lines", "left_out", "notes"):
             set_(name, tuple(getattr(self, name)))
-        set_("nodes", tuple(nodes))
-        set_("quantity", quantities_of(self.quantity, self.outputs, self.output_units))
 
     @property
     def frequencies(self) -> Array:
@@ -376,6 +366,19 @@ def _array(value: Any, shape: tuple[int, ...], field: str, kind: type) -> Any:
         ends = "outputs, outputs and lines" if field == "covariance" else "outputs, inputs and lines"
         raise ResponseError(f"{WHO}: {field} has shape {result.shape}; expected {shape}, {ends}.")
     return result
+
+
+def channels_of(of: Any, outputs: Sequence[str], inputs: Sequence[str], who: str) -> dict[str, Any]:
+    """Return units, points and nodes of the channels of a measurement, and the quantities of outputs, by its fields."""
+    result: dict[str, Any] = {"nodes": nodes_of(of.nodes)}
+    for kind, names in (("output", outputs), ("input", inputs)):
+        units = getattr(of, f"{kind}_units") or ("",) * len(names)
+        if len(units) != len(names):
+            raise ResponseError(f"{who}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected one of "
+                                f"each.")  # fmt: skip
+        points, nodes = points_of(getattr(of, f"{kind}_points"), names, result["nodes"], f"{who}: {kind}s")
+        result |= {f"{kind}_units": tuple(map(unit_of, units)), f"{kind}_points": tuple(points), "nodes": tuple(nodes)}
+    return result | {"quantity": quantities_of(of.quantity, outputs, result["output_units"])}
 
 
 def quantities_of(given: Any, names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:

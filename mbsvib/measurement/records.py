@@ -13,10 +13,9 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
-from mbsvib.measurement.data import quantities_of
+from mbsvib.measurement.data import channels_of
 from mbsvib.measurement.estimation import check_length, stacked, step_of
-from mbsvib.measurement.matching import Matched, unit_of
-from mbsvib.measurement.points import nodes_of, points_of
+from mbsvib.measurement.matching import Matched
 from mbsvib.responses.densities import density
 
 if TYPE_CHECKING:
@@ -88,20 +87,11 @@ class Records(Matched, Columnar, Displayed):
         if self.hold not in HOLDS:
             raise ResponseError(f"{WHO}: hold = {shown(self.hold)}; expected one of {', '.join(map(repr, HOLDS))}.")
         check_length(count * values["t"], self.band, None, "local", WHO)
-        split = np.split(records, [sizes[0]], axis=1)
-        nodes = nodes_of(self.nodes)
-        for kind, part in zip(("output", "input"), split, strict=True):
-            names = signal_names(tuple(getattr(self, f"{kind}s")), part.shape[1], f"{kind}s", WHO)
-            units = tuple(map(unit_of, getattr(self, f"{kind}_units"))) or ("",) * len(names)
-            if len(units) != len(names):
-                raise ResponseError(f"{WHO}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected "
-                                    f"one of each.")  # fmt: skip
-            points, nodes = points_of(getattr(self, f"{kind}_points"), names, nodes, f"{WHO}: {kind}s")
+        for kind, part in zip(("outputs", "inputs"), np.split(records, [sizes[0]], axis=1), strict=True):
+            names = signal_names(tuple(getattr(self, kind)), part.shape[1], kind, WHO)
             part.setflags(write=False)
-            values |= {f"{kind}s": {name: part[:, k] for k, name in enumerate(names)}, f"{kind}_units": units,
-                       f"{kind}_points": tuple(points)}  # fmt: skip
-        values["nodes"] = tuple(nodes)
-        values["quantity"] = quantities_of(self.quantity, tuple(values["outputs"]), values["output_units"])
+            values[kind] = {name: part[:, k] for k, name in enumerate(names)}
+        values |= channels_of(self, tuple(values["outputs"]), tuple(values["inputs"]), WHO)
         for name, value in values.items():
             object.__setattr__(self, name, value)
         if sum(one is not None for one in (self.variance, self.covariance, self.noise)) > 1:
