@@ -30,7 +30,7 @@ from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gra
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
-from mbsvib.modes.zero_subspaces import damping_terms, long_chains, unbraked, zero_subspaces
+from mbsvib.modes.zero_subspaces import damping_terms, long_chains, row_terms, unbraked, zero_subspaces
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -191,7 +191,7 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     p = len(undamped_modes.square)
     rows = product_with_zeros(system.elastic_rows, basis)
     stiffness = weighted_gram(rows, system.row_stiffness)
-    stiffness[np.abs(stiffness) <= ZERO_SUM * _spring_terms(system, basis)] = 0.0
+    stiffness[np.abs(stiffness) <= ZERO_SUM * row_terms(system, system.row_stiffness, basis, basis)] = 0.0
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product_with_zeros(product_with_zeros(basis.T, system.circulatory), basis)
@@ -223,18 +223,12 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _spring_terms(system: Equations, basis: Array) -> Array:
-    """Sum of the magnitudes of all terms of D^T diag(k) D, for motions of the basis."""
-    most = rounding_scale(basis, coordinate_sizes(system))
-    return weighted_gram(np.abs(system.elastic_rows) @ most, np.abs(system.row_stiffness))
-
-
 def _stiffness_terms(system: Equations, basis: Array, modes: Undamped) -> Array:
     """Sums of the magnitudes of all terms of K in the basis. The undamped modes were found from the factors, so that
     rounding of their stiffness is that of their own springs and not of the stiffest ones.
     """
     p = len(modes.square)
-    result = _spring_terms(system, basis)
+    result = row_terms(system, system.row_stiffness, basis, basis)
     result[:p, :p] = np.diag(np.abs(system.row_stiffness) @ product_with_zeros(system.elastic_rows, basis[:, :p]) ** 2)
     if system.circulatory is not None:
         most = rounding_scale(basis, coordinate_sizes(system))
@@ -251,7 +245,10 @@ def _null_spaces(
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
-        return null_pair(stiffness, _stiffness_terms(system, basis, modes))
+        terms = _stiffness_terms(system, basis, modes)
+        unit = np.sqrt(np.where(terms.diagonal() > 0.0, terms.diagonal(), 1.0))  # fast and slow modes alike
+        right, left = null_pair(*(part / unit[:, None] / unit for part in (stiffness, terms)))
+        return np.linalg.qr(right / unit[:, None])[0], np.linalg.qr(left / unit[:, None])[0]
     # motions that damping couples to massless ones are not among the undamped modes
     motions = product_with_zeros(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]

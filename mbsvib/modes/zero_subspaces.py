@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
 LONGER = 1e-9
-# Share of the terms of a damper between two motions that do not move it, whose rounding is squared: a rank decision
-# takes 1e-14 of it as zero.
+# Share of the terms of a spring or damper between two motions that do not move it, whose rounding is squared: a rank
+# decision takes 1e-14 of it as zero.
 UNMOVED = ZERO_SUM**2 / (LEAST_ROW * DEPENDENT_ROWS)
 
 
@@ -107,15 +107,22 @@ def unbraked(system: Equations, rigid: Array) -> Array:
 
 
 def damping_terms(system: Equations, first: Array, second: Array) -> Array:
-    """Return the sums of the magnitudes of all terms of Y^T C Z for motions Y (m, k) and Z (m, n) that rank decisions
-    found. Dampers that these do not move count by the square of a rounding.
-    """
-    sizes, dampers = coordinate_sizes(system), np.abs(system.row_damping)[:, None]
-    most = [rounding_scale(motions, sizes) for motions in (first, second)]
-    moved = [np.abs(product_with_zeros(system.elastic_rows, motions)) for motions in (first, second)]
-    reach = [np.abs(system.elastic_rows) @ part for part in most]
-    result = moved[0].T @ (dampers * (moved[1] + reach[1])) + reach[0].T @ (dampers * (moved[1] + UNMOVED * reach[1]))
+    """Return the sums of the magnitudes of all terms of Y^T C Z, see ``row_terms``."""
+    result = row_terms(system, system.row_damping, first, second)
     if system.gyroscopic is not None:
-        spin, (y, z) = np.abs(system.gyroscopic), (np.abs(first), np.abs(second))
-        result += y.T @ spin @ (z + most[1]) + most[0].T @ spin @ (z + UNMOVED * most[1])
-    return np.asarray(result)
+        spin, sizes = np.abs(system.gyroscopic), coordinate_sizes(system)
+        (y, most_y), (z, most_z) = ((np.abs(part), rounding_scale(part, sizes)) for part in (first, second))
+        result += y.T @ spin @ (z + most_z) + most_y.T @ spin @ (z + UNMOVED * most_z)
+    return result
+
+
+def row_terms(system: Equations, values: Array, first: Array, second: Array) -> Array:
+    """Return the sums of the magnitudes of all terms of Y^T D^T diag(values) D Z for motions Y (m, k) and Z (m, n).
+
+    Springs or dampers that one of them does not move count by a rounding, those that neither moves by its square.
+    """
+    sizes, size = coordinate_sizes(system), np.abs(values)[:, None]
+    (moved, reach), (moved_by, reach_of) = (
+        (np.abs(product_with_zeros(system.elastic_rows, part)),
+         np.abs(system.elastic_rows) @ rounding_scale(part, sizes)) for part in (first, second))  # fmt: skip
+    return np.asarray(moved.T @ (size * (moved_by + reach_of)) + reach.T @ (size * (moved_by + UNMOVED * reach_of)))

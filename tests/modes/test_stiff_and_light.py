@@ -10,8 +10,8 @@ LENGTH, WIDTH, THICKNESS, E = 0.1, 0.02, 4e-4, 2.1e11
 BENDING = E * WIDTH * THICKNESS**3 / 12
 
 
-def stage(rho, elements, share=0.3):
-    """A payload on two guided leaf springs, each under a share of its buckling load, and this load."""
+def stage(rho, elements, share=0.3, guided=True):
+    """A payload on two leaf springs, each under a share of its buckling load, and this load."""
     load = share * np.pi**2 * BENDING / LENGTH**2
     model = mv.Model("stage", gravity=(0, 0, -9.81))
     model.add_body("payload", 2 * load / 9.81, (1e-3, 1e-3, 1e-3), position=(0, 0, LENGTH))
@@ -19,7 +19,8 @@ def stage(rho, elements, share=0.3):
         model.add_beam(name, "ground", "payload", {"type": "rectangle", "width": THICKNESS, "height": WIDTH},
                        {"E": E, "nu": 0.3, "rho": rho}, (x, 0, 0), (x, 0, LENGTH), elements=elements,
                        y_axis=(1, 0, 0))  # fmt: skip
-    model.add_joint("guide", None, "ground", "payload", (0, 0, LENGTH), free=("x", "z"))
+    if guided:
+        model.add_joint("guide", None, "ground", "payload", (0, 0, LENGTH), free=("x", "z"))
     return model, load
 
 
@@ -103,3 +104,15 @@ def test_weak_drag_of_a_slide_that_carries_strong_dampers(spinning):
     slow = model.linearize().modes().eigenvalues[:2]
     assert slow[0] == 0.0
     assert_allclose(slow[1], -drag / (50.0 + light), rtol=1e-9)
+
+
+def test_voice_coil_beside_leaves_under_a_payload():
+    """m x'' + k x = T i, L i' + R i = -T x': the slow mode beside the coil, a motion without mass, was 0."""
+    constant, resistance, inductance, (model, load) = 4.0, 2.0, 0.5, stage(1e-2, 4, guided=False)
+    model.add_voice_coil("coil", "ground", "payload", (-0.2, 0, LENGTH), (0, 0, LENGTH), constant, resistance,
+                         inductance)  # fmt: skip
+    states = [[0, 1, 0], [-(sway(load, 4) ** 2), 0, 9.81 / (2 * load) * constant],
+              [0, -constant / inductance, -resistance / inductance]]  # fmt: skip
+    exact, slow = np.linalg.eigvals(states), model.linearize().modes().eigenvalues
+    assert np.abs(slow[:, None] / exact - 1).min(axis=0).max() < 1e-4  # the payload turns a little
+    assert np.count_nonzero(slow) == len(slow)
