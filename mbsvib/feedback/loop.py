@@ -78,8 +78,8 @@ def resolution(linear: Any) -> Resolution:
 class Loop(Displayed, ABC):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them."""
 
-    _engine = ("check_stable equations kind law ports resolution response selected_ports selection sources title "
-               "unstable vibrating")
+    _engine = ("check_stable delay_limit equations kind law ports resolution response selected_ports selection sources "
+               "title unstable vibrating")
 
     kind: ClassVar[str] = "closed loop"
 
@@ -216,6 +216,13 @@ class Loop(Displayed, ABC):
             If a frequency is a pole of the closed loop.
         """
         return np.asarray(self._sensitivity(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
+
+    def delay_limit(
+        self, actuator: int, by_phase: tuple[float, float], band: tuple[float, float]
+    ) -> tuple[float, float]:  # fmt: skip
+        """Return the delay margin [s] of an actuator and its frequency [Hz], given that by phase over frequency."""
+        del actuator, band
+        return by_phase
 
     def poles(self) -> Complex:
         """Return the poles of the closed loop [1/s], in ascending magnitude."""

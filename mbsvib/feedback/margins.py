@@ -45,6 +45,7 @@ class Margins(Columnar, Displayed):
     ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit.
     ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN without limit.
     A loop gain that stays above 1 however high the frequency, as of accelerations, has no delay margin: 0 at infinity.
+    In sampled loops the delay is that between a sample and its force, as the ``delay`` of ``sampled``.
     """
 
     name: str
@@ -124,6 +125,9 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
     each = [_single(band, poles, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
     (lower, gain, phase, delay, modulus), at = np.array(each).transpose(2, 1, 0)
     lower_at, gain_at, phase_at, delay_at, modulus_at = at
+    if loop.stable:
+        delay, delay_at = np.array([loop.delay_limit(i, (delay[i], delay_at[i]), (band.ends[0], band.ends[-1]))
+                                    for i in range(len(delay))]).reshape(-1, 2).T  # fmt: skip
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
                    lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip
 

@@ -19,6 +19,7 @@ from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.excited_period import period, steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop_rounding import at_poles, refuse_poles
+from mbsvib.feedback.sampled_delay import sampled_delay_margin
 from mbsvib.feedback.sampled_equations import SampledEquations, split_delay
 from mbsvib.feedback.sampled_norm import h2_norm
 from mbsvib.linalg.balancing import column_units
@@ -88,6 +89,12 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         z = np.exp(1j * w / self.rate)
         refuse_poles(at_poles(z, of_a), w, self.name)
         return solver.bounded(z, w, ports)[0].transpose(2, 0, 1)
+
+    def delay_limit(
+        self, actuator: int, by_phase: tuple[float, float], band: tuple[float, float]
+    ) -> tuple[float, float]:  # fmt: skip
+        """Return the delay margin [s] of an actuator and its frequency [Hz], also of delays between samples."""
+        return sampled_delay_margin(self, actuator, *band) if by_phase[0] else by_phase
 
     @cached_property
     def _demands(self) -> tuple[FirstOrderSolver, Spectrum, tuple[Array, Array, Array]]:
