@@ -93,3 +93,17 @@ def test_several_go_to_another_pose_as_each_of_them_does():
         assert (there.preload is None) == (single.preload is None)
         assert there.preload is None or there.preload == pytest.approx(single.preload, rel=1e-14, abs=1e-14)
         assert (there is model.springs[there.name]) == (there.name == "rests")
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.5])
+def test_damping_of_a_ball_that_has_turned(angle):
+    """It acts on the rate of the rotation vector: (a/2 / sin(a/2))^2 times as much across the axis of a turn by a."""
+    model = mv.Model("ball")
+    model.add_body("ball", 1.0, (0.2, 0.2, 0.2))
+    model.add_joint("socket", "spherical", "ground", "ball", (0, 0, 0))
+    model.add_bushing("oil", "ground", "ball", (0, 0, 0), damping=(0, 0, 0, 0.1, 0.1, 0.1))
+    across = -0.5 * (angle / 2 / np.sin(angle / 2)) ** 2
+    rates = np.sort(model.moved({"socket.rx": angle}).linearize().modes().eigenvalues.real)
+    np.testing.assert_allclose(rates, [across, across, -0.5, 0, 0, 0], rtol=1e-13)
+    mounted = model.moved({"socket.rx": angle}, relaxed=True).linearize().modes().eigenvalues.real
+    np.testing.assert_allclose(np.sort(mounted), [-0.5, -0.5, -0.5, 0, 0, 0], rtol=1e-13)
