@@ -46,9 +46,7 @@ class _Matrix:
 
 @dataclass(slots=True)
 class _Reading:
-    """What was read up to a line: matrices, those left out and why, ranges of scalar points, and the column that a card
-    continues.
-    """
+    """What was read so far: matrices, those left out and why, ranges of scalar points, and the column being read."""
 
     matrices: dict[str, _Matrix] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)

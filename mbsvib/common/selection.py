@@ -43,9 +43,7 @@ def selected(
 def port_numbers(
     outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
 ) -> tuple[list[int], list[int]]:
-    """Return the numbers of the ``outputs`` and ``inputs`` that are selected among the ``known`` ones by name; None:
-    all.
-    """
+    """Return the numbers of the selected ``outputs`` and ``inputs`` among the ``known`` ones by name; None: all."""
     rows, columns = known
     return selected(outputs, rows, "output", name, columns), selected(inputs, columns, "input", name, rows)
 

@@ -48,9 +48,7 @@ def show(
     *,
     stream: TextIO | None = None,
 ) -> None:
-    """Print a table to a ``stream``: with bold headers on a terminal, unless ``NO_COLOR`` is set, and else as plain
-    text.
-    """
+    """Print a table to a ``stream``: with bold headers on a terminal unless ``NO_COLOR`` is set, else as plain text."""
     to = sys.stdout if stream is None else stream
     body = [[str(cell) for cell in row] for row in rows]
     words = "".join([_RULE, title, *(h for h, _ in columns), *map("".join, body), *notes])

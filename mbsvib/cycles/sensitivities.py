@@ -124,10 +124,7 @@ class CycleSensitivities(Columnar, Displayed):
 
 
 def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivities:
-    """Return exact derivatives of a cycle; see ``Cycle.sensitivities``.
-
-    ``parameters``: names or patterns.
-    """
+    """Return exact derivatives of a cycle; see ``Cycle.sensitivities``. ``parameters``: names or patterns."""
     names = _names(cycle, parameters)
     plant = with_parameters(cycle.machine, names)
     slopes = parameter_derivatives(plant).results[:, :, [plant.statement.names.index(name) for name in names]]

@@ -44,9 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Slopes S (m, 6 n + internal) of a bent line, their weights w (m,) and the numbers of the ``rows`` (m,) to whose
-    strain they add.
-    """
+    """Slopes S (m, 6 n + internal) of a bent line, weights w (m,) and the ``rows`` (m,) to whose strain they add."""
 
     matrix: Array
     weights: Array

@@ -162,9 +162,7 @@ class Elliptic(_Cut):
 
 @dataclass(frozen=True, slots=True)
 class CornerFilleted(_Cut):
-    """A corner-filleted hinge of ``length``: a neck of ``thickness``, quarters of circles of ``radius`` at its corners,
-    ``width`` [m].
-    """
+    """A hinge of ``length``: a neck of ``thickness``, quarter circles of ``radius`` at its corners, ``width`` [m]."""
 
     length: float
     radius: float

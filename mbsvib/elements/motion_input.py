@@ -93,9 +93,7 @@ class MotionInput(Signal):
 
 @dataclass(frozen=True, slots=True)
 class MotionForce(Signal):
-    """The force of a moved end per unit of its displacement (``order`` 0) or velocity (1), along ``wrench`` in the
-    element's axes.
-    """
+    """Force of a moved end per displacement (``order`` 0) or velocity (1), along ``wrench`` in the element's axes."""
 
     element: str = field()
     order: int = 0

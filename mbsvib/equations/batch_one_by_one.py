@@ -144,9 +144,7 @@ SUSPECT_DAMPING = 1e-6
 
 @dataclass(frozen=True)
 class Separating:
-    """The ``draft`` of some variants before motions without mass are separated; ``first`` is the index of the first
-    variant.
-    """
+    """The ``draft`` of variants before motions without mass are separated; ``first`` is the index of the first one."""
 
     draft: Draft
     first: int
@@ -159,9 +157,7 @@ class Separating:
 
     @property
     def constant(self) -> bool:
-        """Whether these motions move dampers, and are the same in all variants: none of them gets a mass, and all
-        others keep theirs.
-        """
+        """Whether they move dampers and are the same in all variants: none gets a mass, and all others keep theirs."""
         separation, null, terms = self.nominal.provenance.separation, self.nominal.null_inertia, self.terms
         if separation is None or separation.condensed or null is None:
             return False

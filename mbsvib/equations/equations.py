@@ -218,9 +218,7 @@ class Equations(Matrices):
 
     @property
     def error_bound(self) -> float | None:
-        """Bound on the error of the frequency response of a reduced model, output by input in SI units; None if it is
-        not reduced.
-        """
+        """Bound on the error of a reduced model's frequency response, output by input in SI units; None of others."""
         truncation = self.provenance.truncation
         return None if truncation is None else truncation.error_bound
 

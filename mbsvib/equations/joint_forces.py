@@ -73,9 +73,7 @@ def with_joint_forces(draft: Draft) -> Draft:
 def _wrenches(
     draft: Draft, reactions: Reactions, stress: Sequence[SelfStress], work: VirtualWork, spin: Spin
 ) -> dict[str, Array]:
-    """Rows (..., v, m) and (..., v, inputs) of wrenches in joints, in their axes; those of least norm in redundant
-    loops.
-    """
+    """Rows (..., v, m) and (..., v, inputs) of wrenches in joints, in their axes; of least norm in redundant loops."""
     scene, loaded, multipliers = draft.scene, draft.loaded, draft.multipliers
     rows = work.at_rest(*spin)
     result = {"Cq": rows.q, "Cv": rows.v, "Ca": rows.a, "D": rows.u}
@@ -206,9 +204,7 @@ def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
 
 
 def _moved_alone(scene: Scene, asked: Sequence[tuple[int, Array]]) -> Twists:
-    """Virtual motions (k,) of bodies about their centres of mass; for the ground, of all others the opposite way, about
-    the origin.
-    """
+    """Virtual motions (k,) of bodies about their centres; for the ground, of all others, backwards about the origin."""
     ground, count = len(scene.bodies), len(asked)
     bodies, six = np.array([body for body, _ in asked]), np.array([wrench for _, wrench in asked]).T
     path = np.zeros((ground + 1, count), np.int8)

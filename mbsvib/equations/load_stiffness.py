@@ -202,9 +202,7 @@ def rounding(twists: TwistsAt, pairs: Pairs) -> Array:
 
 
 def load_tangent(scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array) -> Array:
-    """Return the stiffness (..., m, m) of the forces at the pose, its antisymmetric part included; see
-    ``load_stiffness``.
-    """
+    """Return the stiffness (..., m, m) of forces at the pose with its antisymmetric part; see ``load_stiffness``."""
     result, matrix = _second_derivatives(scene, loaded, multipliers)
     return projected(matrix if result.antisymmetric is None else matrix + result.antisymmetric, reduction)
 

@@ -175,9 +175,7 @@ def moved_bodies(scene: Scene, values: Values) -> dict[int, Array]:
 
 
 def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return the axes (variants, 3, 3) and the lengths (variants,), of rods or pitches, of joints by name, where
-    variants differ in them.
-    """
+    """Return axes (variants, 3, 3) and lengths (variants,), of rods or pitches, of the joints that vary, by name."""
     axes, lengths, turning = {}, {}, values.slots.turning
     turned = [joint for joint in joints if joint.name in turning and not joint.is_rod]
     if turned:

@@ -44,9 +44,7 @@ RESULTS = (*MATRICES, "gyroscopic", "circulatory", "residual")
 
 
 def among(plan: BatchPlan, names: Sequence[str]) -> tuple[BatchPlan, Values]:
-    """Return the plan of those parameters that variants, each with another one of them, can have at once, with their
-    values.
-    """
+    """Return the plan of those parameters that variants, each with another, can have at once, with their values."""
     parameters = plan.slots.parameters
 
     def of(which: list[str], alone: float = 0.0) -> tuple[BatchPlan, Values]:

@@ -173,9 +173,7 @@ def port_matrices(
 
 
 def force_weights(port: Ports, springs: ElementRows) -> Iterator[tuple[int, int, Index, Array]]:
-    """Yield for forces in elements the output, the order of the derivative, the elastic rows and their weights (...,
-    rows).
-    """
+    """Yield for forces in elements output, order of the derivative, elastic rows and their weights (..., rows)."""
     for row, owner, wrench in port.force_outputs:
         which = np.nonzero(springs.owner == owner)[0]
         factors = springs.unit[..., which, :] @ wrench

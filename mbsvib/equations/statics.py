@@ -256,9 +256,7 @@ class Reactions:
         return tuple(of_loops(self.scene, self.reduction, self.phi, self.kept, self.of_rows, point))
 
     def wrenches(self, loaded: LoadedPairs, multipliers: Array) -> Array:
-        """Return the wrenches (..., 6, joints) of applied pairs and ``multipliers`` (..., locked rows): those of least
-        norm.
-        """
+        """Return the wrenches (..., 6, joints), of least norm, of pairs and ``multipliers`` (..., locked rows)."""
         result = self.with_loops(loaded, multipliers)
         for stress in self.stress:
             result = stress.minimum_norm(result)

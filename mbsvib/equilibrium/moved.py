@@ -97,9 +97,7 @@ def moved(
 def rigid_pose(
     stiff: Mechanism, displacements: Mapping[str, float], cut: Sequence[str] | None, springs: Mapping[str, Any]
 ) -> Pose:
-    """Return the pose of a mechanism whose parts are rigid, by displacements of joint coordinates [m, rad]; ``springs``
-    as of ``Poses.at``.
-    """
+    """Return the pose of a mechanism of rigid parts, by joint coordinates [m, rad]; ``springs`` as of ``Poses.at``."""
     poses = stiff.derived(Poses.of, tuple(displacements), None if cut is None else tuple(cut))
     return poses.at(np.array([list(displacements.values())]), springs=springs)[0]
 

@@ -75,9 +75,7 @@ def without_rounding(model: M) -> M:
 
 
 def _forms(model: Mechanism, names: Iterable[str], size: float) -> dict[str, PreloadForm]:
-    """How connections can carry a preload, without those that cannot; along some directions where a mapping of names
-    to directions has these.
-    """
+    """How connections can carry a preload, without those that cannot; along the directions that a mapping names."""
     forms = {name: model.springs[name].preload_form(size) for name in names}
     result = {name: form for name, form in forms.items() if form is not None}
     if isinstance(names, dict):

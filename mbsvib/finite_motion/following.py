@@ -83,9 +83,7 @@ class DrivenLoops:
         return (pose, matrix), done
 
     def smallest(self, matrix: Array) -> float:
-        """Return the smallest singular value of the openings' derivative to the dependent coordinates that is not one
-        of redundant loops.
-        """
+        """Return the smallest singular value, redundant loops apart, of the openings by the dependent coordinates."""
         values = np.linalg.svd(matrix[:, self.dependent], compute_uv=False)
         retained = values[: self.loops.rank]
         return float(retained.min(initial=np.inf))

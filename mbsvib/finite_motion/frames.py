@@ -62,9 +62,6 @@ def rate_in_motion(expression: Expression, q: Expression, qd: Expression, qdd: E
 
 
 def angular_velocity(frame: Frame, q: Expression, qd: Expression) -> Expression:
-    """Return the angular velocity (3,) [rad/s] of a body, in the axes that turn with it.
-
-    [w]x = R^T dR/dt
-    """
+    """Return the angular velocity (3,) [rad/s] of a body in axes that turn with it, [w]x = R^T dR/dt."""
     spin_rate = ca.reshape(rate(ca.vec(frame.rotation), q, qd), 3, 3)
     return axial(frame.rotation.T @ spin_rate)

@@ -167,10 +167,7 @@ def _flexible(
 
 
 def body_energy(body: Body, motion: Kinematics) -> Expression:
-    """Return the kinetic energy [J] of a body.
-
-    T = 1/2 m v . v + 1/2 w . I w
-    """
+    """Return the kinetic energy [J] of a body, T = 1/2 m v . v + 1/2 w . I w."""
     numbers = motion.numbers
     v = motion.velocity(body.name, motion.point(body.name, numbers.vector(body, "position")))
     spin = ca.dot(motion.angular_velocity(body.name), of_body(body, motion))

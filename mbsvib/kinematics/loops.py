@@ -58,9 +58,7 @@ class Reduction:
         return result.reshape(*result.shape[:-2], bodies, 6, result.shape[-1])
 
     def apply_exactly(self, rows: Array, count: int | None = None) -> Array:
-        """Return rows in minimal coordinates; entries of the first ``count`` rows (default: all) that are rounding
-        become exact zeros.
-        """
+        """Return rows in minimal coordinates; rounding in the first ``count`` rows (default: all) becomes exact 0."""
         result = self.apply(rows)
         if self.matrix is not None:
             exact = result[..., :count, :]

@@ -132,10 +132,7 @@ def turn(axis: Triple, angle: Component) -> Rotation:
 
 
 def exponential(w: Triple) -> Rotation:
-    """Return the rotation of a rotation vector [rad].
-
-    exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
-    """
+    """Return the rotation of a vector [rad], exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2, a = |w|."""
     square = dot(w, w)
     half = sinc(0.25 * square)
     return around(w, sinc(square), 0.5 * half * half)

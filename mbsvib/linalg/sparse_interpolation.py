@@ -74,9 +74,7 @@ class SparseInterpolant:
         return result
 
     def with_values(self, indices: Index, values: Array) -> SparseInterpolant:
-        """Return the polynomial that also has the ``values`` (p, values) at the points of more ``indices``, none of
-        which follows another.
-        """
+        """Return the polynomial with ``values`` (p, values) at more ``indices`` too, none of which follows another."""
         surpluses = values - self(points_of(indices))
         return SparseInterpolant(np.concatenate((self.indices, indices)), np.concatenate((self.surpluses, surpluses)))
 

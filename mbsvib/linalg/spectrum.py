@@ -69,9 +69,7 @@ def decaying(values: Complex, errors: Array) -> Bools:
 
 
 def mean_size(values: Complex) -> float:
-    """Return the geometric mean of the magnitudes of eigenvalues, without those that are none of the largest; 1 if all
-    are 0.
-    """
+    """Return the geometric mean magnitude of eigenvalues without those that are none of the largest; 1 if all are 0."""
     size = np.abs(values)
     size = size[size > ZERO_SIZE * size.max(initial=0.0)]
     return float(np.exp(np.log(size).mean())) if len(size) else 1.0

@@ -120,9 +120,7 @@ class Slots:
 
     @cached_property
     def places(self) -> Mapping[str, Mapping[str, Index]]:
-        """Rows of the points and turns of parts that follow those that vary, by part and field; they are behind those
-        of the model.
-        """
+        """Rows of the points and turns of parts that follow varied ones, by part and field; behind the model's own."""
         rows, result = len(self.nominal), {}
         for name, fields in self._places(self.nominal[:, None]).items():
             result[name] = {field: rows + 3 * k + np.arange(3) for k, field in enumerate(fields)}

@@ -82,9 +82,7 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
 
 
 def damper_rows(system: Equations, shapes: Array) -> tuple[Array, Array] | None:
-    """Return rows L (dampers, m) with L^T L = Gamma in a basis, and the sizes of their terms; None if a damper is
-    negative.
-    """
+    """Return rows L (dampers, m), L^T L = Gamma in a basis, and sizes of their terms; None with negative dampers."""
     used = system.row_damping != 0.0
     if (system.row_damping < 0.0).any():
         return None

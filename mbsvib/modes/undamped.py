@@ -227,9 +227,7 @@ def _as_it_is(
 
 
 def _crossed(perturbation: Array, square: Array) -> Array:
-    """Changes of squared frequencies by perturbations (m,) that mix modes: their squares over the distance to the next
-    squared frequency.
-    """
+    """Changes of squared frequencies by perturbations (m,) that mix modes: squares over the distance to the next."""
     gap = square[1:] - square[:-1]
     mixed = np.zeros(len(square) + 1)
     np.divide(np.maximum(perturbation[1:], perturbation[:-1]) ** 2, gap, out=mixed[1:-1], where=gap > 0.0)

@@ -111,10 +111,7 @@ class Band:
         return values.reshape(len(half), NODES, *values.shape[1:])
 
     def highest(self, measure: Measure) -> tuple[float, float]:
-        """Return the frequency of the largest value, and this value.
-
-        It is one of them where several are equally large.
-        """
+        """Return the frequency of the largest value, and this value; of several that are equally large, one."""
         where, value = self.maxima(measure, NEAR)
         at = int(value.argmax())
         return float(where[at]), float(value[at])
@@ -132,9 +129,7 @@ class Band:
         return _raised(lambda x: measure(self.response(x)), w, np.flatnonzero(top))
 
     def crossings(self, measure: Measure) -> Array:
-        """Return the frequencies, ascending, at which a number changes its sign; next to values that are not a number
-        there are none.
-        """
+        """Return the frequencies, ascending, at which a number changes its sign; next to no numbers there are none."""
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings
         near, curvature = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])

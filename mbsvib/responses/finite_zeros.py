@@ -39,9 +39,7 @@ WIDER, DIRECTIONS, SLOWEST = 2.0, np.exp(0.5j * np.pi * np.arange(4) + 0.3j), 1e
 
 
 class FiniteZeros(NamedTuple):
-    """``zeros`` (n,) of a system of the normal ``rank``; outputs (``rows``) and inputs (``columns``) with a response
-    that is not rounding only.
-    """
+    """``zeros`` (n,), the normal ``rank``, and the outputs (``rows``) and inputs (``columns``) that have a response."""
 
     zeros: Complex
     rank: int

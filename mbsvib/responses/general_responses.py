@@ -47,10 +47,7 @@ class Realization:
 
 
 def realization(system: Equations, state: EnergyState) -> Realization:
-    """Return the first-order equations in energy coordinates.
-
-    A feedthrough that is 0 up to rounding is exactly 0.
-    """
+    """Return the first-order equations in energy coordinates. A feedthrough that is 0 up to rounding is exactly 0."""
     rate = state.show @ state.a
     e1, e2 = asymptotic_terms(state)
     seen, b = _in_basis(system, state)

@@ -142,9 +142,7 @@ def modal_sum(
     system: Equations, modal: Damped | General, inputs: Sequence[int] | None = None,
     outputs: Sequence[int] | None = None,
 ) -> ModalSum:
-    """Return the sum over modes of a system's transfer functions, of the ``inputs`` and ``outputs`` with some numbers
-    or all.
-    """
+    """Return the sum over modes of the transfer functions of a system, of some ``inputs`` and ``outputs`` or all."""
     pick = slice(None) if inputs is None else list(inputs)
     show = slice(None) if outputs is None else list(outputs)
     rates = [c[show] for c in (system.Cq, system.Cv, system.Ca)]

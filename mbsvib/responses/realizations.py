@@ -131,9 +131,7 @@ def _modal(basis: Basis) -> tuple[Array, Array, Array, tuple[str, ...], tuple[st
 
 
 def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
-    """Columns T that transform the state matrix to companion blocks ``a`` (this sets those of close pairs), and the
-    inputs B.
-    """
+    """Columns T that transform the state matrix to companion blocks ``a`` (sets those of close pairs), and inputs B."""
     from mbsvib.responses.energy_schur import energy_matrix
     from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 

@@ -97,10 +97,7 @@ class StepInfo(Columnar, Displayed):
 
 
 def step_info(linear: Any, band: float = 0.02) -> StepInfo:
-    """Return the figures of all step responses.
-
-    ``band``: share of the final value within which a response has settled.
-    """
+    """Return the figures of step responses. ``band``: share of the final value within which they have settled."""
     if not 0.0 < band < 1.0:
         raise ResponseError(f"step_info: band = {band!r}; expected a share between 0 and 1, such as 0.02.")
     space = linear.state_space("modal") if linear.kind == "system" else linear.state_space()

@@ -128,9 +128,7 @@ def _independent(run: Session, q: Array, given: Index, bases: Array) -> Index:
 
 
 def _rates(run: Session, q: Array, qd: Array, given: Index, fixed: Index, bases: Array) -> Array:
-    """Rates with those of ``fixed`` at their values; the others are the least that keep the loops closed. Those that
-    are ``given`` must agree.
-    """
+    """Rates with those of ``fixed``, the others the least that keep loops closed; those ``given`` must agree."""
     if not len(run.loops.row_scale):
         return qd
     _, jacobian = run.loops.scaled(q, bases)

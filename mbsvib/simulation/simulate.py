@@ -73,10 +73,7 @@ class Events:
 
 
 def events(start: Trace, until: Any) -> Events:
-    """Return the events that end a run.
-
-    ``until``: values by name of coordinate or output.
-    """
+    """Return the events that end a run. ``until``: values by name of coordinate or output."""
     if until is not None and not isinstance(until, Mapping):
         raise check.refuse("simulate", "until", until,
                            "a mapping of coordinates or outputs to values, {'elbow.rz': 0.5}")  # fmt: skip

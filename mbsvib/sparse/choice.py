@@ -64,9 +64,7 @@ def linearized(
     model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
     method: str | None = None, dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> E | S:  # fmt: skip
-    """Return the equations of motion of a mechanism: of the class ``dense`` or ``sparse``, by size if ``method`` is
-    None.
-    """
+    """Return the equations of a mechanism: of the class ``dense`` or ``sparse``, by size if ``method`` is None."""
     result = expanded(model)
     if not (method is None and is_small(result)) and wants_sparse(result, method, independent, cut):
         from mbsvib.sparse.assembly import linearized as sparse_equations

@@ -193,9 +193,7 @@ def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
 
 
 def _coupler_rows(tree: Tree, layout: Layout, couplers: Coupled, measured: csr_matrix) -> csr_matrix:
-    """Rows of couplers over the unknowns of ``measured`` (coordinates of cut joints, size), scaled to coefficients of
-    order one.
-    """
+    """Rows of couplers over the unknowns of ``measured`` (coordinates of cut joints, size), scaled to order one."""
     from scipy.sparse import csr_matrix, diags
 
     couplings, (coupler, coefficient) = couplers.terms, couplers.measured
@@ -310,9 +308,7 @@ def _names(names: tuple[str, ...], rows: list[int]) -> tuple[str, ...]:
 
 
 def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
-    """Rows no farther than ``limit`` from the span of the others; the smallest distance of an independent row, and the
-    largest of a dependent one.
-    """
+    """Rows within ``limit`` of the span of the others; the smallest distance of others, and the largest of these."""
     distance, _ = _distances(s)
     is_certain = distance > CERTAIN_DISTANCE
     smallest_kept = float(np.sqrt(distance[is_certain].min(initial=1.0)))

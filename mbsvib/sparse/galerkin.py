@@ -59,9 +59,7 @@ def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Arra
 
 
 def independent(system: SparseEquations, massless: Array) -> Array:
-    """Return independent motions (size, r), of unit damping and forces of spins, with the span of massless ones
-    (size, n).
-    """
+    """Return independent motions (size, r), of unit damping and forces of spins, that span massless ones (size, n)."""
     damped = np.flatnonzero(system.row_damping)
     rates = np.sqrt(np.abs(system.row_damping[damped]))[:, None] * (system.elastic_rows[damped] @ massless)
     if system.gyroscopic is not None:

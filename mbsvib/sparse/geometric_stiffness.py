@@ -37,9 +37,7 @@ _DIAGONAL = np.arange(3)
 
 @dataclass(frozen=True, slots=True)
 class Products:
-    """Products of the rows ``first`` and ``second`` (n, unknowns) with ``owner`` (n,), which add first^T second and its
-    transpose to K.
-    """
+    """Products of rows ``first`` and ``second`` (n, unknowns) of ``owner`` (n,), added to K with the transpose."""
 
     first: csr_matrix
     second: csr_matrix

@@ -183,9 +183,7 @@ def _modes(t: Operator, basis: Array) -> tuple[Operator, _Found]:
 
 
 def _gap(distance: Array, k: int) -> tuple[float | None, int]:
-    """A distance from the shift in the largest gap behind the k-th mode, and how many modes are nearer; None if the
-    modes behind it are as far away.
-    """
+    """A distance from the shift in the largest gap behind the k-th mode (None: no gap), and how many are nearer."""
     ordered = np.sort(distance)
     gaps = np.diff(ordered[k - 1 :]) / ordered[k:]
     best = int(np.argmax(gaps)) if len(gaps) else 0

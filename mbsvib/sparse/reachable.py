@@ -32,9 +32,7 @@ S = TypeVar("S", bound=SparseEquations)
 def reachable(
     system: S, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> S:
-    """Return the equations of the controllable and observable bodies for some inputs and outputs, with these ports
-    only.
-    """
+    """Return the equations of the bodies controllable and observable for some inputs and outputs, with these ports."""
     model = system.model
     i = {system.inputs[k] for k in selected_ports(system.inputs, inputs, "inputs", system.name, system.outputs)}
     o = {system.outputs[k] for k in selected_ports(system.outputs, outputs, "outputs", system.name, system.inputs)}
