@@ -182,9 +182,8 @@ def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | 
     cuts = scene.cuts
     if cuts is None or cuts.couplings is None or not len(cuts.couplings.measured.first):
         return None
-    couplings, measured = cuts.couplings, cuts.couplings.measured
-    terms = (couplings.column < 0).nonzero()[0]
-    work = multipliers[..., len(cuts.rows.first) + couplings.row[terms]] * couplings.value[..., terms]
+    measured, (coupler, coefficient) = cuts.couplings.measured, cuts.couplings.of_measured
+    work = multipliers[..., len(cuts.rows.first) + coupler] * coefficient
     vectors = leading(measured.point), leading(measured.force), leading(measured.moment)
     return of_measured((measured.first, measured.second), vectors, scene.measured, work, loaded.axes, loaded.lengths)
 

@@ -64,6 +64,12 @@ class Couplings:
         np.maximum.at(result, places, np.moveaxis(np.abs(self.value), -1, 0))
         return result
 
+    @property
+    def of_measured(self) -> tuple[Index, Array]:
+        """Coupler and coefficient (..., measured) of each of ``measured``."""
+        at = (self.column < 0).nonzero()[0]
+        return self.row[at], self.value[..., at]
+
     def sums(self, travel: Array) -> Array:
         """Return the sums (..., couplers) of displacements (..., t) of the coordinates, which couplers hold at zero."""
         return np.asarray((self.value * travel) @ (self.row[:, None] == np.arange(len(self.touched))))

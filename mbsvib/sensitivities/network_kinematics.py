@@ -82,8 +82,7 @@ def constraints(
     joint, coupled = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]], None
     if (couplings := cuts.couplings) is not None:
         phi = np.concatenate((phi, couplings.dense(coordinates)))
-        measured = couplings.column < 0
-        coupled = couplings.measured, couplings.owner, couplings.row[measured], couplings.value[measured]
+        coupled = couplings.measured, couplings.owner, *couplings.of_measured
     pull, stress = _solution(phi[:, dependent])
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(

@@ -67,8 +67,8 @@ def _constraints(system: SparseEquations, origin: Array) -> Constraints | None:
     if not len(closure.names):
         return None
     joint, coupled = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]], None
-    if (couplers := closure.couplers) is not None:
-        coupled = couplers.terms.measured, couplers.joint, *couplers.measured
+    if (couplings := closure.cuts.couplings) is not None:
+        coupled = couplings.measured, couplings.owner, *couplings.of_measured
     row, column, entry = closure.independent_entries(tree)
     forces = LoopForces(system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1, len(tree.names))))
     wrench, closing, share = closing_terms(topology, len(closure.names), (closure.rows, joint), coupled)

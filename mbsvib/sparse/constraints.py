@@ -64,24 +64,6 @@ MOST_DENSE_ENTRIES = 250_000
 
 
 @dataclass(frozen=True, slots=True)
-class Coupled:
-    """The ``terms`` of couplers."""
-
-    terms: Couplings
-
-    @property
-    def joint(self) -> Index:
-        """The number of the cut joint of each coordinate that they measure in one."""
-        return self.terms.owner
-
-    @property
-    def measured(self) -> tuple[Index, Array]:
-        """Coupler and coefficient of each measured row."""
-        at = (self.terms.column < 0).nonzero()[0]
-        return self.terms.row[at], self.terms.value[at]
-
-
-@dataclass(frozen=True, slots=True)
 class Constraints:
     """Locked rows of cut joints and couplers, ``cuts``.
 
@@ -95,7 +77,6 @@ class Constraints:
     groups: tuple[LoopGroup, ...]
     path_joints: tuple[Index, Index]
     joint: Index
-    couplers: Coupled | None = None
 
     @property
     def rows(self) -> Rows:
@@ -121,17 +102,17 @@ class Constraints:
     def translational(self) -> Bools:
         """Mask of the independent rows that lock translations, so that their multipliers are forces."""
         result = self.cuts.translates.copy()
-        if self.couplers is not None:
-            result[len(self.rows.first) :] = self.couplers.terms.largest[1] > 0.0
+        if self.cuts.couplings is not None:
+            result[len(self.rows.first) :] = self.cuts.couplings.largest[1] > 0.0
         return np.asarray(result[self.is_independent])
 
     def entries(self, tree: Tree) -> Entries:
         """Return the entries of all rows over the joint coordinates."""
-        return Entries(*_locked_entries(tree, self.cuts, self.couplers), self.loop, len(self.names))
+        return Entries(*_locked_entries(tree, self.cuts), self.loop, len(self.names))
 
     def independent_entries(self, tree: Tree) -> tuple[Index, Index, Array]:
         """Return row (numbered among the independent rows), coordinate and value of their entries."""
-        row, column, value = _locked_entries(tree, self.cuts, self.couplers)
+        row, column, value = _locked_entries(tree, self.cuts)
         used = self.is_independent[row]
         return (np.cumsum(self.is_independent) - 1)[row[used]], column[used], value[used]
 
@@ -142,25 +123,24 @@ class Constraints:
                 return relative_rows(tree, layout, rows)
             return virtual.opened(relative_rows(virtual.tree, virtual.layout, rows), rows, joint)
 
-        count = len(self.rows.first)
+        count, couplings = len(self.rows.first), self.cuts.couplings
         rows = moved(self.independent, self.joint[self.is_independent[:count]])
-        if self.couplers is None:
+        if couplings is None:
             return rows
         from scipy.sparse import vstack
 
-        measured = moved(self.couplers.terms.measured, self.couplers.joint)
+        measured = moved(couplings.measured, couplings.owner)
         couplers = np.flatnonzero(self.is_independent[count:])
-        return vstack((rows, _coupler_rows(tree, layout, self.couplers, measured)[couplers])).tocsr()
+        return vstack((rows, _coupler_rows(tree, layout, couplings, measured)[couplers])).tocsr()
 
 
 def constraints(
     topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Sequence[Coupling] = ()
 ) -> Constraints:
     """Return the locked rows of the cut joints and which of them are independent; refused if a rank is in doubt."""
-    coupled = Coupled(terms(couplers, tree.names, topology, bodies, number)) if couplers else None
     cuts = appended(cut_rows(topology, bodies, number), tuple(part.name for part in couplers),
-                    None if coupled is None else coupled.terms)  # fmt: skip
-    entries = Entries(*_locked_entries(tree, cuts, coupled), cuts.joint, len(cuts.names))
+                    terms(couplers, tree.names, topology, bodies, number) if couplers else None)  # fmt: skip
+    entries = Entries(*_locked_entries(tree, cuts), cuts.joint, len(cuts.names))
     decision = _Decision(topology, tree, cuts, entries)
     decisions = [decision.of(members) for members in entries.groups()]
     independent = np.ones(len(cuts.names), dtype=bool)
@@ -170,17 +150,18 @@ def constraints(
     used = independent[entries.row]
     path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
     joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[: len(cuts.rows.first)]]
-    return Constraints(cuts, independent, tuple([group for group, _ in decisions]), path_joints, joint, coupled)
+    return Constraints(cuts, independent, tuple([group for group, _ in decisions]), path_joints, joint)
 
 
-def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
+def _locked_entries(tree: Tree, cuts: Cuts) -> Entry:
     """Row (ascending), joint coordinate and value of all entries of locked rows and, after them, of couplers."""
     row, column, value, _ = path_entries(tree, cuts.rows, None)
-    if couplers is None:
+    couplings = cuts.couplings
+    if couplings is None:
         return row, column, value
     from scipy.sparse import coo_matrix
 
-    couplings, (coupler, coefficient) = couplers.terms, couplers.measured
+    coupler, coefficient = couplings.of_measured
     inside = np.flatnonzero(couplings.column >= 0)
     at, column_of, value_of, _ = path_entries(tree, couplings.measured, None)
     rows = np.concatenate((couplings.row[inside], coupler[at]))
@@ -192,11 +173,11 @@ def _locked_entries(tree: Tree, cuts: Cuts, couplers: Coupled | None) -> Entry:
             np.concatenate((column, total.col.astype(np.intp))), np.concatenate((value, total.data)))  # fmt: skip
 
 
-def _coupler_rows(tree: Tree, layout: Layout, couplers: Coupled, measured: csr_matrix) -> csr_matrix:
+def _coupler_rows(tree: Tree, layout: Layout, couplings: Couplings, measured: csr_matrix) -> csr_matrix:
     """Rows of couplers over the unknowns of ``measured`` (coordinates of cut joints, size), scaled to order one."""
     from scipy.sparse import csr_matrix, diags
 
-    couplings, (coupler, coefficient) = couplers.terms, couplers.measured
+    coupler, coefficient = couplings.of_measured
     count, inside = len(couplings.touched), np.flatnonzero(couplings.column >= 0)
     at = (couplings.row[inside], layout.coordinate[couplings.column[inside]])
     of_tree = csr_matrix((couplings.value[inside], at), shape=(count, measured.shape[1]))
@@ -349,10 +330,7 @@ def check_mobility(topology: Topology, tree: Tree, closure: Constraints, layout:
     described = Twists(tree.names, tree.linear, tree.angular, tree.point, np.zeros((0, 0), np.int8), tree.turns)
     moved, cuts = rows_nearby(topology, described, closure.cuts, tree.position, small)
     moved_tree = replace(tree, linear=moved.linear, angular=moved.angular, point=moved.point)
-    couplers = closure.couplers
-    if couplers is not None and cuts.couplings is not None:
-        couplers = replace(couplers, terms=cuts.couplings)
-    entries = closure.entries(tree), replace(closure, cuts=cuts, couplers=couplers).entries(moved_tree)
+    entries = closure.entries(tree), replace(closure, cuts=cuts).entries(moved_tree)
     for group in groups:
         members = [group.rows]
         if len(group.rows) * len(group.columns) > MOST_DENSE_ENTRIES:

@@ -72,9 +72,9 @@ def _joint_wrenches(
     result[:, joint] = -sign * subtree[:, body]
     result[3:, joint] += crossed_product(position[:, body] - point[:, joint], result[:3, joint])
     if cut is not None:
-        joint = closure.joint
-        if closure.couplers is not None:
-            joint = np.concatenate((joint, closure.couplers.joint))
+        joint, couplings = closure.joint, closure.cuts.couplings
+        if couplings is not None:
+            joint = np.concatenate((joint, couplings.owner))
         moment = cut.torque + crossed_product(cut.end - point[:, joint], cut.force)
         np.add.at(result.T, joint, np.concatenate((cut.force, moment)).T)
     return result
@@ -143,14 +143,14 @@ def _multipliers(
 
 def _in_cut_joints(closure: Constraints, multipliers: Array) -> WrenchPairs | None:
     """Forces of multipliers in the cut joints, row by row; None without any."""
-    rows = closure.rows
+    rows, couplings = closure.rows, closure.cuts.couplings
     if not len(closure.names):
         return None
-    if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
-        coupler, coefficient = closure.couplers.measured
+    if couplings is not None:  # in joints of the tree they are part of the forces of these
+        coupler, coefficient = couplings.of_measured
         of_couplers = coefficient * multipliers[len(rows.first) + coupler]
         multipliers = np.concatenate((multipliers[: len(rows.first)], of_couplers))
-        rows = Rows.join([rows, closure.couplers.terms.measured])
+        rows = Rows.join([rows, couplings.measured])
     force, moment = rows.force * multipliers, rows.moment * multipliers
     return WrenchPairs(rows.first, rows.second, rows.point, rows.point, force, moment)
 

@@ -180,11 +180,11 @@ def _joints_of_loops(
     first = np.array([number[joint.first] for joint in cut], dtype=np.intp)
     second = np.array([number[joint.second] for joint in cut], dtype=np.intp)
     loops, joints = [loop], [np.array(topology.cut, dtype=np.intp)]
-    if closure.couplers is not None:
-        terms = closure.couplers.terms
+    terms = closure.cuts.couplings
+    if terms is not None:
         inside, coupler = terms.column >= 0, len(topology.cut) + terms.row
         loops += [coupler[inside], coupler[~inside]]
-        joints += [joint_to_parent[tree.coordinate_body[terms.column[inside]]], closure.couplers.joint]
+        joints += [joint_to_parent[tree.coordinate_body[terms.column[inside]]], terms.owner]
         first, second = (np.concatenate((ends, more)) for ends, more in (
             (first, terms.measured.first), (second, terms.measured.second)))  # fmt: skip
         loop = np.concatenate((loop, coupler[~inside]))
@@ -225,12 +225,12 @@ def _of_couplers(
     topology: Topology, tree: Tree, closure: Constraints, index_of: Mapping[int, int], loops: Index, first: int
 ) -> list[tuple[int, int, Any]]:
     """Wrenches of couplers on joints: the joint's number in its region, the row from ``first`` on, and the wrench."""
-    if closure.couplers is None:
+    terms = closure.cuts.couplings
+    if terms is None:
         return []
-    terms, measured = closure.couplers.terms, closure.couplers.terms.measured
     row = {int(loop) - len(topology.cut): first + k for k, loop in enumerate(loops)}
     known = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
-    cut = iter(zip(closure.couplers.joint.tolist(), *measured.force, *measured.moment, strict=True))
+    cut = iter(zip(terms.owner.tolist(), *terms.measured.force, *terms.measured.moment, strict=True))
     result = []
     for coupler, value, column in zip(terms.row.tolist(), terms.value.tolist(), terms.column.tolist(), strict=True):
         if column >= 0:
