@@ -11,9 +11,8 @@ import numpy as np
 
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.excited import with_interfaces
-from mbsvib.finite_motion.frames import rate_in_motion
-from mbsvib.finite_motion.momentum import angular_momentum
-from mbsvib.finite_motion.rotations import Expression
+from mbsvib.finite_motion.forces import angular_momentum
+from mbsvib.finite_motion.frames import Expression, rate_in_motion
 from mbsvib.finite_motion.statement import FiniteMotion, finite_motion
 
 if TYPE_CHECKING:

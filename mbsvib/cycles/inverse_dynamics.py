@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.cycles.result import CycleData
-from mbsvib.finite_motion.elastic_nodes import point_as_described
+from mbsvib.finite_motion.elastic_block import point_as_described
 from mbsvib.finite_motion.evaluation import evaluated
 from mbsvib.finite_motion.excited import with_interfaces
 from mbsvib.finite_motion.forces import velocity
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.machine import Machine
-    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.finite_motion.frames import Expression
 
 C = TypeVar("C", bound=CycleData)
 

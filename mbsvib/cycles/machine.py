@@ -20,8 +20,7 @@ from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError
 from mbsvib.finite_motion.elastic_block import elastic_blocks
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
 from mbsvib.finite_motion.excited import with_interfaces
-from mbsvib.finite_motion.following import DrivenLoops, straight_way
-from mbsvib.finite_motion.loops import Loops
+from mbsvib.finite_motion.loops import DrivenLoops, Loops, straight_way
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, REDUNDANT_LOOPS

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.machine import Machine
-    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.finite_motion.frames import Expression
 
 # What the derivatives of the loops leave over, as a share of them: rounding, unless a parameter takes the loops apart.
 ASSEMBLED = 1e-8

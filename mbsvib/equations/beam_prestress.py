@@ -30,8 +30,8 @@ from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.components import stacked
-from mbsvib.linalg.least_norm import least_norm, rank_grows
 from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.qr import least_norm, rank_grows
 from mbsvib.linalg.rank import DEPENDENT, EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
 

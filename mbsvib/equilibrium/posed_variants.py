@@ -10,9 +10,8 @@ import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
 from mbsvib.equilibrium.articulation import with_rigid_parts
-from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.moved import Poses, moved
-from mbsvib.equilibrium.moved_parts import model_in_pose
+from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:

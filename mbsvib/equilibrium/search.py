@@ -11,10 +11,9 @@ from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
-from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import PosedModel, posed_model
-from mbsvib.equilibrium.moved_parts import model_in_pose, refuse_unstated, static_model
+from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose, refuse_unstated, static_model
 from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
 from mbsvib.equilibrium.preloads import RESIDUAL, without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements

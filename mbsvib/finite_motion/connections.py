@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.elements.connection import Connection
 from mbsvib.errors import ModelError
-from mbsvib.finite_motion.rotations import Expression, entries
+from mbsvib.finite_motion.frames import Expression, entries
 from mbsvib.linalg.displacements import Displacement
 
 if TYPE_CHECKING:

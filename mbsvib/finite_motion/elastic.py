@@ -17,8 +17,7 @@ import numpy as np
 
 from mbsvib.equilibrium.linear_range import TURNED
 from mbsvib.errors import LargeDisplacementWarning
-from mbsvib.finite_motion.frames import REST, Frame, angular_velocity
-from mbsvib.finite_motion.rotations import Expression
+from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:

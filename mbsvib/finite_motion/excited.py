@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
-from mbsvib.finite_motion.elastic_nodes import point_as_described
+from mbsvib.finite_motion.elastic_block import point_as_described
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 

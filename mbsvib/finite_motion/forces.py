@@ -1,4 +1,7 @@
-"""Loads and inputs in finite motion: the power of a force is linear in the rates, and so gives generalized forces."""
+"""Loads and inputs in finite motion: the power of a force is linear in the rates, and so gives generalized forces.
+
+Angular momentum of bodies about their centres of mass, that of their rotors among it.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,15 @@ import numpy as np
 from mbsvib.finite_motion.frames import REST
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from mbsvib.elements import Body, Load
     from mbsvib.elements.motion_input import MotionForce
     from mbsvib.elements.ports import BaseMotion, Input, Output
+    from mbsvib.elements.rotor import Rotor
     from mbsvib.finite_motion.connections import Connected
+    from mbsvib.finite_motion.frames import Expression
     from mbsvib.finite_motion.kinematics import Kinematics
-    from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -87,3 +91,22 @@ def base_power(part: BaseMotion, bodies: Iterable[Body], bent: Expression, motio
     momentum = sum((numbers.scalar(body, "mass") * velocity(motion, body.name, numbers.vector(body, "position"))[0]
                     for body in bodies), bent)  # fmt: skip
     return -ca.dot(ca.SX(np.array(part.wrench[:3])), momentum)
+
+
+def momentum_of_body(body: Body, motion: Kinematics) -> Expression:
+    """Return I w (3,) of a body [N m s], in axes that turn with it, which as described are those of the world."""
+    axes, entries = ca.SX(np.array(body.orientation)), motion.numbers.vector(body, "inertia")
+    xx, yy, zz, xy, xz, yz = (entries[i] for i in range(6))
+    tensor = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    return axes @ (tensor @ (axes.T @ motion.angular_velocity(body.name)))
+
+
+def momentum_of_rotor(rotor: Rotor, motion: Kinematics) -> Expression:
+    """Return the constant angular momentum (3,) of a rotor [N m s], in axes that turn with its body."""
+    return motion.numbers.scalar(rotor, "inertia") * motion.numbers.scalar(rotor, "speed") * ca.SX(np.array(rotor.axis))
+
+
+def angular_momentum(body: Body, rotors: Mapping[str, Rotor], motion: Kinematics) -> Expression:
+    """Return the angular momentum (3,) of a body and its rotors about its centre of mass [N m s], world axes."""
+    own = [momentum_of_rotor(rotor, motion) for rotor in rotors.values() if rotor.body == body.name]
+    return motion.frames[body.name].vector(sum(own, momentum_of_body(body, motion)))

@@ -1,13 +1,51 @@
-"""Frames of bodies in finite motion: where points and vectors go that were somewhere in the pose as described."""
+"""Frames of bodies in finite motion: where points and vectors go that were somewhere in the pose as described.
+
+Rotations are matrices of expressions from ``linalg.components``, which can be differentiated also at angle 0.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
-from mbsvib.finite_motion.rotations import Expression, axial, entries, rows_of
+from mbsvib.linalg import components as c
 from mbsvib.linalg.displacements import Displacement
+
+Expression = Any
+
+
+def matrix(rows: c.Rotation) -> Expression:
+    """Return a rotation of components as a matrix (3, 3)."""
+    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+
+
+def entries(vector: Expression) -> c.Triple:
+    """Return the components of a vector (3,)."""
+    x, y, z = ca.vertsplit(vector)
+    return x, y, z
+
+
+def rows_of(matrix: Expression) -> c.Rotation:
+    """Return the components of a matrix (3, 3), row by row."""
+    x, y, z = ca.vertsplit(matrix)
+    return entries(x.T), entries(y.T), entries(z.T)
+
+
+def axial(matrix: Expression) -> Expression:
+    """Return the vector w (3,) whose [w]x is the antisymmetric part of a matrix (3, 3)."""
+    return ca.vertcat(*c.axial(rows_of(matrix)))
+
+
+def exponential(w: Expression) -> Expression:
+    """Return the rotation matrix (3, 3) of a rotation vector (3,) [rad]."""
+    return matrix(c.exponential(entries(w)))
+
+
+def logarithm(rotation: Expression) -> Expression:
+    """Return the rotation vector (3,) [rad] of a rotation matrix (3, 3), less than half a turn long."""
+    return ca.vertcat(*c.rotation_vector(rows_of(rotation)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.elements.joint_kinds import Columns, normals
-from mbsvib.finite_motion.frames import Frame
-from mbsvib.finite_motion.rotations import Expression, entries, exponential, matrix
+from mbsvib.finite_motion.frames import Expression, Frame, entries, exponential, matrix
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -12,10 +12,9 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
-from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
-from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
+from mbsvib.finite_motion.elastic_block import coordinates_of, node_displacement
+from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import coordinates, displacement, openings, small_displacement, virtual_displacement
-from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
 

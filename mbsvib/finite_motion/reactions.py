@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.frames import Expression
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
 

@@ -1,4 +1,12 @@
-"""From a mechanism to the statement of its finite motion."""
+"""From a mechanism to the statement of its finite motion.
+
+On hubs, energies are those of what turns steadily, in the frame that turns with it. In that frame, which has the
+angular velocity W, the kinetic energy of a body is that of the velocities v + W x (r - p) and w + W. Its parts are
+T2 + T1 + T0, of second, first and no order in the rates: T1 is gyroscopic, -T0 the centrifugal potential. T2 + V - T0
+is constant without dampers (Jacobi's integral).
+
+Source: Meirovitch, Methods of Analytical Dynamics (1970), section 2.13.
+"""
 
 from __future__ import annotations
 
@@ -6,27 +14,34 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 
 from mbsvib.elements.motion_input import DrivenCoordinate, acting_inputs
-from mbsvib.equations.hubs import on_held, refuse_superelements
+from mbsvib.equations.hubs import check_steady, on_held, on_hubs, refuse_superelements, velocity
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
 from mbsvib.finite_motion.elastic_block import ALL_SIX, ElasticBlock, elastic_blocks, with_interface
 from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
-from mbsvib.finite_motion.forces import base_power, input_power, load_power, moved_end_force
-from mbsvib.finite_motion.hubs import of_frame, spins
+from mbsvib.finite_motion.forces import (
+    base_power,
+    input_power,
+    load_power,
+    momentum_of_body,
+    momentum_of_rotor,
+    moved_end_force,
+)
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
-from mbsvib.finite_motion.momentum import of_body, of_rotor
 from mbsvib.finite_motion.numbers import Numbers, not_a_symbol
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
     from mbsvib.elements.rotor import Rotor
-    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.finite_motion.frames import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
 __all__ = ["FiniteMotion", "finite_motion"]
@@ -170,7 +185,7 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
     """Return the kinetic energy [J] of a body, T = 1/2 m v . v + 1/2 w . I w."""
     numbers = motion.numbers
     v = motion.velocity(body.name, motion.point(body.name, numbers.vector(body, "position")))
-    spin = ca.dot(motion.angular_velocity(body.name), of_body(body, motion))
+    spin = ca.dot(motion.angular_velocity(body.name), momentum_of_body(body, motion))
     return 0.5 * numbers.scalar(body, "mass") * ca.dot(v, v) + 0.5 * spin
 
 
@@ -183,9 +198,30 @@ def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
             f"give the inertia of what spins on the body, or start with a rate of its joint.",
             element=rotor.name, field="inertia",
         )  # fmt: skip
-    return ca.dot(of_rotor(rotor, motion), motion.angular_velocity(rotor.body))
+    return ca.dot(momentum_of_rotor(rotor, motion), motion.angular_velocity(rotor.body))
 
 
 def _weight(body: Body, motion: Kinematics, fall: Expression) -> Expression:
     centre = motion.numbers.vector(body, "position")
     return -motion.numbers.scalar(body, "mass") * ca.dot(fall, motion.point(body.name, centre) - centre)
+
+
+def spins(model: Mechanism) -> dict[str, tuple[Array, Array]]:
+    """Return the angular velocity (3,) [rad/s] and a point of the axis (3,) [m] of the hub of each body on one."""
+    if not model.hubs:
+        return {}
+    of = on_hubs(model)
+    check_steady(model, of)
+    return {body: (velocity(model.hubs[hub]), np.array(model.hubs[hub].position)) for body, hub in of.items()}
+
+
+def of_frame(energies: Mapping[str, Expression], motion: Kinematics) -> tuple[dict[str, Expression], Expression]:
+    """Return -T0 [J] by name, 0 as described, and the sum of T1, of kinetic energies with turning frames."""
+    none, pose = ca.SX.zeros(motion.qd.shape), ca.vertcat(motion.q, motion.bases)
+    described = np.concatenate((np.zeros(motion.q.shape[0]), motion.no_turns))
+    potentials = {}
+    for name, energy in energies.items():
+        still = ca.substitute(energy, motion.qd, none)
+        potentials[name] = ca.substitute(still, pose, described) - still
+    momenta = ca.gradient(sum(energies.values(), ca.SX(0.0)), motion.qd)
+    return potentials, ca.dot(ca.substitute(momenta, motion.qd, none), motion.qd)

@@ -130,7 +130,9 @@ def _sorted(
 
 
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
-    """Return motions without stiffness as displacements (m, r): those that come to rest, those in chains that drift."""
+    """Return the motions without stiffness as displacements (m, r): those that come to rest, and those in chains, which
+    drift.
+    """
     if state.long:  # motions cannot be assigned to chains: take as many as there are pairs of zeros
         u = np.linalg.svd(state.show @ state.right)[0]
         zeros = state.right.shape[1]

@@ -27,9 +27,8 @@ from mbsvib.linalg.spectrum import spectrum
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.modal import CraigBampton, ModalTruncation, projected
 from mbsvib.responses.basis import Basis
-from mbsvib.responses.energy_schur import triangular_solutions
+from mbsvib.responses.energy_schur import last, triangular_solutions
 from mbsvib.responses.frequency_response import frequency_response
-from mbsvib.responses.lasting_modes import last
 from mbsvib.responses.norms import hinf
 
 if TYPE_CHECKING:

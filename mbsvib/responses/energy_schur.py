@@ -4,6 +4,10 @@ In energy coordinates x = (Omega eta, eta') the equations are x' = A x with A = 
 norm is the largest frequency and not its square. With A = Z T Z^H and T upper triangular every frequency costs one
 triangular solution, and the substitution runs over all frequencies at once: one matrix product for each block of rows.
 No eigenvectors are needed, so nearly defective pairs lose no accuracy.
+
+In these coordinates rounding of a vector is that of its length, whatever the units: an entry of the inputs
+F = (0, Phi^T B) or of the outputs is known to eps |F| or eps |c_e|. So it is known whether inputs drive modes that do
+not decay, or outputs show them.
 """
 
 from __future__ import annotations
@@ -13,10 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.modes.damped import Damped
+from mbsvib.linalg.rank import ZERO_SUM
 
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Bools, Complex
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes.damped import Damped
 
 BLOCK = 32
 
@@ -79,3 +85,35 @@ def energy_matrix(modal: Damped) -> tuple[Array, Array]:
     a[m + at, at] = -modal.square / scale
     a[m:, m:] = -(np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma)
     return scale, a
+
+
+def zeros_of_lasting_states(
+    system: Equations, modal: Damped, transform: Array, b: Array, c: Array
+) -> tuple[Array, Array]:
+    """Return B (2m, inputs) and C (outputs, 2m) of modal states with zeros for what is rounding in modes that last.
+
+    ``transform`` (2m, 2m): q and q' by the states, two of each mode.
+    """
+    lasting = np.repeat(last(modal.pairs).any(axis=1), 2)
+    if not lasting.any():
+        return b, c
+    m = len(modal.square)
+    scale, a = energy_matrix(modal)
+    into = modal.shapes.T @ system.M
+    energy = np.concatenate((scale[:, None] * (into @ transform[:m]), into @ transform[m:]))
+    left = np.linalg.norm(np.linalg.inv(energy)[lasting], axis=1)
+    small = np.abs(b[lasting]) <= ZERO_SUM * np.outer(left, np.linalg.norm(modal.shapes.T @ system.B, axis=0))
+    moving = energy[:, lasting]
+    rates = [rows @ modal.shapes for rows in (system.Cq, system.Cv, system.Ca)]
+    seen = sum((np.outer(np.linalg.norm(rows, axis=1), np.linalg.norm(part, axis=0)) for rows, part in
+                ((rates[0] / scale, moving[:m]), (rates[1], moving[m:]), (rates[2], (a @ moving)[m:]))),
+               np.zeros((len(c), moving.shape[1])))  # fmt: skip
+    b, c = b.copy(), c.copy()
+    b[lasting] = np.where(small, 0.0, b[lasting])
+    c[:, lasting] = np.where(np.abs(c[:, lasting]) <= ZERO_SUM * seen, 0.0, c[:, lasting])
+    return b, c
+
+
+def last(poles: Complex) -> Bools:
+    """Return which eigenvalues of a mechanism, known to rounding of their size, do not decay."""
+    return np.asarray(poles.real >= -ZERO_SUM * np.abs(poles))

@@ -9,10 +9,10 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modes.general import is_general
+from mbsvib.responses.energy_schur import zeros_of_lasting_states
 from mbsvib.responses.feedthrough import accelerations, feedthrough
 from mbsvib.responses.first_order import RATE_UNITS, physical
 from mbsvib.responses.general_terms import cleaned
-from mbsvib.responses.lasting_modes import zeros_of_lasting_states
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:

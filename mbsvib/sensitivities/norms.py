@@ -16,8 +16,8 @@ from scipy.linalg import solve_continuous_lyapunov, solve_sylvester
 from mbsvib.common.selection import needed_ports
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import separated
+from mbsvib.responses.energy_schur import last
 from mbsvib.responses.first_order_solver import decaying_response
-from mbsvib.responses.lasting_modes import last
 from mbsvib.responses.norms import Norm, decaying_part, h2, hinf
 from mbsvib.responses.realizations import state_space
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions

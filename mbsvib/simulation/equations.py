@@ -29,8 +29,8 @@ from mbsvib.linalg.rank import MASSLESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.frames import Expression
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.finite_motion.rotations import Expression
 
 # Small dense systems: QR of J_d, and LDL of the mass matrix.
 GENERAL, SYMMETRIC = "qr", "ldl"

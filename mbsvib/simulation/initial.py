@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, SingularPoseError, nearest
-from mbsvib.finite_motion.following import DrivenLoops
+from mbsvib.finite_motion.loops import DrivenLoops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.qr import minimum_norm_solution, pivoted_qr

@@ -14,11 +14,9 @@ from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.elements.strain_output import StrainOutput, expand
 from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic import strain_of_slopes
-from mbsvib.finite_motion.elastic_nodes import node_row, point_as_described
-from mbsvib.finite_motion.forces import moved_end_force, relative_motion
-from mbsvib.finite_motion.frames import rate_in_motion
-from mbsvib.finite_motion.momentum import angular_momentum
-from mbsvib.finite_motion.rotations import Expression, logarithm
+from mbsvib.finite_motion.elastic_block import node_row, point_as_described
+from mbsvib.finite_motion.forces import angular_momentum, moved_end_force, relative_motion
+from mbsvib.finite_motion.frames import Expression, logarithm, rate_in_motion
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued

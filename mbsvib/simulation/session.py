@@ -13,8 +13,7 @@ from scipy.linalg import eigh
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.finite_motion.evaluation import evaluated
-from mbsvib.finite_motion.following import straight_way
-from mbsvib.finite_motion.loops import Loops
+from mbsvib.finite_motion.loops import Loops, straight_way
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.simulation.equations import MotionEquations, first_order, motion_equations

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +14,6 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
-from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import Progress, counting
 from mbsvib.elements.motion_input import MotionInput
 from mbsvib.errors import ModelError, SimulationError, nearest
@@ -26,9 +28,11 @@ from mbsvib.simulation.stepping import Sample, march, reached, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
-
 
 # Events this near to the start of a run, as a share of an interval, are where it starts.
 SAME = 1e-9
@@ -179,3 +183,27 @@ def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
                              f"{nearest(str(name), model.loads)} It has {', '.join(model.loads) or 'none'}.",
                              element=str(name), field="without")  # fmt: skip
     return result
+
+
+@contextmanager
+def noticing_interrupts() -> Iterator[Callable[[], bool]]:
+    """Notice interrupts from the keyboard, also those that code in C turns into errors of its own.
+
+    The context gives a function that tells whether there was one. In threads other than the main one there are none.
+    """
+    noticed = False
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield lambda: False
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal noticed
+        noticed = True
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield lambda: noticed
+    finally:
+        signal.signal(signal.SIGINT, before)
