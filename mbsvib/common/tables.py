@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 import sys
 from itertools import starmap
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TextIO, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from typing import TextIO
 
     Justify: TypeAlias = Literal["left", "center", "right"]
 

@@ -29,7 +29,7 @@ from mbsvib.cycles.elastic import parameter_derivatives, with_parameters
 from mbsvib.cycles.prescribed import turns
 from mbsvib.errors import MbsvibError
 from mbsvib.finite_motion.evaluation import matrices
-from mbsvib.finite_motion.frames import axial
+from mbsvib.finite_motion.frames import Expression, axial
 from mbsvib.finite_motion.joints import place_of
 from mbsvib.finite_motion.reactions import multipliers, opened
 from mbsvib.kinematics.pose import length_of
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.result import CycleData
     from mbsvib.elements import Joint
-    from mbsvib.finite_motion.frames import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
 

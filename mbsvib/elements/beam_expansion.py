@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements import Bushing, Joint
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing, Joint
 
 
 def expand(beam: Beam, *_: Any) -> ExpandedPart:

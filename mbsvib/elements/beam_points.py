@@ -9,14 +9,13 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
-from mbsvib.linalg.components import cross, norm, subtract, transpose
+from mbsvib.linalg.components import Triple, cross, norm, subtract, transpose
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.linalg.components import Triple
 
 # Smallest sine of the angle between a beam and the direction of its y axis
 PARALLEL = 1e-6

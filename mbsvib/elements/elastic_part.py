@@ -26,7 +26,7 @@ from mbsvib.elements.body import NO_INERTIA, Body
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
-from mbsvib.elements.placement import GROUND
+from mbsvib.elements.placement import GROUND, Placement, Pose
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.errors import NoWordsError
 from mbsvib.linalg.products import eigenrows
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Composed
-    from mbsvib.elements.placement import Placement, Pose
 
 
 

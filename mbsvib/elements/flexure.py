@@ -16,7 +16,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_element import Prismatic, check_flags, checked_damping, checked_displacements
+from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
 from mbsvib.elements.beam_variants import MATERIAL
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam_element import Element
     from mbsvib.elements.placement import Placement, Pose
 
 # Neck over the depth of the cuts below which the Gauss points of a notch are too few for 12 digits.

@@ -26,7 +26,7 @@ from mbsvib.elements.joint_kinds import (
     universal_axes,
 )
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.roles import axes, batched, number, point
+from mbsvib.elements.roles import ParameterField, axes, batched, number, point
 from mbsvib.errors import ModelError, NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement, Pose
-    from mbsvib.elements.roles import ParameterField
 
 # Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
 SKEWED = 1e-12

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any, Self
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import Part
-from mbsvib.elements.roles import BODY, batched, point, vector
+from mbsvib.elements.roles import BODY, ParameterField, batched, point, vector
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.roles import ParameterField
 
 NONE: Vector = (0.0, 0.0, 0.0)
 

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from mbsvib.common.arguments import rotated
+from mbsvib.common.arguments import Vector, rotated
 from mbsvib.common.display import Completed
 from mbsvib.errors import NoWordsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements.placement import Placement, Pose
     from mbsvib.elements.roles import ParameterField, Role

@@ -18,9 +18,6 @@ import numpy as np
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array, Index
 
 

@@ -11,14 +11,13 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import Part, derived
-from mbsvib.elements.placement import GROUND
+from mbsvib.elements.placement import GROUND, Placement, Pose
 from mbsvib.elements.placement import direction as place_direction
 from mbsvib.elements.roles import BODY, point, stated
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.elements.deformations import Law
-    from mbsvib.elements.placement import Placement, Pose
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")

@@ -9,23 +9,20 @@ relaxation a spring g k in series with a damper g tau k. At rest dampers carry n
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements.connection import Connection
+from mbsvib.elements.connection import Connection, PreloadForm
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.roles import ParameterField
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.connection import PreloadForm
     from mbsvib.elements.shared_rows import ExpandedPart
 
 _LABELS = ("g", "tau")

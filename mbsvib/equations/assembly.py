@@ -10,12 +10,12 @@ from copy import copy
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.memory import keep_freed_memory
-from mbsvib.equations.draft import first_draft
+from mbsvib.equations.draft import Draft, first_draft
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.locked_loops import check_loops
-from mbsvib.equations.scene import scene, with_maxwell_nodes
+from mbsvib.equations.scene import Scene, scene, with_maxwell_nodes
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import check_mobility
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
@@ -23,8 +23,6 @@ from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mbsvib.equations.draft import Draft
-    from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 
 E = TypeVar("E", bound=Equations)

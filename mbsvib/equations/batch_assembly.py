@@ -16,19 +16,19 @@ from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations, chunk_size, joined
 from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, linearized_variant, one_by_one, stacked
-from mbsvib.equations.batch_prestress import prestress
+from mbsvib.equations.batch_prestress import Prestress, prestress
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Draft, Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded, with_damping_that_varies
-from mbsvib.equations.geometry_plan import geometry_plan
+from mbsvib.equations.geometry_plan import GeometryPlan, geometry_plan
 from mbsvib.equations.inertia import check_masses, unit_inertia
 from mbsvib.equations.loaded import spins_otherwise
 from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
 from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
-from mbsvib.equations.posed_scene import posed_scene
+from mbsvib.equations.posed_scene import PosedForces, PosedScene, posed_scene
+from mbsvib.equations.scene import Scene, with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import (
     applied_of_variants,
     has_antisymmetric_forces,
@@ -45,10 +45,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.batch_prestress import Prestress
-    from mbsvib.equations.geometry_plan import GeometryPlan
-    from mbsvib.equations.posed_scene import PosedForces, PosedScene
-    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.pose import Pose
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.changes import Slots

@@ -18,7 +18,7 @@ from mbsvib.equations.assembly import linearized
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import HELP, check_freedom
 from mbsvib.equations.massless_separation import separated
-from mbsvib.equations.matrices import MATRICES, OPTIONAL
+from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.placing import scene_of_variant
 from mbsvib.errors import MbsvibError, ModelError, NearSingularWarning, SingularPoseError
 from mbsvib.linalg.rank import CERTAIN_MASS, ZERO_SUM
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.equations import Equations, Separation
-    from mbsvib.equations.matrices import Matrices, Terms
     from mbsvib.mechanism.mechanism import Mechanism
 
 

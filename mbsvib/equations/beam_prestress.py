@@ -26,8 +26,8 @@ import numpy as np
 
 from mbsvib.elements.beam_expansion import elastic_part, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
+from mbsvib.equations.scene import Scene, with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.beam_element import Element
     from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 

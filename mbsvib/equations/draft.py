@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.equations.matrices import Terms, matrices, minimal_rows
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.loops import kept_rows
+from mbsvib.kinematics.loops import Reduction, kept_rows
 from mbsvib.mechanism.drives import driven_coordinates
 
 if TYPE_CHECKING:
@@ -18,12 +18,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Separation
     from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.matrices import Terms
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Reactions, Statics
     from mbsvib.equations.virtual_motions import Kept
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.mechanism import Mechanism
 

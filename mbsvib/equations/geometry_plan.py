@@ -16,8 +16,8 @@ from mbsvib.equations.beam_prestress import unloaded_lines
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
-from mbsvib.kinematics.shared_rows import shared_rows
-from mbsvib.mechanism.changes import COEFFICIENTS
+from mbsvib.kinematics.shared_rows import Shared, shared_rows
+from mbsvib.mechanism.changes import COEFFICIENTS, Slots
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism
 
     Places = Mapping[str, Mapping[str, Index]]

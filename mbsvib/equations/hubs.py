@@ -20,9 +20,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.elements import Body
 from mbsvib.elements import beam_element as element
 from mbsvib.elements.beam_expansion import rotated
 from mbsvib.elements.bushing import Bushing
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.elements.load import Load
 from mbsvib.elements.shared_rows import Node, SharedRows
@@ -35,9 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
     from mbsvib.elements.beam import Beam
-    from mbsvib.elements.joint import Joint
 
 M = TypeVar("M", bound=Mechanism)
 # Directions are printed with six or seven digits.

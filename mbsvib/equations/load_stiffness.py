@@ -33,7 +33,7 @@ from mbsvib.core.pairs import (
     opening_hessians,
 )
 from mbsvib.elements.coupler import Coupling
-from mbsvib.equations.wrenches import leading
+from mbsvib.equations.wrenches import AppliedWrenches, leading
 from mbsvib.errors import ModelError
 from mbsvib.linalg.products import concatenated, squares_of_products
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.core.geometric_stiffness import MotionOrder
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
 

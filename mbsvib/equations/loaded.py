@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.motion_input import DrivenCoordinate
-from mbsvib.equations.load_stiffness import curvature_stiffness, load_stiffness, loaded_pairs
+from mbsvib.equations.load_stiffness import LoadedPairs, curvature_stiffness, load_stiffness, loaded_pairs
 from mbsvib.equations.placing import scene_of_variant
 from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta, with_antisymmetric_terms
 from mbsvib.equations.statics import Reactions, Statics, check_balance, forces_along, loop_multipliers
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.matrices import Terms
     from mbsvib.equations.spin_terms import Spin
     from mbsvib.mechanism.mechanism import Mechanism

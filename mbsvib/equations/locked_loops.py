@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements import Joint
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.equations.alignment import advice, aligned_loops
@@ -23,7 +24,6 @@ from mbsvib.linalg.rank import NEAR_SINGULAR, NEARLY_LOCKED, NEARLY_REDUNDANT, R
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.elements import Joint
     from mbsvib.kinematics.loops import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements import Joint
 from mbsvib.elements import joint as _joint
 from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.couplers import locked
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Names of coordinates in a message.

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.matrices import Terms
     from mbsvib.equations.unresisted_motion import Scale
 
 

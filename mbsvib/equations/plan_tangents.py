@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_assembly import assembled_variants
-from mbsvib.equations.batch_equations import joined
+from mbsvib.equations.batch_assembly import AssembledVariants, BatchPlan, assembled_variants
+from mbsvib.equations.batch_equations import BatchEquations, joined
 from mbsvib.equations.batch_values import STEP, Values, checked
 from mbsvib.equations.matrices import MATRICES, Terms
 from mbsvib.equations.posed_scene import posed_scene
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.batch_assembly import AssembledVariants, BatchPlan
-    from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.equations.draft import Draft
 
 

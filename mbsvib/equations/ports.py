@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.rows import Rows
+from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.shared_rows import carriers
 from mbsvib.errors import ModelError
 from mbsvib.linalg.products import widened
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import BaseMotion, Body, Input, Output
-    from mbsvib.elements.rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism

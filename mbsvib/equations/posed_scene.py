@@ -24,10 +24,10 @@ from mbsvib.elements.deformations import twist
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.spring import ROUNDING
 from mbsvib.equations.inertia import SpatialInertia
-from mbsvib.equations.ports import port_bodies
-from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches, has_antisymmetric_forces
+from mbsvib.equations.ports import Ports, port_bodies
+from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs, applied_wrenches, has_antisymmetric_forces
 from mbsvib.kinematics.pose import Pose, size_of, start
-from mbsvib.kinematics.pose_kinematics import pose_kinematics
+from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
 from mbsvib.linalg.rotations import components_first, components_last, logarithm
 
 if TYPE_CHECKING:
@@ -35,12 +35,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.ports import Ports
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.pose_kinematics import PoseKinematics
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.families import NODES, connection_rows
-from mbsvib.elements.rows import Rows, table
-from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.elements.rows import ElementRows, Rows, table
+from mbsvib.equations.inertia import SpatialInertia, spatial_inertia
 from mbsvib.equations.ports import Ports, ports
-from mbsvib.equations.wrenches import is_loaded
+from mbsvib.equations.wrenches import AppliedWrenches, is_loaded
 from mbsvib.kinematics.couplers import with_rows
-from mbsvib.kinematics.loops import Cuts, reduce
+from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_motion, twists
-from mbsvib.kinematics.shared_rows import shared_rows
+from mbsvib.kinematics.shared_rows import Shared, shared_rows
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.topology import span
+from mbsvib.mechanism.topology import Topology, span
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,12 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing, Joint, Spring
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.elements.rows import ElementRows
-    from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.equations.wrenches import AppliedWrenches
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.mechanism.topology import Topology
 
 M = TypeVar("M", bound=Mechanism)
 

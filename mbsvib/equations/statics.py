@@ -25,9 +25,9 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.core.geometric_stiffness import TwistsAt
-from mbsvib.equations.self_stress import SelfStress, of_loops
+from mbsvib.equations.self_stress import SelfStress, Undetermined, of_loops
 from mbsvib.equations.virtual_motions import VirtualMotions, joint_ends, joint_points, opened, virtual_motions
-from mbsvib.equations.wrenches import WrenchPairs
+from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.virtual_motions import Kept
-    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.topology import Topology
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.core.geometric_stiffness import MotionOrder, Pairs, TwistsAt, bracket_form, geometric_stiffness
-from mbsvib.equations.load_stiffness import rounding
+from mbsvib.equations.load_stiffness import LoadedPairs, rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.equations.wrenches import leading
 from mbsvib.kinematics.loops import Reduction
@@ -28,7 +28,7 @@ from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,11 +38,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
-    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Branch, Topology
 
     Kept = Sequence[tuple[Index, Index]]
 

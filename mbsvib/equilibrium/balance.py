@@ -10,14 +10,14 @@ import numpy as np
 
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.load_stiffness import curvature_stiffness, load_tangent, loaded_pairs
-from mbsvib.equations.posed_scene import follows_poses, of_parts
-from mbsvib.equations.scene import scene
-from mbsvib.equations.spin_terms import cross_couplings
+from mbsvib.equations.posed_scene import PosedScene, follows_poses, of_parts
+from mbsvib.equations.scene import Scene, scene
+from mbsvib.equations.spin_terms import CrossCoupling, cross_couplings
 from mbsvib.equations.statics import forces_along, loop_multipliers, shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
-from mbsvib.equilibrium.motion import kinematics_of
+from mbsvib.equilibrium.motion import PosedModel, kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.kinematics.loops import kept_rows, reduce
+from mbsvib.kinematics.loops import Reduction, kept_rows, reduce
 from mbsvib.kinematics.relative_motion import arm, body_motion
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Bools
-    from mbsvib.equations.posed_scene import PosedScene
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from mbsvib.equations.batch_assembly import batch_plan, described_variants
+from mbsvib.equations.batch_assembly import B, BatchPlan, batch_plan, described_variants
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_loops import reduce_batch
-from mbsvib.equations.batch_values import checked
+from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Variants
 from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.balance import RESOLVED, of_loads
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.equations.batch_assembly import B, BatchPlan
-    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.changes import Slots
     from mbsvib.mechanism.mechanism import Mechanism

@@ -16,7 +16,7 @@ from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.kinematics.closing import Closing
+from mbsvib.kinematics.closing import Closing, Reached
 from mbsvib.kinematics.loops import kept_rows
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.closing import Reached
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -11,10 +11,10 @@ import numpy as np
 from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
 from mbsvib.kinematics.couplers import locked
-from mbsvib.kinematics.couplings import coupler_travel
-from mbsvib.kinematics.pose import size_of, start
-from mbsvib.kinematics.pose_kinematics import pose_kinematics
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.couplings import Couplings, coupler_travel
+from mbsvib.kinematics.pose import Pose, size_of, start
+from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
@@ -25,11 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.pose_kinematics import PoseKinematics
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 

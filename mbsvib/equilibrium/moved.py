@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,7 +19,7 @@ from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest
-from mbsvib.kinematics.closing import TOLERANCE, Closing
+from mbsvib.kinematics.closing import TOLERANCE, Closing, Reached
 from mbsvib.kinematics.loops import kept_rows, reduce
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.dead_points import is_unknown
@@ -28,10 +28,7 @@ from mbsvib.mechanism.topology import cut_elsewhere
 from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.closing import Reached
     from mbsvib.kinematics.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)

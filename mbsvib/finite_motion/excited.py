@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
-from mbsvib.finite_motion.elastic_block import point_as_described
+from mbsvib.finite_motion.elastic_block import ElasticBlock, point_as_described
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
 
 # Derivatives below this share of the largest of their kind are rounding of zeros.

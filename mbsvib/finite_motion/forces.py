@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.finite_motion.frames import REST
+from mbsvib.finite_motion.frames import REST, Expression
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.ports import BaseMotion, Input, Output
     from mbsvib.elements.rotor import Rotor
     from mbsvib.finite_motion.connections import Connected
-    from mbsvib.finite_motion.frames import Expression
     from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.mechanism.mechanism import Mechanism
 

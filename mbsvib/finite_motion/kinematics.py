@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.coupler import refuse_curved
+from mbsvib.elements.coupler import Coupling, refuse_curved
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
-from mbsvib.finite_motion.elastic_block import coordinates_of, node_displacement
+from mbsvib.finite_motion.elastic_block import ElasticBlock, coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import coordinates, displacement, openings, small_displacement, virtual_displacement
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools
     from mbsvib.elements import Joint
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.numbers import Numbers
 
 

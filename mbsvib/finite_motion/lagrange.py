@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbsvib.finite_motion.elastic_block import node_displacement
+from mbsvib.finite_motion.elastic_block import ElasticBlock, node_displacement
 from mbsvib.finite_motion.forces import generalized
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from mbsvib.finite_motion.connections import Connected
     from mbsvib.finite_motion.elastic import ElasticEnergies
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.frames import Expression, Frame
     from mbsvib.finite_motion.kinematics import Kinematics
 

@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 

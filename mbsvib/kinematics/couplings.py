@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import logarithm
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from mbsvib.common.tables import listed
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.pose import IDENTITY, Pose
-from mbsvib.kinematics.relative_motion import body_motion
+from mbsvib.kinematics.relative_motion import Twists, body_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
 from mbsvib.linalg.rotations import skew
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 

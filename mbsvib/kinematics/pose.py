@@ -24,8 +24,6 @@ from mbsvib.linalg.rank import SAME_POINT
 from mbsvib.linalg.rotations import CYCLE, components_first, exponential, frames_along, logarithm, orthonormal
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint

@@ -16,22 +16,19 @@ import numpy as np
 from mbsvib.common.fast_init import changed
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import locked
-from mbsvib.kinematics.pose import openings_of, stacked, with_own_axes
+from mbsvib.kinematics.pose import Openings, Pose, openings_of, stacked, with_own_axes
 from mbsvib.kinematics.relative_motion import Twists
-from mbsvib.kinematics.tree_motion import tree_of
+from mbsvib.kinematics.tree_motion import FiniteMotion, Tree, tree_of
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.linalg.rotations import components_first, components_last
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.pose import Openings, Pose
-    from mbsvib.kinematics.tree_motion import FiniteMotion, Tree
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True)

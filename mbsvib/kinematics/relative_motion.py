@@ -22,7 +22,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows, columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.linalg.rotations import CYCLE
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Body, Joint
-    from mbsvib.mechanism.topology import Branch, Topology
 
 
 # Paths of up to this number of rows times coordinates are cached: a few megabytes in all.

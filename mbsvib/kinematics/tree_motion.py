@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.joint_kinds import Columns, displaced
-from mbsvib.kinematics.pose import IDENTITY
+from mbsvib.elements.joint_kinds import Columns, Motion, displaced
+from mbsvib.kinematics.pose import IDENTITY, Pose
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
-    from mbsvib.elements.joint_kinds import Motion
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.mechanism.topology import Topology
 
 ORIGIN = (0.0, 0.0, 0.0)
 DIAGONAL = np.arange(4)

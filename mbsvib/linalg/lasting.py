@@ -18,13 +18,12 @@ import numpy as np
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
-from mbsvib.linalg.spectrum import spectrum
+from mbsvib.linalg.spectrum import Spectrum, spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.linalg.spectrum import Spectrum
 
 
 # Rounding of a group's inputs and outputs above this share of them leaves open what is zero: nothing is, then.

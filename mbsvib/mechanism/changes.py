@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -15,8 +15,6 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import jacobian
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameters
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.elements.motion_input import DrivenCoordinate, MotionInput
 from mbsvib.errors import ModelError
@@ -14,7 +15,6 @@ from mbsvib.mechanism.topology import cut_elsewhere
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.elements.joint import Joint
     from mbsvib.mechanism.mechanism import Mechanism
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 from mbsvib.common import arguments as check
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
-from mbsvib.elements.rolling import Travel
+from mbsvib.elements.rolling import Rolling, Travel
 from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.names import check_name, unknown_body
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import BaseMotion, Body, ForceOutput, Input, Joint, Load, Output
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
-    from mbsvib.elements.rolling import Rolling
     from mbsvib.elements.rotor import Rotor
     from mbsvib.elements.shared_rows import Expansion
     from mbsvib.mechanism.parameters import Parameters

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
-from mbsvib.equations.batch_equations import of_variant
+from mbsvib.equations.batch_equations import BatchEquations, of_variant
 from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined, undamped_batch
 from mbsvib.modes.damped import Damped
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.batch_equations import BatchEquations
 
 
 # State matrices of one piece of a batch stay in the second-level cache.

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.undamped import CLEAN
+from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
-    from mbsvib.modes.undamped import Undamped
 
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); smaller entries are neglected.
 CLASSICAL = 1e-13

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.products import square_difference
-from mbsvib.modes.batch import batch_modes
+from mbsvib.modes.batch import BatchModes, batch_modes
 from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
 from mbsvib.responses.general_terms import cleaned
@@ -23,7 +23,6 @@ from mbsvib.responses.modal_sum import partial_sums
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.batch_equations import BatchEquations
-    from mbsvib.modes.batch import BatchModes
     from mbsvib.modes.batch_damped import DampedBatch
 
 

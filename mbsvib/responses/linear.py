@@ -6,14 +6,13 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common.expected import angular
-from mbsvib.common.selection import key_ports
+from mbsvib.common.selection import Names, key_ports
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.responses.norms import Norm
     from mbsvib.responses.step_info import StepInfo
 
@@ -115,7 +114,6 @@ class StepVerbs(PortedVerbs):
     """Responses over time, zeros and grids, of systems as of all other linear equations."""
 
     if TYPE_CHECKING:
-
         def poles(self) -> Complex:
             """Return the poles [1/s]."""
 

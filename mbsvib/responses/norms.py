@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.lasting import Separation, separated
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.responses.extrema import Band, panels
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.linalg.lasting import Separation
 
 
 # The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import schur, solve_triangular
 
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes
@@ -31,7 +31,6 @@ from mbsvib.responses.modal_sum import ModalSum, modal_sum
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import AnyArray, Array, Bools, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
     from mbsvib.responses.basis import Basis

@@ -24,7 +24,7 @@ from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-from mbsvib.simulation.outputs import measured
+from mbsvib.simulation.outputs import Measured, measured
 from mbsvib.simulation.reactions import is_reaction
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.result import Modes
-    from mbsvib.simulation.outputs import Measured
 
 
 # A force that acts along motions without stiffness counts as rounding below this share of all forces.

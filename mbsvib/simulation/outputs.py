@@ -14,7 +14,7 @@ from mbsvib.elements.motion_input import acting_inputs
 from mbsvib.elements.strain_output import StrainOutput, expand
 from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic import strain_of_slopes
-from mbsvib.finite_motion.elastic_block import node_row, point_as_described
+from mbsvib.finite_motion.elastic_block import ElasticBlock, node_row, point_as_described
 from mbsvib.finite_motion.forces import angular_momentum, moved_end_force, relative_motion
 from mbsvib.finite_motion.frames import Expression, logarithm, rate_in_motion
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.ports import ForceOutput, Output
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,6 @@ from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mbsvib.common.arrays import Array
     from mbsvib.responses.driven import Drive
 

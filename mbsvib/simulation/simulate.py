@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,6 @@ from mbsvib.simulation.stepping import Sample, march, reached, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from types import FrameType
 
     from mbsvib.common.arrays import Array

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
-from mbsvib.finite_motion.loops import CLOSED
+from mbsvib.finite_motion.loops import CLOSED, Loops
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.kinematics import Kinematics
-    from mbsvib.finite_motion.loops import Loops
 
 
 @dataclass(frozen=True, slots=True)

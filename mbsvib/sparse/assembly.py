@@ -11,8 +11,8 @@ import numpy as np
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import is_loaded
-from mbsvib.sparse.constraints import check_mobility
-from mbsvib.sparse.draft import first_draft, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.constraints import Constraints, check_mobility
+from mbsvib.sparse.draft import SparseDraft, first_draft, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.massless import separation
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sparse.constraints import Constraints
-    from mbsvib.sparse.draft import SparseDraft
 
 # In the order from leaves to root, the fill grows with the square of the number of multipliers of loops through a
 # joint. If there are more than this on average (grids; a single spatial loop has 6), a general ordering fills less.

@@ -24,7 +24,7 @@ import numpy as np
 
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import appended, terms
-from mbsvib.kinematics.loops import LoopGroup, check_gap, decided, measures, preference, redundant_members
+from mbsvib.kinematics.loops import Cuts, LoopGroup, check_gap, decided, measures, preference, redundant_members
 from mbsvib.kinematics.mobility import jump, rank_nearby, rows_nearby
 from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
@@ -38,7 +38,7 @@ from mbsvib.linalg.rank import (
     RANK_FACTOR,
     REGULARISATION,
 )
-from mbsvib.sparse.layout import path_entries, relative_rows
+from mbsvib.sparse.layout import Layout, VirtualUnknowns, path_entries, relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,9 +50,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.kinematics.loops import Cuts
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.layout import Layout, VirtualUnknowns
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sparse.arnoldi import arnoldi
+from mbsvib.sparse.arnoldi import Ritz, arnoldi
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import AnyArray, Array, Complex
-    from mbsvib.sparse.arnoldi import Ritz
     from mbsvib.sparse.quadratic import Quadratic
     from mbsvib.sparse.tableau import Factor
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.families import connection_rows
-from mbsvib.elements.rows import Rows
-from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.elements.rows import ElementRows, Rows
+from mbsvib.equations.inertia import SpatialInertia, spatial_inertia
 from mbsvib.equations.ports import (
     feedthrough_of_ground,
     feedthrough_of_motions,
@@ -20,15 +20,15 @@ from mbsvib.equations.ports import (
     motion_weights,
     ports,
 )
-from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta
+from mbsvib.equations.spin_terms import CrossCoupling, check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.kinematics.shared_rows import shared_rows, stack
+from mbsvib.kinematics.shared_rows import Shared, shared_rows, stack
 from mbsvib.linalg.rotations import skew
-from mbsvib.sparse.constraints import constraints
+from mbsvib.sparse.constraints import Constraints, constraints
+from mbsvib.sparse.layout import Layout, relative_rows
 from mbsvib.sparse.layout import layout as unknowns_of
-from mbsvib.sparse.layout import relative_rows
-from mbsvib.sparse.self_stress import regions
-from mbsvib.sparse.tree import tree
+from mbsvib.sparse.self_stress import Region, regions
+from mbsvib.sparse.tree import Tree, tree
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,21 +37,13 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.elements.rows import ElementRows
-    from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.geometric_stiffness import Loading
-    from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.massless import SparseSeparation
-    from mbsvib.sparse.self_stress import Region
     from mbsvib.sparse.tableau import Tableau
-    from mbsvib.sparse.tree import Tree
 
 
 _LATER: Any = None

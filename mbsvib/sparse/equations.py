@@ -13,7 +13,7 @@ import numpy as np
 from mbsvib.common.selection import port_numbers
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.linalg.multifrontal import LARGEST, factored, fronts
+from mbsvib.linalg.multifrontal import LARGEST, Fronts, SymmetricFactor, factored, fronts
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Connection, Removed
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.linalg.multifrontal import Fronts, SymmetricFactor
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints

@@ -25,19 +25,17 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.draft import of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.draft import SparseDraft, of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.layout import relative_rows, virtual_unknowns
-from mbsvib.sparse.tableau import FINE, SINGULAR
+from mbsvib.sparse.tableau import FINE, SINGULAR, Factor
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.sparse.draft import SparseDraft
     from mbsvib.sparse.geometric_stiffness import JointForms, Products
     from mbsvib.sparse.self_stress import Region
-    from mbsvib.sparse.tableau import Factor
 
 
 def with_joint_forces(draft: SparseDraft) -> SparseDraft:

@@ -21,7 +21,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.rank import RIGID_ENERGY, UNCOUPLED, ZERO_SUM
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.assembly import linearized
-from mbsvib.sparse.equations import SparseMatrices
+from mbsvib.sparse.equations import SparseEquations, SparseMatrices
 from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import AnyArray, Array
     from mbsvib.equations.equations import Equations
-    from mbsvib.sparse.equations import SparseEquations
 
 S = TypeVar("S", bound="SparseEquations")
 E = TypeVar("E", bound="Equations")

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import AnyArray, Array, Complex, Index
     from mbsvib.equations.equations import Equations
-    from mbsvib.modes import Modes
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.quadratic import Quadratic
 

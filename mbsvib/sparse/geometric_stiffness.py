@@ -17,8 +17,8 @@ from mbsvib.elements.rows import Rows, columns
 from mbsvib.equations.load_stiffness import applied_pairs
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rank import ZERO_FORM
-from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.layout import relative_rows
+from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.sparse.layout import Layout, VirtualUnknowns, relative_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.core.geometric_stiffness import Pairs
     from mbsvib.equations.wrenches import AppliedWrenches
-    from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.layout import Layout, VirtualUnknowns
     from mbsvib.sparse.tree import Tree
 
 _DIAGONAL = np.arange(3)

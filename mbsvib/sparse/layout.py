@@ -26,7 +26,7 @@ import numpy as np
 from mbsvib.kinematics.relative_motion import entry_values
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rotations import crossed_product as cross
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements.rows import Rows
-    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.tree import Tree
 
 

@@ -13,20 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.coupler import refuse_curved
-from mbsvib.elements.rows import Rows
+from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.virtual_motions import joint_ends
 from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.linalg.rotations import crossed_product
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 from mbsvib.sparse.geometric_stiffness import Loading
 from mbsvib.sparse.layout import VirtualUnknowns
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.rows import ElementRows
-    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.draft import SparseDraft
     from mbsvib.sparse.tree import Tree

@@ -18,7 +18,7 @@ from mbsvib.equations.massless_separation import check_gap
 from mbsvib.equations.unresisted_motion import independent_coordinates, null_space, without_rounding
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
-from mbsvib.sparse.layout import kinematics
+from mbsvib.sparse.layout import Layout, kinematics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
 

@@ -31,10 +31,10 @@ from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.modal import independent_rows
 from mbsvib.reduction.reduced import error_bound
-from mbsvib.sparse.equations import SparseMatrices
+from mbsvib.sparse.equations import SparseEquations, SparseMatrices
 from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected, quadratic_of
 from mbsvib.sparse.matrix_subspace import flexible_static
-from mbsvib.sparse.modes import modes
+from mbsvib.sparse.modes import SomeModes, modes
 from mbsvib.sparse.reduction import RTOL
 
 if TYPE_CHECKING:
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import AnyArray, Array, Complex
     from mbsvib.linalg.multifrontal import SymmetricFactor
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.modes import SomeModes
 
 
 E = TypeVar("E", bound=Equations)

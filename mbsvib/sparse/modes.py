@@ -30,6 +30,7 @@ from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigen
 from mbsvib.sparse.matrix_subspace import matrix_subspace
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
+from mbsvib.sparse.subspace import Subspace
 from mbsvib.sparse.subspace import subspace as mechanism_subspace
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import AnyArray, Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.operator import Operator
-    from mbsvib.sparse.subspace import Subspace
 
 
 # The subspace is restarted from the current modes when it has grown to this many vectors per mode.

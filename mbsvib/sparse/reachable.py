@@ -8,7 +8,7 @@ and an output is zero.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import Any
 
     from mbsvib.common.arrays import Index
     from mbsvib.mechanism.mechanism import Mechanism

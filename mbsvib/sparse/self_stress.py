@@ -27,8 +27,8 @@ from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
 from mbsvib.linalg.rotations import rigid_transport
-from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
+from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES, Constraints
 from mbsvib.sparse.layout import paths
 
 # Iterative refinement stops when a step changes the solution by less than this; it has so many steps at most.
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.tree import Tree
 
 

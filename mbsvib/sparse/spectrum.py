@@ -14,8 +14,9 @@ import numpy as np
 
 from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
+from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.disc import disc
+from mbsvib.sparse.disc import Disc, disc
 from mbsvib.sparse.galerkin import (
     Galerkin,
     eigenvectors,
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
-    from mbsvib.modes import Modes
-    from mbsvib.sparse.disc import Disc
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.galerkin import Solution
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from mbsvib.kinematics.relative_motion import in_order, largest_pitch, twists_of_branches
 from mbsvib.linalg.rotations import crossed_product
-from mbsvib.mechanism.topology import span
+from mbsvib.mechanism.topology import Topology, span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Body
     from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)
