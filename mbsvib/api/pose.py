@@ -10,8 +10,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import reals
 from mbsvib.equilibrium.articulation import with_preloads_of, with_rigid_parts
-from mbsvib.equilibrium.moved_parts import check_couplers
 from mbsvib.equilibrium.moved import moved
+from mbsvib.equilibrium.moved_parts import check_couplers
 from mbsvib.equilibrium.posed_variants import pose_coordinates
 from mbsvib.errors import EquilibriumError, MbsvibError, ModelError, SingularPoseError, UnreachableError
 from mbsvib.mechanism.mechanism import Mechanism
