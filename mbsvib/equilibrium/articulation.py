@@ -1,7 +1,11 @@
-"""Mechanisms whose beams and superelements are joints between their nodes: free ones to bend, or fixed ones."""
+"""Mechanisms whose beams and superelements are joints between their nodes: free ones to bend, or fixed ones.
+
+Warnings where these parts bend beyond the range of small displacements.
+"""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -13,14 +17,16 @@ from mbsvib.elements.families import elastic_parts
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.equations.expansion import expanded, with_elastic_forces
 from mbsvib.equations.hubs import on_held
+from mbsvib.equilibrium.moved_parts import changed
+from mbsvib.errors import LargeDisplacementWarning
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.rebuilding import changed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.report import Equilibrium
+
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -116,3 +122,22 @@ def with_preloads_of(model: M, equilibrium: Equilibrium[M]) -> Equilibrium[M]:
                       if field.name in ("preload", "free_length")}
                for name, part in equilibrium.model.springs.items()}  # fmt: skip
     return replace(equilibrium, model=changed(model, changes))
+
+
+# Rotation of a node [rad] against the body that carries the part; the relative error of displacements is about half its
+# square.
+TURNED = 0.15
+
+
+def warn_beyond(deformed: Mechanism) -> None:
+    """Warn of parts of a deformed model that bend beyond the range of small displacements, by ``TURNED``."""
+    for part in deformed.composed.values():
+        if part.displacements is None:
+            continue
+        six = np.array(part.displacements).reshape(-1)[: 6 * len(part.points)].reshape(-1, 6)
+        angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
+        if angle > TURNED:
+            warnings.warn(f"{part.family} '{part.name}' bends by {angle:.2g} rad; displacements in the frame of the "
+                          f"body that carries it are assumed to be small, which is accurate to about "
+                          f"{0.5 * angle**2:.0%} there. Divide it into several parts with a body between them, or "
+                          f"lower the load.", LargeDisplacementWarning, stacklevel=4)  # fmt: skip

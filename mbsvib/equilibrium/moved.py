@@ -13,9 +13,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
 from mbsvib.elements.bushing import LARGEST_ANGLE
-from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.articulation import warn_beyond, with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
-from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest

@@ -1,6 +1,7 @@
 """A model in another pose: points and axes that are fixed to a body move with it.
 
-Couplers that are no linear relations of the joint coordinates of that pose are refused.
+Parts are rebuilt with other arguments. Couplers that are no linear relations of the joint coordinates of that pose are
+refused.
 """
 
 from __future__ import annotations
@@ -10,17 +11,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements.coupler import refuse_curved
-from mbsvib.elements.families import EXPANSIONS
+from mbsvib.elements.families import EXPANSIONS, rebuild_with
 from mbsvib.elements.part import Part
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.drives import with_drives_held
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.rebuilding import rebuilt
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from mbsvib.elements import Body, Joint
     from mbsvib.kinematics.pose import Pose
@@ -133,3 +133,25 @@ def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, 
         size = max(size, float(np.abs((at, start, end)).max()))
     shift = float(np.linalg.norm(ends[1] - ends[0]))
     return float(np.linalg.norm(logarithm(turns[0].T @ turns[1]))), shift if shift > TURNED * size else 0.0
+
+
+def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
+    """Return a mechanism with all parts rebuilt.
+
+    ``words`` takes the parts in the order of ``groups()`` and returns the arguments of a part's adder, or the part that
+    replaces it unchecked.
+    """
+    def rebuilt_part(part: Part) -> Part:
+        new = words(part)
+        return new if isinstance(new, Part) else rebuild_with(part, new)
+
+    groups: Any = {
+        key: {name: rebuilt_part(part) for name, part in group.items()}
+        for key, group in model.groups().items() if group
+    }
+    return model.with_parts(**groups)
+
+
+def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
+    """Return a mechanism in which some parts have other arguments."""
+    return rebuilt(model, lambda part: part.constructor_kwargs() | changes[part.name] if part.name in changes else part)

@@ -12,12 +12,11 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
-from mbsvib.equilibrium.moved_parts import static_model
+from mbsvib.equilibrium.moved_parts import changed, static_model
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import BALANCE, HOLDS_NOTHING
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.rebuilding import changed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

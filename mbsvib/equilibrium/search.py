@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 from mbsvib.common.expected import names
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equations.equations import Equations
-from mbsvib.equilibrium.articulation import articulated
+from mbsvib.equilibrium.articulation import articulated, warn_beyond
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
-from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose, refuse_unstated, static_model
 from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share

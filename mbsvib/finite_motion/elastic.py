@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.equilibrium.linear_range import TURNED
+from mbsvib.equilibrium.articulation import TURNED
 from mbsvib.errors import LargeDisplacementWarning
 from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity
 from mbsvib.mechanism.mechanism import GROUND

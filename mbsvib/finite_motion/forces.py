@@ -92,7 +92,7 @@ def base_power(part: BaseMotion, bodies: Iterable[Body], bent: Expression, motio
     return -ca.dot(ca.SX(np.array(part.wrench[:3])), momentum)
 
 
-def momentum_of_body(body: Body, motion: Kinematics) -> Expression:
+def momentum_of(body: Body, motion: Kinematics) -> Expression:
     """Return I w (3,) of a body [N m s], in axes that turn with it, which as described are those of the world."""
     axes, entries = ca.SX(np.array(body.orientation)), motion.numbers.vector(body, "inertia")
     xx, yy, zz, xy, xz, yz = (entries[i] for i in range(6))
@@ -100,12 +100,12 @@ def momentum_of_body(body: Body, motion: Kinematics) -> Expression:
     return axes @ (tensor @ (axes.T @ motion.angular_velocity(body.name)))
 
 
-def momentum_of_rotor(rotor: Rotor, motion: Kinematics) -> Expression:
+def rotor_momentum(rotor: Rotor, motion: Kinematics) -> Expression:
     """Return the constant angular momentum (3,) of a rotor [N m s], in axes that turn with its body."""
     return motion.numbers.scalar(rotor, "inertia") * motion.numbers.scalar(rotor, "speed") * ca.SX(np.array(rotor.axis))
 
 
 def angular_momentum(body: Body, rotors: Mapping[str, Rotor], motion: Kinematics) -> Expression:
     """Return the angular momentum (3,) of a body and its rotors about its centre of mass [N m s], world axes."""
-    own = [momentum_of_rotor(rotor, motion) for rotor in rotors.values() if rotor.body == body.name]
-    return motion.frames[body.name].vector(sum(own, momentum_of_body(body, motion)))
+    own = [rotor_momentum(rotor, motion) for rotor in rotors.values() if rotor.body == body.name]
+    return motion.frames[body.name].vector(sum(own, momentum_of(body, motion)))

@@ -27,9 +27,9 @@ from mbsvib.finite_motion.forces import (
     base_power,
     input_power,
     load_power,
-    momentum_of_body,
-    momentum_of_rotor,
+    momentum_of,
     moved_end_force,
+    rotor_momentum,
 )
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
@@ -185,7 +185,7 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
     """Return the kinetic energy [J] of a body, T = 1/2 m v . v + 1/2 w . I w."""
     numbers = motion.numbers
     v = motion.velocity(body.name, motion.point(body.name, numbers.vector(body, "position")))
-    spin = ca.dot(motion.angular_velocity(body.name), momentum_of_body(body, motion))
+    spin = ca.dot(motion.angular_velocity(body.name), momentum_of(body, motion))
     return 0.5 * numbers.scalar(body, "mass") * ca.dot(v, v) + 0.5 * spin
 
 
@@ -198,7 +198,7 @@ def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
             f"give the inertia of what spins on the body, or start with a rate of its joint.",
             element=rotor.name, field="inertia",
         )  # fmt: skip
-    return ca.dot(momentum_of_rotor(rotor, motion), motion.angular_velocity(rotor.body))
+    return ca.dot(rotor_momentum(rotor, motion), motion.angular_velocity(rotor.body))
 
 
 def _weight(body: Body, motion: Kinematics, fall: Expression) -> Expression:
