@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, shown
 from mbsvib.common.expected import kind_of
+from mbsvib.common.patterns import matching
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.equations.equations import Connection
 from mbsvib.errors import ModelError, nearest
@@ -116,14 +116,12 @@ def connections_of(parts: Mapping[str, Part], connect: Iterable[Any], distance: 
 
 def _ports(parts: Mapping[str, Part], name: str) -> list[tuple[Part, str]]:
     """The ports that a name or a pattern means."""
-    found = [(part, port) for part in parts.values() for port in part.ports if f"{part.name}.{port}" == name]
-    if not found:
-        found = [(part, port) for part in parts.values() for port in part.ports
-                 if fnmatchcase(f"{part.name}.{port}", name)]  # fmt: skip
-    if found:
-        return found
+    ports = [(part, port) for part in parts.values() for port in part.ports]
+    known = [f"{part.name}.{port}" for part, port in ports]
+    fitting = set(matching(name, known))
+    if fitting:
+        return [port for port, full_name in zip(ports, known, strict=True) if full_name in fitting]
     part = next((part for part in parts.values() if name.startswith(f"{part.name}.")), None)
-    known = [f"{part.name}.{port}" for part in parts.values() for port in part.ports]
     why = f"expected one of {', '.join(known)}" if known else "no part has one"
     about = "" if part is None else (
         f" Inputs and outputs of a port have the same names, '{name.removeprefix(part.name + '.')}.x' and so on: "

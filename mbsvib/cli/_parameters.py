@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, option, positional, whole_number
 from mbsvib.cli._lookup import model_of, range_of
+from mbsvib.common.patterns import matching
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def _over_ranges(result: Sweep) -> Figure:
 
 def _fitting(pattern: str, known: Iterable[str], model: str) -> list[str]:
     """The names of parameters that fit a pattern."""
-    names = [name for name in known if fnmatchcase(name, pattern)]
+    names = matching(pattern, known)
     if not names:
         raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)} "
                                  f"See: mbsvib params {model}.")  # fmt: skip

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fnmatch import fnmatchcase
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.patterns import matching
 from mbsvib.errors import ResponseError, counted, nearest
 
 # Names or patterns of signals; None: all.
@@ -31,9 +31,8 @@ def selected(
     several = [requested] if isinstance(requested, str) or hasattr(requested, "name") else requested
     result: dict[int, None] = {}
     for name in _listed(several, kind, owner):
-        hits = [i for i, signal in enumerate(known) if signal == name]
-        if not hits and PATTERN.intersection(name):
-            hits = [i for i, signal in enumerate(known) if fnmatchcase(signal, name)]
+        found = set(matching(name, known))
+        hits = [i for i, signal in enumerate(known) if signal in found]
         if not hits:
             raise ResponseError(_unknown(name, known, kind, owner, others))
         result |= dict.fromkeys(hits)

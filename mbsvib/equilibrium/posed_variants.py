@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.patterns import matching
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved import Poses, moved
 from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose
@@ -114,7 +114,7 @@ def pose_coordinates(model: Mechanism, patterns: str | Sequence[str], caller: st
                          field="pose")  # fmt: skip
     result: list[str] = []
     for pattern in asked:
-        found = [name for name in known if name == pattern or fnmatchcase(name, pattern)]
+        found = matching(pattern, known)
         if not found:
             raise ModelError(f"{caller}: pose = '{pattern}' matches no joint coordinate of model '{model.name}'."
                              f"{nearest(pattern, known)}", element=pattern, field="pose")  # fmt: skip

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.patterns import matching
 from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
@@ -125,7 +125,7 @@ def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> dict[s
                 if names.get(name, directions):  # a bushing that was named without directions keeps all of them
                     names[name] = tuple(dict.fromkeys((*names.get(name, ()), *directions)))
             continue
-        picked = [name for name in model.springs if name == pattern or fnmatchcase(name, pattern)]
+        picked = matching(pattern, model.springs)
         stiff = _forms(model, picked, 1.0)
         if not stiff:
             why = "is not a spring or bushing" if not picked else "has no stiffness at rest"
@@ -139,19 +139,19 @@ def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> dict[s
 
 def _directions(model: Mechanism, pattern: str) -> dict[str, tuple[str, ...]]:
     """The directions with stiffness of bushings that a pattern names, none if it matches names of elements."""
-    if any(name == pattern or fnmatchcase(name, pattern) for name in model.springs):
+    if matching(pattern, model.springs):
         return {}
+    picked = set(matching(pattern, [f"{name}.{direction}" for name in model.springs for direction in DIRECTIONS]))
     result: dict[str, tuple[str, ...]] = {}
     for name, part in model.springs.items():
         if not hasattr(part, "orientation"):
-            matched = part.acts_along_line and fnmatchcase(f"{name}.z", pattern)
-            if matched and part.preload_form(1.0) is not None:
+            if part.acts_along_line and f"{name}.z" in picked and part.preload_form(1.0) is not None:
                 result[name] = ()
             continue
         stiffness = np.abs(np.array(part.stiffness))
         stiff = stiffness if stiffness.ndim == 1 else stiffness.max(axis=1)
         named = tuple([direction for direction, value in zip(DIRECTIONS, stiff.tolist(), strict=True)
-                       if value and fnmatchcase(f"{name}.{direction}", pattern)])  # fmt: skip
+                       if value and f"{name}.{direction}" in picked])  # fmt: skip
         if named:
             result[name] = named
     return result

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Joint, Spring
 from mbsvib.errors import ModelError, nearest
 
@@ -185,10 +185,11 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
 
 def _picked(chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
     picked: list[Chain] = []
+    known = [name for chain in chains for name in chain.parts]
     for pattern in patterns:
-        these = [chain for chain in chains if any(fnmatchcase(name, pattern) for name in chain.parts)]
+        found = set(matching(pattern, known))
+        these = [chain for chain in chains if any(name in found for name in chain.parts)]
         if not these:
-            known = [name for chain in chains for name in chain.parts]
             raise ModelError(f"platform: legs: no part of a leg is named '{pattern}'.{nearest(str(pattern), known)}",
                              element=str(pattern), field="legs")  # fmt: skip
         for chain in these:

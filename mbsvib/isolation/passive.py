@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
+from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design, Front, front
 from mbsvib.isolation.isolation_study import Isolation, figures
@@ -377,7 +377,7 @@ def passive(
 def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:
     joint_names: list[str] = []
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
-        these = [name for name in model.joints if fnmatchcase(name, pattern)]
+        these = matching(pattern, model.joints)
         if not these:
             raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "
                              f"Joints are: {', '.join(model.joints) or 'none'}.", element=str(pattern),

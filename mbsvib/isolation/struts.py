@@ -6,7 +6,6 @@ Relaxation legs as their parts, whose derivatives are known: springs, dampers an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import names
+from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Maxwell, Spring
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.study_scene import check_body, radius_of_gyration
@@ -81,7 +81,7 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
 
 
 def _hits(model: Model, name: str, known: list[str]) -> list[str]:
-    hits = [name] if name in known else [leg for leg in known if fnmatchcase(leg, name)]
+    hits = matching(name, known)
     if hits:
         return hits
     if isinstance(model.springs.get(name), Bushing):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.patterns import matching
 from mbsvib.feedback.loop_rounding import response
 from mbsvib.random.sources import base_sources
 from mbsvib.studies.responses import PortResponses, mean_squares
@@ -73,12 +73,12 @@ def _by_laws(
 
 def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
     """Derivatives of some parameters with respect to each variable."""
-    result = {name: np.array([rates.get(name, 0.0) for rates in point.rates.values()]) for name in parameters}
+    known = point.system.parameters
+    result = {name: np.zeros(len(point.rates)) for name in parameters}
     for i, rates in enumerate(point.rates.values()):
         for pattern, rate in rates.items():
-            if any(sign in pattern for sign in "*?["):
-                for name in parameters:
-                    result[name][i] += rate if name != pattern and fnmatchcase(name, pattern) else 0.0
+            for name in result.keys() & ([pattern] if pattern in known else matching(pattern, result)):
+                result[name][i] += rate
     return result
 
 

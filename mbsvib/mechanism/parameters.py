@@ -44,7 +44,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +51,7 @@ import numpy as np
 
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class Parameters(Columnar, Mapping[str, float], Displayed):
         """
         if self._find(pattern) or not any(sign in str(pattern) for sign in "*?["):
             return [self.entry(pattern).name]
-        matches = [name for name in self._entries if fnmatchcase(name, pattern)]
+        matches = matching(pattern, self._entries)
         if not matches:
             raise UnknownParameterError(
                 f"there is no parameter '{pattern}': the pattern matches none of {len(self)}."

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
@@ -224,8 +224,11 @@ def add_ports(scene: Scene, patterns: Sequence[str]) -> None:
     file, m, model = scene.file, scene.file.m, scene.model
     names = {file.api.mj_id2name(m, file.api.mjtObj.mjOBJ_SITE, i): i for i in range(m.nsite)}
     names.pop(None, None)
+    picked: set[str] = set()
     for pattern in patterns:
-        if pattern != "*" and not any(fnmatchcase(name, pattern) for name in names):
+        found = matching(pattern, names)
+        picked.update(found)
+        if pattern != "*" and not found:
             raise ModelError(f"sites: {pattern!r} is not a site of {file.path}.{nearest(str(pattern), names)}",
                              element=str(pattern), field="sites")  # fmt: skip
         if pattern in names and scene.bodies[int(m.site_bodyid[names[pattern]])] == GROUND:
@@ -233,7 +236,7 @@ def add_ports(scene: Scene, patterns: Sequence[str]) -> None:
                              field="sites")  # fmt: skip
     for name, i in names.items():
         body = scene.bodies[int(m.site_bodyid[i])]
-        if body == GROUND or not any(fnmatchcase(name, pattern) for pattern in patterns):
+        if body == GROUND or name not in picked:
             continue
         at = np.array(file.d.site_xpos[i])
         for direction, effort in zip(check.DIRECTIONS, EFFORTS, strict=True):

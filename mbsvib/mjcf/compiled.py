@@ -6,13 +6,13 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.file_content import shortened
+from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.kind import check_kind
 
@@ -140,10 +140,11 @@ def _leave(file: Compiled, leave: Iterable[str]) -> None:
     m = file.m
     if isinstance(leave, str):
         leave = (leave,)
+    known = [name for kind in LEAVABLE for name in file.names(kind)]
     for pattern in leave:
-        hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if fnmatchcase(name, pattern)]
+        found = set(matching(pattern, known))
+        hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if name in found]
         if not hits:
-            known = [name for kind in LEAVABLE for name in file.names(kind)]
             raise ModelError(f"{file.path}: leave: {pattern!r} is not an actuator, tendon or equality constraint."
                              f"{nearest(str(pattern), known)}", element=str(pattern), field="leave")  # fmt: skip
         for kind, i in hits:

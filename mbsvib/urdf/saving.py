@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from math import atan2
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_model, names
+from mbsvib.common.patterns import matching
 from mbsvib.common.tables import listed
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.coupler import Coupling
@@ -182,10 +182,11 @@ def _refused_or_said(
     homeless = [f"hub '{name}'" for name in model.hubs]
     homeless += [f"joint '{joint.name}' ({joint.kind})" for joint in model.joints.values() if joint.name not in in_tree
                  and (joint.free is not None or joint.kind not in CLOSING)]  # fmt: skip
+    known = [name for group in model.groups().values() for name in group]
+    left_out = {name for pattern in leave for name in matching(pattern, known)}
     for key, group in model.groups().items():
         for name, part in {} if key in WRITTEN else group.items():
-            if not any(fnmatchcase(name, pattern) for pattern in leave) and not _said(part, model, in_tree, damping,
-                                                                                      mimics):  # fmt: skip
+            if name not in left_out and not _said(part, model, in_tree, damping, mimics):
                 homeless.append(f"{type(part).__name__.lower()} '{name}'")
     if homeless:
         raise ModelError(f"save_urdf: a URDF has no place for {listed(homeless)}. Leave out what is not a joint by "

@@ -33,6 +33,15 @@ def test_params(run):
     assert "Did you mean 'tyre.stiffness'?" in result.stderr
 
 
+def test_params_of_names_with_brackets(run, tmp_path):
+    model = mv.Model("two")
+    for name in ("bob[1]", "bob1"):
+        model.add_body(name, 2.0, (0.1, 0.1, 0.1))
+    mv.save(model, tmp_path / "two.yaml")
+    listed = json.loads(run(f"params {tmp_path / 'two.yaml'} bob[1].mass --json").stdout)
+    assert [row["name"] for row in listed] == ["bob[1].mass"]
+
+
 @pytest.mark.slow
 def test_sweep(run, tmp_path):
     swept = json.loads(run("sweep quarter_car tyre.stiffness=1e5:4e5:3 --log --json").stdout)

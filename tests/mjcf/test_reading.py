@@ -118,6 +118,14 @@ def test_keyframes_and_controls(tmp_path):
             mv.load_mjcf(path, **words)
 
 
+def test_names_with_brackets_are_no_patterns(tmp_path):
+    words = PENDULUM + '<actuator><motor name="m[0]" joint="hinge"/><motor name="m0" joint="hinge"/></actuator>'
+    path = write(tmp_path, words.replace('<joint name="hinge"', '<site name="tip[0]"/><joint name="hinge"'))
+    system = mv.load_mjcf(path, leave="m[0]", sites=["tip[0]"]).linearize()
+    assert {"m0", "tip[0].Fx", "tip[0].Mz"} <= set(system.inputs)
+    assert "m[0]" not in system.inputs
+
+
 def test_joints_and_tendons_that_are_tied(tmp_path):
     slide = '<joint name="{}" type="slide" axis="1 0 0" stiffness="{}"/><geom size=".1" mass="{}"/>'
     slides = "".join(body(slide.format(*given), given[0]) for given in (("p", 10, 1), ("q", 20, 2), ("r", 30, 3)))

@@ -1,0 +1,15 @@
+"""Names, and patterns of names with ``*``, ``?`` and ``[...]`` as in file names."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+def matching(pattern: str, known: Iterable[str]) -> list[str]:
+    """Return the pattern itself if it is a known name, which may have brackets, else all known names that fit it."""
+    names = list(known)
+    return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
