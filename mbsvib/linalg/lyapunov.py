@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -21,8 +20,6 @@ REFINEMENTS = 2
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
     """The equation A P + P A^T + W = 0 of a matrix ``a`` (n, n) whose eigenvalues have negative real parts.
-
-    A solution of which rounding leaves no digit is refused (ResponseError).
 
     Source: Bartels & Stewart, Commun. ACM 15 (1972) 820: by the Schur form; its residual is solved for again.
     """
@@ -38,15 +35,24 @@ class Lyapunov:
 
     def controlled(self, w: Array) -> Array:
         """Return P with A P + P A^T + W = 0 for a symmetric W (n, n)."""
-        return self._solved(w, self.a, transposed=False)
+        return self.controlled_within(w)[0]
 
     def observed(self, w: Array) -> Array:
         """Return Q with A^T Q + Q A + W = 0 for a symmetric W (n, n)."""
+        return self.observed_within(w)[0]
+
+    def controlled_within(self, w: Array) -> tuple[Array, Array]:
+        """Return P, and the correction that rounding kept from being made, 0 where there is none."""
+        return self._solved(w, self.a, transposed=False)
+
+    def observed_within(self, w: Array) -> tuple[Array, Array]:
+        """Return Q, and the correction that rounding kept from being made, 0 where there is none."""
         return self._solved(w, self.a.T, transposed=True)
 
-    def _solved(self, w: Array, a: Array, transposed: bool) -> Array:
+    def _solved(self, w: Array, a: Array, transposed: bool) -> tuple[Array, Array]:
+        left = np.zeros(w.shape)
         if not len(w):
-            return np.zeros((0, 0))
+            return left, left
         result = self._once(w, transposed)
         for _ in range(REFINEMENTS):
             # one of the products is rounded as the other is: the residual is symmetric
@@ -54,16 +60,10 @@ class Lyapunov:
             residual = half + half.T + w
             step = self._once(residual, transposed)
             if np.abs(step).max() > 0.5 * np.abs(result).max():
-                raise self._unsolved()
+                left = step
+                break
             result = result + step
-        return np.asarray(0.5 * (result + result.T))
-
-    def _unsolved(self) -> ResponseError:
-        """The error of a solution that rounding leaves no digit of."""
-        rates = np.abs(np.linalg.eigvals(self.a).real)
-        return ResponseError(f"mean square: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, "
-                             f"which rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or "
-                             f"leave out what decays that fast.")  # fmt: skip
+        return 0.5 * (result + result.T), left
 
     def _once(self, w: Array, transposed: bool) -> Array:
         from scipy.linalg import lapack

@@ -119,6 +119,10 @@ def filtered(plant: Equations, before: Sequence[Shaped | None], after: Sequence[
     return Filtered(plant, source, output, Equations(whole, drive, leaves, output.d @ through))
 
 
+# A mean square is refused if the correction of it that rounding kept from being made is larger than this share.
+UNSETTLED = 1e-3
+
+
 def moments(
     equations: Equations, name: str, cross: Array | None = None, windows: Sequence[Window | None] = ()
 ) -> tuple[Array, Array]:  # fmt: skip
@@ -134,17 +138,28 @@ def moments(
     rest = parts.decaying
     solver, windowed = Lyapunov(rest.a), any(window is not None for window in windows)
     left = averaged(rest.a, rest.c, windows) if windowed else rest.c
-    if windowed or b.shape[1] <= len(c):
-        squares = np.array([_form(left, solver.controlled(np.outer(column, column)), rest.c) for column in rest.b.T]).T
+    by_source = windowed or b.shape[1] <= len(c)
+    if by_source:
+        forms = [[_form(left, part, rest.c) for part in solver.controlled_within(np.outer(column, column))]
+                 for column in rest.b.T]  # fmt: skip
     else:
-        squares = np.array([_form(rest.b.T, solver.observed(np.outer(row, row)), rest.b.T) for row in rest.c])
-    squares = np.maximum(squares.reshape(len(c), b.shape[1]), 0.0)
+        forms = [[_form(rest.b.T, part, rest.b.T) for part in solver.observed_within(np.outer(row, row))]
+                 for row in rest.c]  # fmt: skip
+    squares, doubts = (np.array([pair[k] for pair in forms]) for k in (0, 1))
+    squares, doubts = (part.T if by_source else part for part in (squares, doubts))
+    squares, doubts = (part.reshape(len(c), b.shape[1]) for part in (squares, doubts))
     extra = np.zeros(len(c))
     if cross is not None:
         extra = _form(left, solver.controlled(rest.b @ cross @ rest.b.T), rest.c)
     for group in parts.shown:
         squares[group.shown] = np.inf
     squares[equations.d != 0.0] = np.inf
+    if (np.isfinite(squares) & (np.abs(doubts) > UNSETTLED * np.abs(squares))).any():
+        rates = np.abs(rest.poles.real)
+        raise ResponseError(f"rms: motions of '{name}' decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, "
+                            f"which rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or "
+                            f"leave out what decays that fast.")  # fmt: skip
+    squares = np.maximum(squares, 0.0)
     extra[np.isinf(squares).any(axis=1)] = 0.0
     return squares, extra
 
