@@ -10,8 +10,8 @@ from warnings import warn
 import numpy as np
 
 from mbsvib.common.columnar import Columnar
-from mbsvib.common.expected import angular
-from mbsvib.errors import ResponseError, UnstableWarning
+from mbsvib.common.expected import angular, positive, real
+from mbsvib.errors import UnstableWarning
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import blended, evaluated, response
 from mbsvib.feedback.margins import margins
@@ -188,11 +188,10 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         Raises
         ------
         ResponseError
-            If the rate is not positive or the delay negative.
+            If the rate is no positive number or the delay none from 0 on.
         """
-        if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
-            raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a "
-                                f"delay that is not negative.")  # fmt: skip
+        rate = positive("sampled", "rate", rate, "a number [Hz]")
+        delay = real(delay, "sampled", "delay", "a number [s] that is not negative", 0.0)
         form: type[Any] = self.sampled_form or type(self)
-        return form(self.plant, self.controllers, self.sensors, self.actuators, float(rate), float(delay),
+        return form(self.plant, self.controllers, self.sensors, self.actuators, rate, delay,
                     selection=self.selection, continuous_form=self.continuous_form)  # fmt: skip

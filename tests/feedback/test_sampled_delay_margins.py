@@ -26,6 +26,13 @@ def test_a_fast_rate_is_a_hold_that_is_late_by_half_a_period():
 
 
 @pytest.mark.slow
+def test_a_band_beyond_half_the_rate_ends_there():
+    loop = carts(2.0).feedback([[-60.0]], ["va"], ["Fa"]).sampled(200.0)
+    assert loop.margins([0.1, 1e3]).delay == pytest.approx(loop.margins().delay, rel=1e-9)
+    assert loop.margins([0.1, 1.0]).delay[0] == np.inf
+
+
+@pytest.mark.slow
 def test_carts_whose_velocities_are_fed_back():
     """z^2 - (1 - a (1 - d)) z + a d = 0 with a = g T / m and the delay d T: at a d = 1 for 1 < a < 2, abs(z) = 1.
 
