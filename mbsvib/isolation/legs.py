@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.expected import names
 from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Joint, Spring
 from mbsvib.errors import ModelError, nearest
@@ -168,7 +169,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
     if patterns is None:
         selected = [chain for chain in chains if chain.complete]
     else:
-        selected = _picked(chains, [patterns] if isinstance(patterns, str) else patterns)
+        selected = _picked(chains, names(patterns, "platform", "legs", ModelError))
     if not selected:
         raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
                          f"bodies and joints between both.", element=body, field="body")  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import hertz
+from mbsvib.common.expected import hertz, names
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design, Front, front
@@ -376,7 +376,7 @@ def passive(
 
 def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:
     joint_names: list[str] = []
-    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+    for pattern in names(patterns, "passive", "joints", ModelError):
         these = matching(pattern, model.joints)
         if not these:
             raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "

@@ -261,12 +261,11 @@ def ring(
 
 def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
     lines = line_springs(model)
-    selected = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
+    selected = tuple(lines if legs is None else names(legs, "struts", "legs", ModelError))
     for name in selected:
         if name not in lines:
             raise ModelError(f"struts: leg '{name}' is neither a line spring nor a Maxwell element of model "
-                             f"'{model.name}'."
-                             f"{nearest(str(name), lines)}", element=str(name), field="legs")  # fmt: skip
+                             f"'{model.name}'.{nearest(name, lines)}", element=name, field="legs")  # fmt: skip
     if not selected:
         raise ModelError(f"struts: model '{model.name}' has no line springs.", field="legs")
     return selected

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import names
 from mbsvib.common.file_content import shortened
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
@@ -138,10 +139,8 @@ def _warnings_passed_on(api: Any, path: str | PathLike[str]) -> Iterator[None]:
 def _leave(file: Compiled, leave: Iterable[str]) -> None:
     """Disable the features that the user leaves out, before anything is computed."""
     m = file.m
-    if isinstance(leave, str):
-        leave = (leave,)
     known = [name for kind in LEAVABLE for name in file.names(kind)]
-    for pattern in leave:
+    for pattern in names(leave, "load_mjcf", "leave", ModelError):
         found = set(matching(pattern, known))
         hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if name in found]
         if not hits:

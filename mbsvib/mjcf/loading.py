@@ -10,7 +10,8 @@ import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.errors import LeftOutWarning
+from mbsvib.common.expected import names
+from mbsvib.errors import LeftOutWarning, ModelError
 from mbsvib.mechanism.unit_warnings import with_angles
 from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
 from mbsvib.mjcf.compiled import Compiled, compiled
@@ -97,7 +98,7 @@ def load_mjcf(
     paths = tendons.add_tendons(scene)
     actuators.add_actuators(scene, paths)
     ties.add_ties(scene, paths)
-    bodies.add_ports(scene, [sites] if isinstance(sites, str) else list(sites))
+    bodies.add_ports(scene, names(sites, "load_mjcf", "sites", ModelError))
     checking.compare(scene)
     checking.look_for_left(scene)
     if not model.joints:

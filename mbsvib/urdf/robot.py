@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import names
 from mbsvib.common.tables import listed
 from mbsvib.elements.ports import Input
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
@@ -146,7 +147,7 @@ def load_urdf(
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     within = _add_loops(model, robot, groups, frames, labels)
     _add_motors(model, robot, labels, frames)
-    for link in [tip] if isinstance(tip, str) else tip or ():
+    for link in names(() if tip is None else tip, "load_urdf", "tip", ModelError):
         _add_tip(model, link, groups, frames)
     if robot.taken:
         warnings.warn(f"{path}: taken as meant: {', '.join(robot.taken)}.", LeftOutWarning, stacklevel=2)

@@ -48,6 +48,12 @@ def front():
 
 
 REFUSALS = [
+    (lambda: isolation.passive(one_axis(), "payload", joints=3),  # type: ignore[arg-type]
+     "passive: joints = 3; expected a name, or a list"),
+    (lambda: isolation.platform(one_axis(), "payload", legs=[3]),  # type: ignore[list-item]
+     r"platform: legs = \[3\]; expected a name"),
+    (lambda: isolation.struts(one_axis(), "payload", 3),  # type: ignore[arg-type]
+     "struts: legs = 3; expected a name, or a list"),
     (lambda: isolation.force_feedback_optimum(1.0, 2.0), "pole = 1, zero = 2 rad/s; expected 0 < zero < pole"),
     (lambda: closed().state_space("diagonal"), r"state_space: realization = 'diagonal'; expected one of physical"),
     (lambda: isolation.velocity_feedback(plant(), "strong"), r"velocity_feedback: gain = 'strong'; .*each of 1 leg"),

@@ -274,6 +274,8 @@ def test_tips_of_merged_links(tmp_path):
     assert {"tip_A.rz", "crank.x"} <= set(model.outputs)
     with pytest.raises(mv.ModelError, match="tip = 'tip_C' is not a link"):
         mv.load_urdf(path, pose={"a": 0.2}, tip=["crank", "tip_C"])
+    with pytest.raises(mv.ModelError, match="tip = 3; expected a name, or a list of names"):
+        mv.load_urdf(path, pose={"a": 0.2}, tip=3)
 
 
 @pytest.mark.parametrize("chain", [False, True])
