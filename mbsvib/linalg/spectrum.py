@@ -90,7 +90,7 @@ def spectrum(a: Array) -> Spectrum:
     power = matrix_exponents(a)
     scaled = np.ldexp(a, power[None, :] - power[:, None])
     values, left, right = eig(scaled, left=True)
-    product = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    values, product = _by_vectors(scaled, values, left, right)
     size = _rounding_of_parts(scaled, left, right)
     with np.errstate(divide="ignore", over="ignore"):
         errors = np.divide(size, product, out=EPS * np.abs(values), where=size > 0.0)
@@ -98,6 +98,19 @@ def spectrum(a: Array) -> Spectrum:
     for k in np.flatnonzero(errors > largest).tolist():
         errors[k] = min(errors[k], _radius(scaled, complex(values[k])))
     return Spectrum(values, POLE_ROUNDINGS * errors, left, right, power)
+
+
+def _by_vectors(scaled: Array, values: Complex, left: Complex, right: Complex) -> tuple[Complex, Array]:
+    """Return eigenvalues l^H A r / (l^H r), unless nearly defective, and |l^H r| (n,): those of the solver have errors
+    of the size of the largest parts, also where these do not act on the others.
+    """
+    product = np.einsum("ij,ij->j", left.conj(), right)
+    simple = np.abs(product) * DEFECTIVE > 1.0
+    quotient: Complex = np.einsum("ij,ij->j", left.conj(), scaled @ right) / np.where(simple, product, 1.0) + 0j
+    quotient.imag[values.imag == 0.0] = 0.0
+    below = np.flatnonzero(values.imag < 0.0)
+    quotient[below] = quotient[below - 1].conj()
+    return np.where(simple, quotient, values), np.abs(product)
 
 
 def _rounding_of_parts(scaled: Array, left: Complex, right: Complex) -> Array:

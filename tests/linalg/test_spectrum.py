@@ -88,3 +88,21 @@ def test_real_parts_within_the_error_do_not_decay():
 def test_no_states():
     of_a = spectrum(np.zeros((0, 0)))
     assert of_a.clusters(~of_a.decaying) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fast_parts_that_nothing_acts_back_on_leave_slow_ones_alone(seed):
+    """Undamped oscillators that parts 1e5 times as fast drive: solvers of the whole matrix made them grow or decay."""
+    rng, n, omega = np.random.default_rng(seed), 40, 1100.0 * np.array([1.0, 2.0, 4.0])
+    a = np.zeros((n + 6, n + 6))
+    a[:n, :n] = 1e8 * (rng.normal(size=(n, n)) - 3.0 * np.sqrt(n) * np.eye(n))
+    for k, w in enumerate(omega):
+        at = slice(n + 2 * k, n + 2 * k + 2)
+        a[at, at] = [[0.0, w], [-w, 0.0]]
+    a[n:, :n] = rng.normal(size=(6, n))
+    order = rng.permutation(n + 6)
+    of_a = spectrum(a[np.ix_(order, order)])
+    for w in omega:
+        at = np.argmin(np.abs(of_a.values - 1j * w))
+        assert abs(of_a.values[at] - 1j * w) <= of_a.errors[at] < 1e-13 * w
+    assert np.count_nonzero(of_a.decaying) == n
