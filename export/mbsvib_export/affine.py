@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common import expected
 from mbsvib.equations.assembly import linearized
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
@@ -56,9 +57,9 @@ def origin_of(system: System, caller: str) -> Any:
     return origin
 
 
-def names_of(known: Parameters, patterns: str | Sequence[str]) -> tuple[str, ...]:
+def names_of(known: Parameters, patterns: str | Sequence[str], caller: str) -> tuple[str, ...]:
     """Return the parameters of one or several names or patterns (``"leg*.k.stiffness"``), each once."""
-    listed = (patterns,) if isinstance(patterns, str) else patterns
+    listed = expected.names(patterns, caller, "parameters", ExportError)
     return tuple(dict.fromkeys(name for pattern in listed for name in known.matching(pattern)))
 
 
@@ -66,7 +67,7 @@ def physical_affine(
     source: object, parameters: str | Sequence[str], realization: str, caller: str, argument: str
 ) -> Affine:
     """Return ``affine`` of an exporter's source in physical states; ``argument``: name of the parameters' argument."""
-    parameters = (parameters,) if isinstance(parameters, str) else tuple(parameters)
+    parameters = expected.names(parameters, caller, argument, ExportError)
     request = f"{argument} = {', '.join(parameters)}"
     if not isinstance(source, System):
         raise refusal(source, caller, "a System (model.linearize())",
@@ -85,7 +86,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """Return the derivatives of the equations by parameters (names or patterns) on which they depend affinely."""
     origin = origin_of(system, caller)
     known = origin.parameters
-    names = names_of(known, parameters)
+    names = names_of(known, parameters, caller)
     failures: dict[str, MbsvibError] = {}
 
     def build(values: Mapping[str, float]) -> Matrices | None:

@@ -344,7 +344,7 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
     need("casadi", caller)
     if not isinstance(system, System):
         raise refusal(system, caller, "a System (model.linearize())")
-    return names_of(origin_of(system, caller).parameters, parameters)
+    return names_of(origin_of(system, caller).parameters, parameters, caller)
 
 
 def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, derivatives: Ask) -> Any:

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib import rc_context, rcParams
 
-from mbsvib.common import units
+from mbsvib.common import expected, units
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _style as style
@@ -186,7 +185,7 @@ def animation(
                             f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
     if not len(modes):
         raise ResponseError(f"system '{modes.name}' is fully locked: it has no modes to animate.")
-    index = mode_index(mode, "animate", len(modes))
+    index = expected.mode_index(mode, "animate", len(modes))
     hertz, ratio = modes.frequencies[index], modes.damping_ratios[index]
     words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
     return in_motion(modes.name, provenance, modes.body_motion @ modes.shapes[:, index], f"Mode {mode}: {words}",
@@ -253,7 +252,7 @@ def run_figure(run: Any, names: Sequence[str] | str | None, ax: Given | None = N
         everything = list(run.outputs or run.coordinates)
         names_drawn = everything[:MOST_CURVES]
     else:
-        names_drawn = [names] if isinstance(names, str) else list(names)
+        names_drawn = expected.names(names, "plot", "names")
     for name in names_drawn:
         if name not in known:
             raise ResponseError(f"plot: '{name}' is neither an output nor a coordinate of the run."

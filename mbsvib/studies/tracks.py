@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.expected import mode_index
+from mbsvib.common.expected import mode_index, names
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.plots.studies import root_locus
@@ -98,9 +98,9 @@ class Tracks(Sweep):
         ModelError
             If there is no such mode.
         """
-        names = self.modes if modes is None else [modes] if isinstance(modes, str) else list(modes)
-        values = np.stack([self.mode(name, "eigenvalues") for name in names], axis=1)
-        return root_locus(values, names, self.parameters, self.name, samples=len(self.shape) > 1, ax=ax)
+        shown = self.modes if modes is None else names(modes, "root_locus", "modes", ModelError)
+        values = np.stack([self.mode(name, "eigenvalues") for name in shown], axis=1)
+        return root_locus(values, shown, self.parameters, self.name, samples=len(self.shape) > 1, ax=ax)
 
 
 def track(

@@ -116,6 +116,7 @@ def test_badly_scaled_states_keep_their_digits():
         (stewart, {"parameters": "leg1.k.start.x"}, "'leg1.k.start.x' cannot be tuned, as the equations"),
         (stewart, {"parameters": "leg1.k.stiffness", "realization": "modal"}, "would change what the states are"),
         (stewart, {"parameters": "leg1.k.stiffness", "step": -1.0}, "step = -1.0; expected a positive number"),
+        (stewart, {"parameters": 3}, "to_casadi: parameters = 3; expected a name, or a list of names"),
         (stewart, {"step": 0.0}, "to_casadi: step = 0.0; expected a positive number"),
         (massless, {"parameters": "*stiffness*"}, "motions that move no mass"),
         (lambda: stewart().state_space(), {"parameters": ["leg1.k.stiffness"]}, "StateSpace knows no parameters"),

@@ -102,5 +102,7 @@ def test_unknown_modes_are_told():
     result = st.track(two(), {"fast.mass": [1.0]}, NAMES)
     with pytest.raises(ModelError, match="Did you mean 'across'"):
         result.mode("acros")
+    with pytest.raises(ModelError, match="root_locus: modes = 3; expected a name, or a list of names"):
+        result.root_locus(3)
     with pytest.warns(UserWarning, match="failed"), pytest.raises(ModelError, match="points failed"):
         mv.track(two(), {"fast.mass": [-1.0]})

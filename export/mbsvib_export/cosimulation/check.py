@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.expected import names
 from mbsvib.errors import ExportError, nearest
 from mbsvib.linalg.discrete import first_order_hold
 from mbsvib_export.cosimulation.connections import SIDES, connect, refuse_algebraic_loop
@@ -246,7 +247,7 @@ def _by_name(word: str, kind: str, signals: Sequence[Signal], given: Sequence[Si
 
 def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
-    requested = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
+    requested = list(MASTERS) if masters is None else names(masters, "check_cosimulation", "masters", ExportError)
     for master in requested:
         if master not in MASTERS:
             raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, overload
 from mbsvib import __version__
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, names
 from mbsvib.errors import ExportError
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description import VERSIONS, description
@@ -132,8 +132,7 @@ def to_fmu(
     goal = a_path(path, "to_fmu", ExportError)
     if goal.suffix.lower() != ".fmu":
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
-    names = (tunable,) if isinstance(tunable, str) else tuple(tunable)
-    plant = plant_of(system, realization, names, outputs, inputs)
+    plant = plant_of(system, realization, tuple(names(tunable, "to_fmu", "tunable", ExportError)), outputs, inputs)
     libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)

@@ -63,6 +63,7 @@ def files(tmp_path_factory):
         ("excitation: 'F' is not a free input; these are free: d", {"excitation": {"F": 1.0}}),
         ("excitation holds NaN", {"excitation": {"d": np.nan}}),
         ("masters: 'jakobi' is not among.*Did you mean 'jacobi'", {"masters": "jakobi"}),
+        ("masters = 3; expected a name, or a list of names", {"masters": 3}),
         ("bonds: the plant has no 'Y'", {"bonds": {"F": "Y"}}),
         ("bonds: the plant has no 'G'", {"bonds": {"G": "z"}}),
         ("bonds: 'y' is in m/s; expected a displacement in m or an angle", {"bonds": {"F": "y"}}),

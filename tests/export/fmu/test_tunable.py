@@ -195,6 +195,8 @@ def test_what_has_no_parameters_is_refused(tmp_path):
     path = tmp_path / "slider.fmu"
     with pytest.raises(mv.ExportError, match="StateSpace knows no parameters"):
         mx.to_fmu(system.state_space(), path, tunable=("k.stiffness",))
+    with pytest.raises(mv.ExportError, match="to_fmu: tunable = 3; expected a name, or a list of names"):
+        mx.to_fmu(system, path, tunable=3)
     with pytest.raises(mv.ExportError, match="realization = 'modal' with tunable"):
         mx.to_fmu(system, path, tunable=("k.stiffness",), realization="modal")
     with pytest.raises(mv.ExportError, match="control, which knows no parameters"):
