@@ -206,8 +206,9 @@ def entry_values(twist: Sequence[Array], ends: Sequence[Array], row: Index, colu
     linear, angular, start = (array.take(column, axis=-1) for array in twist)
     turned, wide = force.take(CYCLE, axis=0), angular.take(CYCLE, axis=0)
     lever = turned[1:4] * wide[2:] - turned[2:] * wide[1:4]
-    terms = (point - start) * lever + (moment * angular + force * linear)
-    value: Array = (terms[0] + terms[1] + terms[2]) * sign
+    straight = moment * angular + force * linear
+    along = np.einsum("i...,i...->...", point - start, lever)
+    value: Array = (along + (straight[0] + straight[1] + straight[2])) * sign
     clear_rounding(value, force, moment, linear, angular, point, start)
     return value
 
@@ -263,22 +264,25 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
     path, n = coordinates.path[:-1], coordinates.path.shape[1]
-    body, column, sign = _on_paths(path.tobytes(), path.shape)
-    *vectors, centre = _alike(coordinates.linear, coordinates.angular, coordinates.point, np.moveaxis(position, -1, 0))
+    body, column, sign, shifts, turns = _on_paths(path.tobytes(), path.shape)
+    *vectors, centre = _alike(coordinates.linear, coordinates.angular, coordinates.point,
+                              position.transpose(-1, *range(position.ndim - 1)))  # fmt: skip
     linear, angular, point = (array.take(column, axis=-1) for array in vectors)
     arm, wide = (centre.take(body, axis=-1) - point).take(CYCLE, axis=0), angular.take(CYCLE, axis=0)
     translation = wide[1:4] * arm[2:]
     translation -= wide[2:] * arm[1:4]
     translation = (translation + linear) * sign
     result = np.zeros((*translation.shape[1:-1], len(path) * 6 * n), translation.dtype)
-    at = (6 * body + np.arange(6)[:, None]) * n + column
-    result[..., at[:3]], result[..., at[3:]] = np.moveaxis(translation, 0, -2), np.moveaxis(angular * sign, 0, -2)
+    result[..., shifts], result[..., turns] = translation.swapaxes(0, -2), (angular * sign).swapaxes(0, -2)
     return result.reshape(*result.shape[:-1], len(path), 6, n)
 
 
 @lru_cache(maxsize=32)
-def _on_paths(path: bytes, shape: tuple[int, int]) -> tuple[Index, Index, Array]:
-    """Body, coordinate and sign of each coordinate on the path from ground to a body."""
+def _on_paths(path: bytes, shape: tuple[int, int]) -> tuple[Index, Index, Array, Index, Index]:
+    """Body, coordinate and sign of each coordinate on the path from ground to a body, and the places (3, k) of its
+    translations and rotations in B'.
+    """
     of_body = np.frombuffer(path, np.int8).reshape(shape)
     body, column = of_body.nonzero()
-    return body, column, of_body[body, column].astype(float)
+    at: Index = (6 * body + np.arange(6)[:, None]) * shape[1] + column
+    return body, column, of_body[body, column].astype(float), at[:3], at[3:]
