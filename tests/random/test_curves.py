@@ -189,8 +189,7 @@ def test_correlation_by_a_function_of_one_frequency():
         return np.array([[1.0, turn], [np.conj(turn), 1.0]])
 
     def of_arrays(f):
-        return np.moveaxis(np.array([[1.0 + 0.0 * f, np.exp(2j * np.pi * f * 0.02)],
-                                     [np.exp(-2j * np.pi * f * 0.02), 1.0 + 0.0 * f]]), -1, 0)  # fmt: skip
+        return np.array([delayed(one) for one in f])
 
     system, noise = oscillator().linearize(), {"F": [(1.0, 1.0), (30.0, 0.1)], "base": [(1.0, 0.1), (30.0, 0.2)]}
     one, many = (system.budget(noise, "x", correlation=r).contributions["x"] for r in (delayed, of_arrays))
