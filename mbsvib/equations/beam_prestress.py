@@ -235,7 +235,7 @@ def bent_lines(
             products[..., k, j] += sign * weight * line.weighed
         long = np.asarray(length)[..., None]
         of_products = 0.5 * long * products[..., MIXED[0], MIXED[1]]
-        values = np.concatenate((squares[..., i, BENDING], of_products, -of_products), axis=-1)
+        values = concatenated((squares[..., i, BENDING], of_products, -of_products), -1)
         across, about = unit[MIXED[0]] / long[..., None], unit[3 + MIXED[1]]
         rows = concatenated((unit[BENDING], across + about, across - about), -2)
         acts = np.full(values.shape[-1], every) | values.reshape(-1, values.shape[-1]).any(axis=0)

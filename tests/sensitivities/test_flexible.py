@@ -117,3 +117,16 @@ def test_gravity_along_a_part_that_bends(reduced):
     far, near = (hanging(reduced, g).linearize().K for g in (-30.0, 10.0))
     expected = (far - near) / -40.0
     assert np.abs(result - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+def test_modal_damping_of_twist_goes_with_the_root_of_the_shear_modulus():
+    """G = E / (2 (1 + nu)) acts on the twist of a straight beam alone: dC / dnu = -C / (2 (1 + nu)) there."""
+    model = mv.Model("rod")
+    model.add_beam("rod", "ground", None, start=(0, 0, 0), end=(0.5, 0.1, 0.05), elements=2, damping_ratio=0.01,
+                   section={"type": "rectangle", "width": 0.04, "height": 0.01}, material=METAL)  # fmt: skip
+    system = model.linearize()
+    twists = np.array([name.endswith(".rx") for name in system.coordinates])
+    expected = -system.C / (2.0 * (1.0 + METAL["nu"])) * np.outer(twists, twists)
+    slope = system.matrix_derivatives(["rod.nu"]).C[0]
+    assert twists.sum() == 2
+    assert np.abs(slope - expected).max() <= 1e-12 * np.abs(expected).max()

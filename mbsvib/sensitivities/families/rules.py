@@ -6,9 +6,8 @@ Stiffness, damping and inertia see motions only. Where a part moves, the wrench 
 the motion: a connection at p turned by rho and moved by dp sees (u + theta x dp, theta) turned back by rho, a joint of
 the tree hands on the same with the other sign.
 
-A rule lists the terms (P, Q), each (parts, ...), of every entry of a field. Slopes of the numbers that a part is made
-of are differences of its own closed formulas, extrapolated to rounding (12 digits); nothing of the mechanism is
-differenced.
+A rule lists the terms (P, Q), each (parts, ...), of every entry of a field. Slopes of the rows of an element without a
+rule of its own are differences of its formulas, extrapolated to rounding; nothing of the mechanism is differenced.
 
 Source: Jiang, Chen & Luo (2011), equations 78-87; here by the wrenches that connections transmit.
 """
