@@ -206,9 +206,8 @@ def entry_values(twist: Sequence[Array], ends: Sequence[Array], row: Index, colu
     linear, angular, start = (array.take(column, axis=-1) for array in twist)
     turned, wide = force.take(CYCLE, axis=0), angular.take(CYCLE, axis=0)
     lever = turned[1:4] * wide[2:] - turned[2:] * wide[1:4]
-    straight = moment * angular + force * linear
-    along = np.einsum("i...,i...->...", point - start, lever)
-    value: Array = (along + (straight[0] + straight[1] + straight[2])) * sign
+    terms = (point - start) * lever + (moment * angular + force * linear)
+    value: Array = (terms[0] + terms[1] + terms[2]) * sign
     clear_rounding(value, force, moment, linear, angular, point, start)
     return value
 
