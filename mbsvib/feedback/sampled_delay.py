@@ -21,45 +21,47 @@ from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.sampled_equations import SampledEquations
+    from mbsvib.feedback.sampled_equations import HeldMechanism, SampledEquations
 
-STEP = 0.2  # [rad] between two remainders, at the highest frequency at which the loop gain is SMALL or more
-SMALL = 0.5
+STEP = 0.15  # [rad] between two remainders, at the highest frequency at which the loop gain is SMALL or more
+SMALL, NEAR = 0.5, 1.25  # NEAR: size of 1 + L from which Newton's method may find 0
 REACH = 0.9  # loop gain in a panel from which a jump may reach -1
 SOLVED, TRIES = 1e-9, 40  # size of 1 + L that is 0, and values in search of it
 BEFORE = 1e-7  # periods before a whole one
+JUMPS = 200  # at most, that are looked at
 AMONG = 20  # samples of a panel and of a turn at which jumps are looked for
 NONE = np.inf, np.nan
 
 
-def late_loop_gain(loop: SampledEquations, actuator: int, late: float, w: Array) -> Complex:
+def late_loop_gain(loop: SampledEquations, held: HeldMechanism, actuator: int, late: float, w: Array) -> Complex:
     """Return the loop gain (n,) of an actuator that acts ``late`` [s] after the others, their loops closed.
 
-    1 + L = det(1 - K G) / det(1 - K G without the column of the actuator)
+    1 + L = det(1 - K G) / det(1 - K G without the column of the actuator); ``held``: the mechanism under all forces.
     """
     z, u = np.exp(1j * w / loop.rate), loop.ports[1]
-    column = -_forces_to_demands(loop, [u[actuator]], late, z)
+    periods, remainder = split_delay(loop.rate, loop.delay + late)
+    alone = held_mechanism(loop.plant.space, [u[actuator]], loop.rate, remainder)
+    law, one = transfer(loop.discrete, z), np.eye(len(u))
+    column = -(law @ _to_sensors(loop, alone, z)) * z[:, None, None] ** -periods
     if len(u) == 1:
         return np.asarray(column[:, 0, 0])
-    others = np.eye(len(u)) - _forces_to_demands(loop, u, 0.0, z)
-    others[:, :, actuator] = np.eye(len(u))[actuator]
+    others = one - law @ _to_sensors(loop, held, z)
+    others[:, :, actuator] = one[actuator]
     return np.asarray(np.linalg.solve(others, column)[:, actuator, 0])
 
 
-def _forces_to_demands(loop: SampledEquations, actuators: list[int], late: float, z: Complex) -> Complex:
-    """K G (n, all actuators, actuators) from forces that are ``late`` [s] to demanded ones."""
-    periods, remainder = split_delay(loop.rate, loop.delay + late)
-    held = held_mechanism(loop.plant.space, actuators, loop.rate, remainder)
-    plant = held.a, held.forces, held.outputs[loop.ports[0]], np.zeros((len(loop.sensors), len(actuators)))
-    return np.asarray(transfer(loop.discrete, z) @ transfer(plant, z) * z[:, None, None] ** -periods)
+def _to_sensors(loop: SampledEquations, held: HeldMechanism, z: Complex) -> Complex:
+    outputs = held.outputs[loop.ports[0]]
+    return transfer((held.a, held.forces, outputs, np.zeros((len(outputs), held.forces.shape[1]))), z)
 
 
 def sampled_delay_margin(loop: SampledEquations, actuator: int, low: float, high: float) -> tuple[float, float]:
     """Return the least delay [s] by which a stable loop gets unstable in a band, ``low`` to ``high`` [Hz], and its
     frequency [Hz]; infinite and NaN if there is none.
     """
-    gain, period = partial(late_loop_gain, loop, actuator), loop.period
-    ends = panels(_poles_of_others(loop, actuator), low, high, (), loop.resolution.longest, loop.rate)
+    period, held = loop.period, held_mechanism(loop.plant.space, loop.ports[1], loop.rate, loop.delay)
+    gain = partial(late_loop_gain, loop, held, actuator)
+    ends = panels(_poles_of_others(loop, held, actuator), low, high, (), loop.resolution.longest, loop.rate)
     best, band = NONE, _band(gain, 0.0, ends)
     largest = float(ends[1:][np.abs(band.nodes).max(axis=1) >= SMALL].max(initial=0.0))
     lates = period * np.linspace(0.0, 1.0, 1 + max(1, int(np.ceil(2.0 * np.pi * largest * period / STEP))))
@@ -68,14 +70,17 @@ def sampled_delay_margin(loop: SampledEquations, actuator: int, low: float, high
         unit = band.crossings(lambda values: np.abs(values) - 1.0)
         turns = np.mod(np.angle(-band.response(unit)), 2.0 * np.pi) / (2.0 * np.pi * unit * period)
         for f, turn in zip(unit, turns, strict=True):
-            for start in late + period * np.unique([0.0, np.round(turn)]):
+            whole = np.unique([0.0, np.floor(turn), np.ceil(turn)])
+            near = 2.0 * np.abs(np.sin(np.pi * f * period * (turn - whole))) <= NEAR
+            for start in late + period * whole[near]:
                 if start < best[0] + period:
                     at = _solved(gain, f, start, loop)
                     best = min(best, at) if low <= at[1] <= high else best
     if high == 0.5 * loop.rate:
         best = min(best, _at_half_the_rate(gain, lates, loop))
-    if best[0] < np.inf and loop.plant.space.D[np.ix_(loop.ports[0], [loop.ports[1][actuator]])].any():
-        wholes = np.arange(np.floor(loop.delay * loop.rate) + 1.0, np.ceil((loop.delay + best[0]) * loop.rate))
+    if loop.plant.space.D[np.ix_(loop.ports[0], [loop.ports[1][actuator]])].any():
+        first, last = np.floor(loop.delay * loop.rate) + 1.0, np.ceil((loop.delay + best[0]) * loop.rate)
+        wholes = np.arange(first, min(last, first + JUMPS))
         best = min(best, _jump(gain, wholes, ends, loop)) if len(wholes) else best
     return best
 
@@ -84,10 +89,9 @@ def _band(gain: partial[Complex], late: float, ends: Array) -> Band:
     return Band(lambda f: gain(late, 2.0 * np.pi * f), ends)
 
 
-def _poles_of_others(loop: SampledEquations, actuator: int) -> Complex:
+def _poles_of_others(loop: SampledEquations, held: HeldMechanism, actuator: int) -> Complex:
     """Poles [1/s] / 2 pi of the loop gain of an actuator, those of the loops of all others."""
-    (a, b, c, d), (y, u) = loop.discrete, loop.ports
-    held = held_mechanism(loop.plant.space, u, loop.rate, loop.delay)
+    (a, b, c, d), (y, _) = loop.discrete, loop.ports
     rest = [k for k in range(len(loop.actuators)) if k != actuator]
     plant = held.a, held.forces[:, rest], held.outputs, np.zeros((len(held.outputs), len(rest)))
     z = np.linalg.eigvals(closed_space(plant, (a, b, c[rest], d[rest]), y, list(range(len(rest)))).a)
