@@ -245,10 +245,7 @@ def _null_spaces(
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
-        terms = _stiffness_terms(system, basis, modes)
-        unit = np.sqrt(np.where(terms.diagonal() > 0.0, terms.diagonal(), 1.0))  # fast and slow modes alike
-        right, left = null_pair(*(part / unit[:, None] / unit for part in (stiffness, terms)))
-        return np.linalg.qr(right / unit[:, None])[0], np.linalg.qr(left / unit[:, None])[0]
+        return null_pair(stiffness, _stiffness_terms(system, basis, modes))
     # motions that damping couples to massless ones are not among the undamped modes
     motions = product_with_zeros(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
