@@ -268,8 +268,9 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     if scene.sign is not None:
         noise += FORCES * EPS * energy
         whole = 2.0 * (size + noise)
-        coupling = float(np.divide(uncertainty, whole, out=np.zeros_like(whole), where=flexible & (whole > 0.0)).max())
         cancelled = flexible & (noise >= 2.0 * NONE * size)
+        counts = flexible & ~cancelled & (whole > 0.0)  # what others do in a mode without any digit says nothing
+        coupling = float(np.divide(uncertainty, whole, out=np.zeros_like(whole), where=counts).max())
     uncertainty += noise
     errors = np.divide(0.5 * uncertainty, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     largest_error = float(errors.max(initial=0.0))
