@@ -98,7 +98,7 @@ def _along_coordinates(scene: Scene, reduction: Reduction) -> Array:
         return np.zeros(len(reduction.independent))
     motion = body_motion(scene.coordinates, scene.position)
     wrench, _ = scene.loads[0].on_bodies(scene.centres.T)
-    along = wrench[:, :-1].T.reshape(-1) @ motion.reshape(-1, motion.shape[2])
+    along = wrench[:, :-1].T.reshape(-1) @ motion.reshape(6 * len(motion), motion.shape[2])
     return reduction.apply(along)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.equations.batch_equations import BatchEquations, of_variant
+from mbsvib.errors import ResponseError
 from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined, undamped_batch
 from mbsvib.modes.damped import Damped
@@ -153,6 +154,12 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
 def _solved_separately(batch: BatchEquations, rtol: float, form: type[Modes]) -> BatchModes:
     """Modes of variants with unsymmetric matrices or massless motions, each variant solved separately."""
     separate_modes = [modes(of_variant(batch, i, parts=False), rtol, True, form) for i in range(len(batch))]
+    counts = [len(variant) for variant in separate_modes]
+    if other := next((i for i, count in enumerate(counts) if count != counts[0]), None):
+        raise ResponseError(
+            f"modes: real eigenvalues of variant {other} belong to {counts[other]} modes, those of variant 0 to "
+            f"{counts[0]}. Batches do not support different numbers of modes; take batch[i].modes() of each variant."
+        )
     first_order = np.array([np.zeros(len(variant), dtype=bool) if variant.first_order is None else variant.first_order
                             for variant in separate_modes])  # fmt: skip
     return BatchModes(

@@ -279,3 +279,17 @@ def test_an_inerter_before_the_beam_changes_nothing():
     assert one.coordinates == other.coordinates
     assert_allclose(one.K, other.K, rtol=0, atol=1e-13 * np.abs(other.K).max())
     assert_allclose(one.modes().frequencies, other.modes().frequencies, rtol=1e-11)
+
+
+def test_a_beam_between_parts_that_cannot_move():
+    """The joint holds the body, and takes what acts on it."""
+    model = mv.Model("held", gravity=(0.0, 0.0, -9.81))
+    model.add_body("plate", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0.0, 0.0))
+    model.add_joint("clamp", "fixed", "ground", "plate", position=(1.0, 0.0, 0.0))
+    model.add_beam("beam", "ground", "plate", {"type": "circle", "radius": 0.02}, {"E": 2e11, "nu": 0.3, "rho": 7800.0},
+                   start=(0.0, 0.0, 0.0), end=(1.0, 0.0, 0.0), elements=1)  # fmt: skip
+    model.add_input("push", "plate", "z")
+    model.add_force_output("clamp.z", "clamp", "z")
+    system = model.linearize()
+    assert system.dof == 0
+    assert abs(system.D[0, 0]) == 1.0

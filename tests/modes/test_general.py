@@ -11,6 +11,8 @@ from mbsvib.modes.energy_state import energy_state
 from mbsvib.modes.general import _inverse, _separated
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import undamped
+from tests.hunt.checks import CHECKS, Subject
+from tests.hunt.generate import example
 from tests.support.sizes import few
 from tests.support.unsymmetric import chain, eigenvalues, massless, unsymmetric, worst
 
@@ -429,3 +431,20 @@ def test_motions_that_only_circulatory_forces_hold(coupling, damping):
     assert distance.shape[0] == distance.shape[1]
     for k in (0, 1):
         assert (distance.min(axis=k, initial=np.inf) <= 3e-12 * np.abs(exact).max(initial=0.0)).all()
+
+
+@pytest.mark.slow
+def test_batches_refuse_variants_with_other_numbers_of_modes():
+    """Real eigenvalues of one variant are decays of their own, in the other one they oscillate."""
+    with pytest.raises(mv.ResponseError, match="variant 1 belong to 24 modes, those of variant 0 to 25"):
+        CHECKS["batch"](Subject(example(48115)))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
+def test_responses_beside_a_free_motion_under_loads():
+    """Its stiffness is rounding, so that what others do in it is no error of theirs; against the matrices alone."""
+    system, w = example(47191).scene.model().linearize(), 4.44755
+    dynamic = system.K + 1j * w * system.C - w * w * system.M
+    exact = (system.Cq + 1j * w * system.Cv - w * w * system.Ca) @ np.linalg.solve(dynamic, system.B) + system.D
+    assert np.abs(system.frequency_response([w])[:, :, 0] - exact).max() <= 1e-11 * np.abs(exact).max()
