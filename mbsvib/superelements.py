@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
@@ -10,9 +10,6 @@ from mbsvib.common.arguments import DIRECTIONS, refuse
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.superelement_files import Reduced, read_abaqus, read_mat, read_op4, read_punch
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 __all__ = ["Reduced", "Superelement", "read_abaqus", "read_mat", "read_op4", "read_punch", "system"]
 

@@ -6,27 +6,24 @@ it is so is tested, for each parameter alone and for all together, and what is n
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import expected
+from mbsvib.common.arrays import Array
 from mbsvib.equations.assembly import linearized
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
+from mbsvib.mechanism.parameters import Parameters
 from mbsvib_export.neutral import refusal
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.mechanism.parameters import Parameters
-
-    Matrices = dict[str, Array]
+Matrices = dict[str, Array]
 
 # Steps relative to the value: large ones keep most digits, small and negative ones keep inertia possible.
 _STEPS = (32.0, 1.0, 1 / 16, -1 / 16, 1 / 256, -1 / 256)

@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
+from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.neutral import SystemData, state_space_of
+from mbsvib_export.neutral import Source, SystemData, state_space_of
 from mbsvib_export.sampling import discretised
 from mbsvib_export.templates_ import check_companion, filled
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Iterator, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import Source
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64

@@ -8,40 +8,34 @@ it, not those alone that enter affinely: positions and orientations too. There a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError, counted
 from mbsvib.linalg.balancing import exponents
 from mbsvib.linalg.sparse_interpolation import points_of
-from mbsvib_export.affine import names_of, origin_of, physical_affine
-from mbsvib_export.neutral import only_port, refusal, state_space_of, with_ports
+from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.affine import Affine, names_of, origin_of, physical_affine
+from mbsvib_export.neutral import Source, only_port, refusal, state_space_of, with_ports
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import check_step, step_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.lpv import LPVSystem
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.affine import Affine
-    from mbsvib_export.neutral import Source
 
-    Ask = Callable[[System], Complex]
+Ask = Callable[[System], Complex]
 
 # Pade approximant of degree 13 and the norm up to which it is right to rounding.
 # Source: N. J. Higham, "The scaling and squaring method for the matrix exponential revisited" (2005), table 2.3.

@@ -14,21 +14,20 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import tables
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export import responses as answers
-from mbsvib_export.neutral import SystemData, data_of
+from mbsvib_export.neutral import Source, SystemData, data_of
 from mbsvib_export.targets import BY_SUFFIX
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.measurement.data import Measurement
-    from mbsvib_export.neutral import Source
 
-    Model = System | SystemData | StateSpace
+Model = System | SystemData | StateSpace
 
 
 LIMIT = 1e-6  # relative difference of responses: files with seven digits and transfer functions keep it

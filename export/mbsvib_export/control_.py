@@ -5,28 +5,28 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING, Any, overload
 
+from numpy.typing import ArrayLike
+
+from mbsvib.api.batch import Batch
+from mbsvib.api.driven import DrivenBatch
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.api.system import System
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
+from mbsvib.feedback.controller import Controller
+from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.responses.state_space import StateSpace
+from mbsvib.uncertain.plant import UncertainPlant
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import linear_of, refusal, state_space_of
+from mbsvib_export.neutral import Source, linear_of, refusal, state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import discretised
 from mbsvib_export.uncertain_ import centred, is_uncertain, refuse_steps
 
 if TYPE_CHECKING:
     import control
-    from numpy.typing import ArrayLike
 
-    from mbsvib.api.batch import Batch
-    from mbsvib.api.driven import DrivenBatch
-    from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.api.system import System
-    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.feedback.feedback_loop import FeedbackLoop
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib.uncertain.plant import UncertainPlant
-    from mbsvib_export.neutral import Source
 
 
 SAME = 1e-9  # share by which two sample times may differ and be one

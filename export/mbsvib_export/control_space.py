@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any, Self
 
 import control
 
 from mbsvib.common.selection import PATTERN, selected
 from mbsvib_export.names_ import SignalNames
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Self
 
 
 class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-control has no types

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.dmig_cards import read_dmig_cards
 from mbsvib.common.file_content import ContentError
@@ -20,11 +24,6 @@ from mbsvib_export.neutral import SystemData, system_data_of
 from mbsvib_export.reading import content_read
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array
     from mbsvib.feedback.closed_loop import ClosedLoop
 
 

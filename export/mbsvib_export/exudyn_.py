@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common.arguments import shown
-from mbsvib.elements import Bushing, Spring
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.joint import Joint
+from mbsvib.elements.load import Load
 from mbsvib.elements.motion_input import DrivenCoordinate
 from mbsvib.elements.ports import Input, Output
 from mbsvib.equations.expansion import expanded
@@ -19,14 +21,7 @@ from mbsvib.errors import ExportError, LeftOutWarning
 from mbsvib.linalg.rotations import logarithm
 from mbsvib_export.packages import need
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
-    from mbsvib.elements.load import Load
-
-    Signal = float | Callable[[float], float]
+Signal = float | Callable[[float], float]
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 # Kinds whose constraints in exudyn are the same in every pose.

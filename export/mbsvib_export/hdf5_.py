@@ -10,23 +10,20 @@ import os
 import zlib
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import check_shape
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import data_of
+from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.neutral import Source, SystemData, data_of
 from mbsvib_export.npz_ import arrays_of, record_in
 from mbsvib_export.packages import need
 from mbsvib_export.reading import content_read
 from mbsvib_export.record import KEYS, data_from
-
-if TYPE_CHECKING:
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import Source, SystemData
 
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 

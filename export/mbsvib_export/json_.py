@@ -6,22 +6,20 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.state_space import StateSpace
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, SystemData, data_of
+from mbsvib.responses.state_space import StateSpace as FirstOrder
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, Source, SystemData, data_of
 from mbsvib_export.record import SPACE_FORMAT, VERSION, check_version, data_from, record_of
 
-if TYPE_CHECKING:
-    from mbsvib.api.state_space import StateSpace
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace as FirstOrder
-    from mbsvib_export.neutral import Source
 
 def to_json(
     system: Source, path: str | os.PathLike[str] | None = None, realization: str = "physical", *, outputs: Names = None,

@@ -20,32 +20,27 @@ import re
 import zlib
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.mat_file import cells, read_mat_file
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import ERROR_BOUND, OF_SPACE, THROUGH, SystemData, data_of, shapes, with_ports
+from mbsvib.responses.state_space import StateSpace as FirstOrder
+from mbsvib.uncertain.plant import UncertainPlant
+from mbsvib_export.neutral import ERROR_BOUND, OF_SPACE, THROUGH, Source, SystemData, data_of, shapes, with_ports
 from mbsvib_export.reading import content_read
 from mbsvib_export.record import FORMAT, NEEDED, OPTIONAL, SPACE_FORMAT, VERSION, check_version, data_from
 from mbsvib_export.responses import check_points, poles_of, response_of, response_scale
 from mbsvib_export.templates_ import check_companion, filled
 from mbsvib_export.uncertain_ import is_uncertain, matlab_parameters, with_channels
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace as FirstOrder
-    from mbsvib.uncertain.plant import UncertainPlant
-    from mbsvib_export.neutral import Source
-
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
 LEFT_OVER = 1e-11

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
+from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import base_unit, identifier
-from mbsvib_export.neutral import check_finite, state_space_of
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import Source
+from mbsvib_export.neutral import Source, check_finite, state_space_of
 
 WIDTH = 110
 # Words of the language, and its predefined types.

@@ -6,29 +6,28 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ExportError, ResponseError, counted, nearest
+from mbsvib.feedback.controller import Controller
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.names_ import SignalNames
 
 if TYPE_CHECKING:
     import control
-    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
 
-    # What exporters take.
-    Source: TypeAlias = "System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace"
+# What exporters take.
+Source: TypeAlias = "System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace"
 
 Space = TypeVar("Space", bound=StateSpace)
 
@@ -265,8 +264,6 @@ def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:
         return replace(source, B=source.B[:, i], state_space=space, **rows, **ports)
     linear = source if kind_of(source) == "closed loop" else space_of(source, "physical")
     return linear.with_ports(outputs, inputs) if hasattr(linear, "with_ports") else source
-
-
 
 
 def data_of(

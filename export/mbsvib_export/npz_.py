@@ -22,27 +22,23 @@ reduced. Many variants at once have the axis of n variants in front of every mat
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.batch import Batch
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export import record as kept
-from mbsvib_export.neutral import SystemData, data_of
+from mbsvib_export.neutral import Source, SystemData, data_of
 from mbsvib_export.reading import arrays_in, content_read
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from mbsvib.api.batch import Batch
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import Source
 
 BATCH_FORMAT, BATCH_VERSION = "mbsvib-batch", 1
 

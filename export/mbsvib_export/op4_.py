@@ -10,25 +10,19 @@ from __future__ import annotations
 
 import os
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import ContentError
 from mbsvib.common.op4_file import read_op4_file
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import SystemData, data_of
+from mbsvib_export.neutral import Source, SystemData, data_of
 from mbsvib_export.reading import content_read
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib_export.neutral import Source
-
 
 NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
 SPACE_NAMES = ("A", "B", "C", "D")

@@ -10,18 +10,16 @@ import re
 import stat
 import zipfile
 import zlib
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import LARGEST_UNPACKED, MOST_ENTRIES, ContentError, check_shape, content_of, shortened
 from mbsvib.errors import ExportError, MbsvibError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
 
 # The record at the end of an archive, and the number in it where a longer record has the number of entries.
 _END, _UNCOUNTED = b"PK\x05\x06", 0xFFFF

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
+from mbsvib.responses.state_space import StateSpace as FirstOrder
 from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, OF_SPACE, SECOND_ORDER, THROUGH, SystemData, checked
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.responses.state_space import StateSpace as FirstOrder
 
 FORMAT = "mbsvib-system"
 SPACE_FORMAT = "mbsvib-state-space"  # first-order equations alone

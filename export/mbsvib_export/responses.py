@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.neutral import SystemData
-
-if TYPE_CHECKING:
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-
 
 MOST_POINTS = 12
 CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum is measured by at least

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.discrete import first_order_hold, tustin
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.modal_steps import Oscillators
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.responses.state_space import StateSpace
-
+from mbsvib.responses.state_space import StateSpace
 
 METHODS = ("zoh", "foh", "tustin")
 

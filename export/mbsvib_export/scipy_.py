@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib_export.neutral import state_space_of
+from mbsvib.common.selection import Names
+from mbsvib_export.neutral import Source, state_space_of
 
 if TYPE_CHECKING:
     from scipy import signal
-
-    from mbsvib.common.selection import Names
-    from mbsvib_export.neutral import Source
 
 
 def to_scipy(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ExportError
 from mbsvib.isolation.synthesis import Synthesis, h2_synthesis, hinf_synthesis
 from mbsvib.responses.from_control import is_control
@@ -14,9 +15,7 @@ from mbsvib_export.packages import need
 if TYPE_CHECKING:
     import control
 
-    from mbsvib.common.arrays import Array
     from mbsvib_export.control_space import NamedStateSpace
-
 
 
 def hinfsyn(plant: control.StateSpace, nmeas: int, ncon: int) -> tuple[NamedStateSpace, NamedStateSpace, float, Array]:

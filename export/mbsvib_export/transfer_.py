@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.driven import DrivenSystem
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
+from mbsvib.feedback.closed_loop import ClosedLoop
 from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.responses.finite_zeros import first_order_zeros
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import linear_of, only_port, refusal
 from mbsvib_export.packages import need
@@ -19,13 +23,8 @@ from mbsvib_export.packages import need
 if TYPE_CHECKING:
     import control
 
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.responses.state_space import StateSpace
-
-    # points s or z, the response there, poles, zeros, and the sample time
-    _Parts = tuple[Complex, Complex, Complex, Complex, float]
+# points s or z, the response there, poles, zeros, and the sample time
+_Parts = tuple[Complex, Complex, Complex, Complex, float]
 
 
 WORST = 1e-6  # relative error of a response by polynomials, above which they are refused

@@ -10,36 +10,31 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.system import System
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, LeftOutWarning, ResponseError, counted
 from mbsvib.measurement.data import Measurement
 from mbsvib.responses.frequency_grid import resonant_grid
-from mbsvib_export.neutral import SystemData, linear_of, refusal, with_ports
+from mbsvib_export.neutral import Source, SystemData, linear_of, refusal, with_ports
 from mbsvib_export.responses import response_of
 from mbsvib_export.uff_geometry import geometry_of, lines_of, modes_of
 from mbsvib_export.uff_reading import measurement_of, series_of
-from mbsvib_export.uff_records import AUTO_SPECTRUM, DENSITY, RECORD
+from mbsvib_export.uff_records import AUTO_SPECTRUM, DENSITY, RECORD, Function
 from mbsvib_export.uff_writing import measurement_sets
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib_export.neutral import Source
-    from mbsvib_export.uff_records import Function
 T = TypeVar("T")
 
 

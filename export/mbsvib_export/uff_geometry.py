@@ -8,26 +8,23 @@ without a position, and direction 0.
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import kind_of
+from mbsvib.elements.part import Part
 from mbsvib.elements.ports import BaseMotion, Input, Output
 from mbsvib.measurement.data import MeasuredMode
 from mbsvib.measurement.points import GROUND, UNIT, Node, Point, body_positions, matrix3
 
-if TYPE_CHECKING:
-    from collections.abc import Hashable, Sequence
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Part
-
-    Ends = tuple[tuple[Node, ...], tuple[Point, ...], tuple[Point, ...]]
+Ends = tuple[tuple[Node, ...], tuple[Point, ...], tuple[Point, ...]]
 
 
 @dataclass(slots=True)

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 from math import hypot, pi, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arguments import Matrix3
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.file_content import ContentError, check_dense, check_shape
 from mbsvib.measurement.data import MeasuredMode, Measurement
 from mbsvib.measurement.points import Node, matrix3
-from mbsvib_export.uff_records import COHERENCE, DataSet, Function, data_sets, function_of
-
-if TYPE_CHECKING:
-    from mbsvib.common.arguments import Matrix3
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib_export.uff_records import Axis
+from mbsvib_export.uff_records import COHERENCE, Axis, DataSet, Function, data_sets, function_of
 
 _NODES = 7  # type of entities in groups
 _AT_NODES = 1

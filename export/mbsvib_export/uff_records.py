@@ -8,22 +8,18 @@ Testing.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.file_content import ContentError, check_shape
 from mbsvib.common.number_text import nastran_integer, nastran_real
 from mbsvib.measurement.matching import is_si, unit_of
 from mbsvib.measurement.points import Point
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
 
 _END = "-1"
 # Byte orders and formats of binary numbers that are read: IEEE, little- and big-endian.

@@ -4,20 +4,16 @@ lines 82, responses and coherences 58, modes 55.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ExportError
+from mbsvib.measurement.data import MeasuredMode, Measurement
+from mbsvib.measurement.points import Node
 from mbsvib_export.uff_geometry import by_body
 from mbsvib_export.uff_records import COHERENCE, MARK, RESPONSE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.measurement.data import MeasuredMode, Measurement
-    from mbsvib.measurement.points import Node
 
 # specific data types of the format; types without a number are 0, unknown
 _TYPES = {"m": 8, "m/s": 11, "m/s^2": 12, "rad": 8, "rad/s": 11, "rad/s^2": 12, "N": 13, "N m": 13}

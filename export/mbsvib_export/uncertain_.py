@@ -13,11 +13,10 @@ import numpy as np
 
 from mbsvib.common.expected import kind_of
 from mbsvib.common.mat_file import variable_names
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
-    from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.uncertain.plant import UncertainPlant
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.api.system import System
 from mbsvib.common.labelled import of_responses
+from mbsvib.common.selection import Names
+from mbsvib.feedback.controller import Controller
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.neutral import linear_of, refusal
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.api.system import System
-    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.responses.state_space import StateSpace
 
 
 def to_xarray(

@@ -15,20 +15,17 @@ Source: Preumont, Mechatronics: Dynamics of Electromechanical and Piezoelectric 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.common import arguments as check
+from mbsvib.elements import Body
 from mbsvib.elements.connection import line_between
 from mbsvib.mechanism.names import check_name
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body
 
 WEIGHTLESS = (0.0, 0.0, 0.0)
 

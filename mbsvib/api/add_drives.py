@@ -4,21 +4,18 @@ belts and pairs of gears.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.common import arguments as check
+from mbsvib.elements import Body, Joint
 from mbsvib.elements import coupler as _coupler
+from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body, Joint
-    from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
 
 
 class CoupledMechanism(Mechanism):

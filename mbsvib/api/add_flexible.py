@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
+
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.elements import Body
 from mbsvib.elements import beam as _beam
 from mbsvib.elements import flexure as _flexure
 from mbsvib.elements import superelement as _superelement
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.flexure import Flexure
+from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed
+from mbsvib.elements.sections import Circle, Rectangle, Section, Tube
+from mbsvib.elements.superelement import Superelement
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body
-    from mbsvib.elements.beam import Beam
-    from mbsvib.elements.flexure import Flexure
-    from mbsvib.elements.material import Material
-    from mbsvib.elements.sections import Circle, Rectangle, Section, Tube
-    from mbsvib.elements.superelement import Superelement
 
 P = TypeVar("P", bound=Composed)
 

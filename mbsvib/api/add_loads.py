@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from numpy.typing import ArrayLike
 
+from mbsvib.elements import Body, Load
 from mbsvib.elements import hub as _hub
 from mbsvib.elements import load as _load
 from mbsvib.elements import rolling as _rolling
 from mbsvib.elements import rotor as _rotor
+from mbsvib.elements.hub import Hub
+from mbsvib.elements.rolling import Rolling
+from mbsvib.elements.rotor import Rotor
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body, Load
-    from mbsvib.elements.hub import Hub
-    from mbsvib.elements.rolling import Rolling
-    from mbsvib.elements.rotor import Rotor
 
 
 class LoadedMechanism(Mechanism):

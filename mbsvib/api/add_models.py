@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.elements import Body
 from mbsvib.errors import LeftOutWarning
 from mbsvib.mechanism.copies import copies, placement
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.names import check_name
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body
 
 OWN_NAMES = ("inputs", "outputs")
 

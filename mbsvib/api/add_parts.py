@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
+from numpy.typing import ArrayLike
+
+from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.elements import body as _body
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import dynamic_bushing as _dynamic
@@ -12,21 +16,14 @@ from mbsvib.elements import dynamic_torsion as _dynamic_torsion
 from mbsvib.elements import inerter as _inerter
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import maxwell as _maxwell
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.elements.dynamic_bushing import DynamicBushing
+from mbsvib.elements.dynamic_spring import DynamicSpring
+from mbsvib.elements.dynamic_torsion import DynamicTorsionSpring
+from mbsvib.elements.inerter import Inerter
+from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.dynamic import Dynamic
-    from mbsvib.elements.dynamic_bushing import DynamicBushing
-    from mbsvib.elements.dynamic_spring import DynamicSpring
-    from mbsvib.elements.dynamic_torsion import DynamicTorsionSpring
-    from mbsvib.elements.inerter import Inerter
-    from mbsvib.elements.torsion_spring import TorsionSpring
 
 C = TypeVar("C", bound="Connection")
 

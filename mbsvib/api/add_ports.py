@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Maxwell, Output, Spring
 from mbsvib.elements import motion_input as _motion
 from mbsvib.elements import ports as _ports
 from mbsvib.elements import strain_output as _strain
+from mbsvib.elements.motion_input import MotionInput
+from mbsvib.elements.strain_output import StrainOutput
 from mbsvib.errors import nearest
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.names import check_name
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Maxwell, Output, Spring
-    from mbsvib.elements.motion_input import MotionInput
-    from mbsvib.elements.strain_output import StrainOutput
 
 
 class PortedMechanism(Mechanism):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,6 @@ from mbsvib.common.arguments import DIRECTIONS, shown
 from mbsvib.common.expected import kind_of, names, real
 from mbsvib.elements.superelement_files import Reduced
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 
 def assemble(

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations, of_variant
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.batch import BatchModes
     from mbsvib.responses.batch import BatchBasis
-    from mbsvib.responses.state_space import StateSpace
 
 
 T = TypeVar("T")

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.sensitivities import SensitiveVerbs
 from mbsvib.api.state_space import StateSpace
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib.errors import ResponseError, counted
 from mbsvib.random.verbs import RandomVerbs
 from mbsvib.responses.driven import Drive, driven_response, driven_space, feedthrough_of
 from mbsvib.responses.linear import LinearVerbs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.uncertain.plant import UncertainPlant
+from mbsvib.uncertain.plant import UncertainPlant
 
 # What a system tells of the mechanism without its inputs; asked of a system with motions, its equations answer.
 WITHOUT_INPUTS = frozenset((

@@ -8,26 +8,21 @@ follows z' = A z + dA x + dB u, dy = C z + dC x + dD u. These are equations with
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.state_space import StateSpace
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.responses.driven import driven_response, driven_space
 from mbsvib.responses.linear import peak as peak_of
 from mbsvib.responses.norms import Norm, h2
 from mbsvib.sensitivities import frequency_response_sensitivities as slopes_of_ends
-from mbsvib.sensitivities.states import changed, states
-from mbsvib.sensitivities.variables import variables
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.sensitivities.states import States
-    from mbsvib.sensitivities.variables import Requested
+from mbsvib.sensitivities.states import States, changed, states
+from mbsvib.sensitivities.variables import Requested, variables
 
 # A peak at rest is looked at by this share of the slowest pole, where inputs are integrated.
 STATIC = 1e-4

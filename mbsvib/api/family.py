@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.batch import Batch
 from mbsvib.api.pose import batch_of, columns_of, told
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
     from mbsvib.api.lpv import LPVSystem
     from mbsvib.api.plant import Plant
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots._sheet import Given
 
 

@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 from warnings import warn
 
 import numpy as np
 
-from mbsvib.api.plant import compiled
+from mbsvib.api.plant import Plant, compiled
 from mbsvib.api.system import System
 from mbsvib.common.arguments import count, names_in, refuse
-from mbsvib.common.progress import counting
+from mbsvib.common.arrays import Array
+from mbsvib.common.progress import Progress, counting
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import AccuracyWarning, MbsvibError, ModelError
 from mbsvib.fitting.data import KINDS, conditioned, mode_data, record_data, response_data
-from mbsvib.fitting.knowledge import knowledge
+from mbsvib.fitting.knowledge import Knowledge, knowledge
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.problem import STEPS, STEPS_FAR, Problem, minimized
+from mbsvib.fitting.problem import STEPS, STEPS_FAR, Found, Problem, minimized
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData
 from mbsvib.fitting.result import Fit
-from mbsvib.fitting.variables import limited, variables
+from mbsvib.fitting.variables import Variables, limited, variables
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.records import Records
 from mbsvib.mechanism.changes import to_angular_velocities
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.api.plant import Plant
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
-    from mbsvib.fitting.knowledge import Knowledge
-    from mbsvib.fitting.problem import Found
-    from mbsvib.fitting.variables import Variables
 
 # Factor of positive values, and change of others in parts of their size, by which starts differ from the first.
 SPREAD = 1.5

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mbsvib.api.batch import Batch
+from mbsvib.api.model import Model
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.equilibrium.balanced_variants import balanced_batch
 from mbsvib.equilibrium.search import at_equilibrium
 from mbsvib.errors import EquilibriumError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.api.model import Model
 
 
 def in_equilibrium(

@@ -5,22 +5,19 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
+from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
 from mbsvib.modes.result import Modes
 from mbsvib.responses.basis import Basis
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations, Provenance
 
 # A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
 SMALL = 0.01

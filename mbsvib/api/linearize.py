@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, overload
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
@@ -10,18 +13,14 @@ from mbsvib.equations.alignment import aligned
 from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.self_stress import warn
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.driven import differ, drives
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.batch import Batch
     from mbsvib.api.driven import DrivenBatch, DrivenSystem
     from mbsvib.api.rolling_system import RollingSystem
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @overload

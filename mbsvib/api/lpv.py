@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from mbsvib.api.batch import Batch
 from mbsvib.api.pose import batch_of, check_mapping
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.mat_file import cells, variable_names
@@ -20,13 +25,7 @@ from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.linalg.sparse_interpolation import SparseInterpolant, points_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from os import PathLike
-    from pathlib import Path
-
-    from mbsvib.api.batch import Batch
     from mbsvib.api.plant import Plant
-    from mbsvib.common.arrays import Array
 
 # The bound is so many times the largest error that was found: errors of polynomials are largest at corners, which are
 # among the checks, and near them.

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.add_actuators import ActuatedMechanism
 from mbsvib.api.add_drives import DrivenMechanism
@@ -20,10 +23,6 @@ from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.batch import Batch
     from mbsvib.api.family import Family
     from mbsvib.api.plant import Plant

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -10,9 +12,6 @@ from mbsvib.modes import result
 from mbsvib.sparse import modes as sparse
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-
     from mbsvib.plots.animation import Animation
 
 

@@ -4,28 +4,25 @@ energies, and how far they hold.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular, real
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
+from mbsvib.equations.equations import Provenance
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    import os
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.linear_range import LinearRange
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.equations.equations import Provenance
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes.result import Modes
     from mbsvib.plots.animation import Animation

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.batch import Batch
+from mbsvib.api.modes import Modes
 from mbsvib.api.system import System
 from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers
-from mbsvib.equations.batch_assembly import batch_plan
+from mbsvib.equations.batch_assembly import BatchPlan, batch_plan
 from mbsvib.equations.batch_equations import of_variant
 from mbsvib.equations.batch_values import Values, with_checked_parts
+from mbsvib.equations.matrices import Matrices
 from mbsvib.equilibrium.posed_variants import PosedVariants, pose_coordinates
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import Slots
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.modes.batch import BatchModes
 from mbsvib.modes.result import modes as modes_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.modes import Modes
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.batch_assembly import BatchPlan
-    from mbsvib.equations.matrices import Matrices
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.modes.batch import BatchModes
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
+from mbsvib.elements import Bushing, Spring
 from mbsvib.equilibrium.articulation import with_preloads_of, with_rigid_parts
 from mbsvib.equilibrium.moved import moved
 from mbsvib.equilibrium.moved_parts import check_couplers
@@ -17,18 +21,12 @@ from mbsvib.errors import EquilibriumError, MbsvibError, ModelError, SingularPos
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.batch import Batch
     from mbsvib.api.plant import Plant
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing, Spring
     from mbsvib.equilibrium.equilibrium_path import EquilibriumPath
     from mbsvib.equilibrium.report import Equilibrium
 
-    Preloaded = Sequence[str | Spring | Bushing] | str | bool
+Preloaded = Sequence[str | Spring | Bushing] | str | bool
 
 
 class Posed(Mechanism):

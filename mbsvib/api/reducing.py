@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from typing import Literal
-
     from mbsvib.api.state_space import StateSpace
     from mbsvib.common.selection import Names
-
 
 
 class ReducibleSystem:

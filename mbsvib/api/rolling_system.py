@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,16 +11,14 @@ import numpy as np
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import names as names_of
 from mbsvib.errors import ModelError
 from mbsvib.linalg.groups import part_numbers
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.rolling.equations import rolling_equations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.rolling.slopes import RollingSensitivities
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, ResponseError, counted, nearest
@@ -16,12 +19,8 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import angle_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.plots._sheet import Given
     from mbsvib.plots.animation import Animation

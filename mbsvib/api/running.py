@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import MbsvibError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
     from mbsvib.cycles.machine import Machine
     from mbsvib.cycles.periodic import Periodic
     from mbsvib.cycles.reactions import Reactions

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
+from numpy.typing import ArrayLike
+
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.selection import Names
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.selection import with_ports
 from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.responses.basis import Basis
     from mbsvib.responses.norms import Norm
     from mbsvib.sensitivities.basis import SensitivityBasis
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.shapes import ModeSensitivities
     from mbsvib.uncertain.plant import UncertainPlant
 
-    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 class SensitiveVerbs(StepVerbs):

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import PortedVerbs
+from mbsvib.responses.state_space import StateSpace
 from mbsvib.sparse.equations import SparseEquations, with_ports
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.modes import SomeModes
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
-    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)

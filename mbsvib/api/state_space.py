@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from mbsvib.api.connecting import Connecting
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import upper
+from mbsvib.common.selection import Names
 from mbsvib.common.tables import listed
 from mbsvib.errors import counted
 from mbsvib.random.verbs import RandomVerbs
 from mbsvib.responses import state_space
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
 
 
 class StateSpace(Connecting, RandomVerbs, state_space.StateSpace):

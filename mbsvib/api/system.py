@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.of_mechanism import OfMechanism
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import upper
 from mbsvib.common.fast_init import fast_init
+from mbsvib.common.selection import Names
 from mbsvib.equations.selection import reachable
 from mbsvib.errors import counted
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.random.verbs import RandomVerbs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
     from mbsvib.api.modes import Modes
     from mbsvib.api.state_space import StateSpace
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.fitting.result import Fit
 
 

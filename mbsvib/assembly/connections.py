@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, shown
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import kind_of
 from mbsvib.common.patterns import matching
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.equations.equations import Connection
 from mbsvib.errors import ModelError, nearest
 from mbsvib.measurement.data import Measurement
-from mbsvib.measurement.points import model_places
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.measurement.points import Place
+from mbsvib.measurement.points import Place, model_places
 
 WHO = "assemble"
 # Directions of a port are those of its partner up to this cosine (3 degrees).

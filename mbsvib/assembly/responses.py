@@ -13,15 +13,18 @@ for parts that are taken away.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 from warnings import warn
 
 import numpy as np
 
-from mbsvib.assembly.connections import WHO
-from mbsvib.assembly.systems import ends_of
+from mbsvib.assembly.connections import WHO, Part
+from mbsvib.assembly.systems import Ends, ends_of
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.elements.ports import QUANTITIES
+from mbsvib.equations.equations import Connection
 from mbsvib.errors import AccuracyWarning, ModelError, ResponseError, counted
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.common_errors import (
@@ -34,14 +37,6 @@ from mbsvib.measurement.common_errors import (
 )
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.matching import ORDERS, is_si
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.assembly.connections import Part
-    from mbsvib.assembly.systems import Ends
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.equations import Connection
 
 # Lines of two measurements are the same up to this share.
 SAME_LINE = 1e-6

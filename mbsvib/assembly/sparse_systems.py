@@ -9,24 +9,19 @@ Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169, primal assembly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from mbsvib.assembly.connections import WHO
-from mbsvib.assembly.systems import COLLOCATED, eliminated, ends_of
+from mbsvib.assembly.connections import WHO, Part
+from mbsvib.assembly.systems import COLLOCATED, Ends, eliminated, ends_of
+from mbsvib.common.arrays import Array
 from mbsvib.elements.ports import BaseMotion
+from mbsvib.equations.equations import Connection
 from mbsvib.errors import ModelError
 from mbsvib.sparse.from_matrices import matrices_of, sparse_from_matrices
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.assembly.connections import Part
-    from mbsvib.assembly.systems import Ends
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Connection
 
 # Numbers in the rows of rigid connections that are no pair of equal coordinates.
 LARGEST = 4e7

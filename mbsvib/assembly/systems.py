@@ -10,15 +10,17 @@ Source: de Klerk, Rixen & Voormeeren, AIAA J. 46 (2008) 1169, primal assembly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from mbsvib.assembly.connections import WHO
+from mbsvib.assembly.connections import WHO, Part
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.ports import BaseMotion
-from mbsvib.equations.equations import Provenance
+from mbsvib.equations.equations import Connection, Equations, Provenance
 from mbsvib.equations.unresisted_motion import without_free_motions
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.kinematics.loops import Reduction
@@ -26,13 +28,6 @@ from mbsvib.linalg.products import eigenrows, gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS, RANK_GAP, TIE_BREAK, ZERO_SUM
 from mbsvib.mechanism.topology import Topology
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.assembly.connections import Part
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Connection, Equations
 
 # Displacements and forces of a port are those of one point up to this share, of files with nine digits or more.
 COLLOCATED = 1e-9

@@ -7,31 +7,27 @@ from __future__ import annotations
 
 import platform
 import warnings
+from collections.abc import Callable, Mapping
 from decimal import Decimal
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from mbsvib.api.linear_range import participating
+from mbsvib.api.model import Model
+from mbsvib.api.rolling_system import RollingSystem
+from mbsvib.api.system import System
 from mbsvib.certificate.engines import by_exudyn, masses_of_tree
 from mbsvib.certificate.result import FAILED, PASSED, Certificate, Check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import a_model
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import EquilibriumError, MbsvibError, NearSingularWarning, SingularPoseError
 from mbsvib.linalg.rank import BALANCE, RANK_FACTOR, RANK_GAP
 from mbsvib.rolling.equations import rolling_equations
 from mbsvib.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from mbsvib.api.model import Model
-    from mbsvib.api.rolling_system import RollingSystem
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-
 
 # A number with as many significant digits was computed, or printed with all its digits: it is known to its rounding.
 ALL_DIGITS = 15

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import tempfile
 import warnings
+from collections.abc import Callable
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import LeftOutWarning, MbsvibError
 from mbsvib.urdf.saving import save_urdf
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array, Complex
 
 def by_exudyn(model: Model) -> tuple[Complex, str]:
     """Return the eigenvalues that exudyn finds in its own redundant coordinates, by differences, and its version.

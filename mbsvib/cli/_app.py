@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._parser import EPILOG, Parser
 from mbsvib.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 DESCRIPTION = "Vibration of multibody mechanisms: modes, Bode plots, step responses and state-space models."
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from mbsvib.common.number_text import integer, real
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    # names in the model on the line
-    Named: TypeAlias = Literal["input", "output", "body", "parameter", "coordinate", "spring", "joint"]
-    Candidates: TypeAlias = Named | Literal["", "model", "file"] | tuple[str, ...]  # or these words
+# names in the model on the line
+Named: TypeAlias = Literal["input", "output", "body", "parameter", "coordinate", "spring", "joint"]
+Candidates: TypeAlias = Named | Literal["", "model", "file"] | tuple[str, ...]  # or these words
 
 
 class ModelFile(NamedTuple):

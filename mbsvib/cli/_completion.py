@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import ALIGN, ModelFile
+from mbsvib.cli._arguments import ALIGN, Argument, ModelFile, Named
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._lookup import READERS, ROBOTS, SUFFIXES, model_of
 from mbsvib.errors import MbsvibError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
-    from mbsvib.cli._arguments import Argument, Named
 
 # Each asks "mbsvib --complete WORDS", the last of which is being typed. Bash, which splits at = and :, sends its line.
 SCRIPTS = {

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import number, option
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 FORMATS = (".json", ".npz", ".mat")
 MATRICES = ("A", "B", "C", "D")

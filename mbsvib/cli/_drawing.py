@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import pi
 from pathlib import Path
@@ -26,17 +27,16 @@ from mbsvib.cli._arguments import (
 from mbsvib.cli._lookup import model_of, ports, system_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
 
-    Names = list[str] | None
-    Limit = float | None
     # names of a column, alone and in JSON, its points (n,), and responses (outputs, inputs, n)
     Computed = tuple[tuple[str, str], NDArray[Any], NDArray[Any]]
+
+Names = list[str] | None
+Limit = float | None
 
 
 FORMATS, TABLE = (".png", ".pdf", ".svg"), ".csv"

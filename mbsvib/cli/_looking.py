@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
@@ -9,8 +10,6 @@ from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument
 from mbsvib.cli._lookup import model_of, system_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mbsvib.modes import Modes
 
 

@@ -6,26 +6,24 @@ Each option is an argument of the same name of the files' readers, ``load_urdf``
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.cli._arguments import flag, number, option
+from mbsvib.cli._arguments import ModelFile, flag, number, option
 from mbsvib.cli._shell import UsageProblem, complain
 from mbsvib.common.number_text import integer, real
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
     import numpy as np
     from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
-    from mbsvib.cli._arguments import ModelFile
     from mbsvib.measurement.data import Measurement
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
@@ -11,9 +13,6 @@ from mbsvib.common.patterns import matching
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-
     from matplotlib.figure import Figure
 
     from mbsvib.studies.results import Sweep

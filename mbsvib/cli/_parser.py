@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from argparse import Action, ArgumentParser, HelpFormatter
-from typing import TYPE_CHECKING, Any, NoReturn
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
-from mbsvib.cli._arguments import ALIGN, ModelFile
+from mbsvib.cli._arguments import ALIGN, Command, ModelFile
 from mbsvib.cli._lookup import ROBOTS, given
 from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.cli._arguments import Command
 
 EPILOG = "MODEL is a file (.yaml, .json, .xml of MuJoCo, .urdf) or a name that mbsvib models lists."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
@@ -10,8 +11,6 @@ from mbsvib.cli._drawing import check_format, deliver, plotted
 from mbsvib.cli._lookup import as_misuse, model_of, range_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mbsvib.isolation import Active, ClosedLoop, Isolation
 
 LAWS = ("force", "velocity", "skyhook")

@@ -6,19 +6,17 @@ import os
 import re
 import shutil
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from io import BufferedWriter, FileIO
 from pathlib import Path
 from time import time
-from typing import IO, TYPE_CHECKING
+from typing import IO
 from uuid import uuid4
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError, MbsvibError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # Temporary files have the name of their file, eight digits, and this ending. Longer names than this are cut, as file
 # systems hold 255 bytes, and get a checksum in place of the rest.

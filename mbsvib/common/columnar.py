@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import csv
+import os
 from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
 
 
 class Columnar:

@@ -6,17 +6,14 @@ Source: MSC Nastran Quick Reference Guide, bulk data entries DMIG and SPOINT.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.file_content import ContentError, check_dense
 from mbsvib.common.number_text import nastran_integer, nastran_real
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-
-    Label = tuple[int, int]
+Label = tuple[int, int]
 
 SYMMETRIC, SQUARE = "6", "1"
 _FORMS = (SQUARE, "2", SYMMETRIC, "9")

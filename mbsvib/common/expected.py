@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.arrays import Array
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array
-
 
 T = TypeVar("T")
 

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 import os
 import stat
-from typing import TYPE_CHECKING, Any, NoReturn
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.errors import MbsvibError
-
+from mbsvib.errors import MbsvibError
 
 # Packed content is refused beyond: a gigabyte of nothing packs into one megabyte, so that the file's size says little.
 LARGEST_UNPACKED = 1_000_000_000

@@ -12,20 +12,16 @@ from __future__ import annotations
 
 import re
 import zlib
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray
 from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_dense, check_shape, shortened
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
-
-    from mbsvib.common.arrays import AnyArray
-
 
 HEADER = 128
 LONGEST_NAME = 60  # characters of a name in MATLAB, which has 63, less what makes it differ

@@ -10,19 +10,15 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray
 from mbsvib.common.file_content import ContentError, check_dense
 from mbsvib.common.number_text import nastran_integer, nastran_real
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-
-    from mbsvib.common.arrays import AnyArray
-
 
 # Rows from which on strings have headers of two numbers (BIGMAT), whatever the sign of their number.
 BIG = 65_536

@@ -10,20 +10,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, IDENTITY
-from mbsvib.elements import deformations
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Joint, deformations
 from mbsvib.elements.joint_kinds import ROD, SCREW, Columns, Motion, subspaces
 from mbsvib.linalg import components as c
 from mbsvib.linalg.displacements import small
 from mbsvib.linalg.jets import Jet, variables
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
 
 ORIGIN = (0.0, 0.0, 0.0)
 # Where a line or rod of unit length along z begins that ends at the origin.

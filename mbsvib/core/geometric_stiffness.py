@@ -23,22 +23,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements.joint_kinds import ROD, STRAIGHT, Motion
 from mbsvib.kinematics.relative_motion import order_and_paths
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import skew
-from mbsvib.mechanism.topology import FLOATS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.mechanism.topology import Branch, Topology
+from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
 
 @dataclass(frozen=True)

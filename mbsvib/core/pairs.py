@@ -16,26 +16,21 @@ a body cancel with the sum of the forces on it. Own terms are 1/2 (delta, d) . H
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.core import expansions
 from mbsvib.core.expansions import form_of, length_of, of_place
 from mbsvib.core.geometric_stiffness import Pairs
+from mbsvib.elements import Joint
 from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.linalg.rotations import frames_along, skew
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.core.geometric_stiffness import Pairs
-    from mbsvib.elements import Joint
 
 
 def of_places(first: Index, body: Index, point: Array, force: Array, torque: Array, follower: Bools) -> Pairs:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,16 +27,14 @@ from scipy.linalg import qr
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from mbsvib.common.arrays import Array
+from mbsvib.cycles.expressions import Statement
+from mbsvib.cycles.machine import Machine, Solved
 from mbsvib.cycles.prescribed import RESOLVED, Prescribed, period_of
 from mbsvib.cycles.total_derivatives import Derivatives, total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, SingularPoseError
 from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-
-if TYPE_CHECKING:
-    from mbsvib.cycles.expressions import Statement
-    from mbsvib.cycles.machine import Machine, Solved
 
 Slopes = tuple[Array, Array, Array]
 # Steps of Newton's method at most, and the share of the deflection at which the last one counts as rounding.

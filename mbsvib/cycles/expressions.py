@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Bools
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.excited import with_interfaces
 from mbsvib.finite_motion.forces import angular_momentum
 from mbsvib.finite_motion.frames import Expression, rate_in_motion
 from mbsvib.finite_motion.statement import FiniteMotion, finite_motion
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Bools
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.cycles.expressions import Statement
+from mbsvib.cycles.machine import Machine
 from mbsvib.cycles.result import CycleData
 from mbsvib.finite_motion.elastic_block import point_as_described
 from mbsvib.finite_motion.evaluation import evaluated
 from mbsvib.finite_motion.excited import with_interfaces
 from mbsvib.finite_motion.forces import velocity
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.cycles.expressions import Statement
-    from mbsvib.cycles.machine import Machine
-    from mbsvib.finite_motion.frames import Expression
+from mbsvib.finite_motion.frames import Expression
 
 C = TypeVar("C", bound=CycleData)
 

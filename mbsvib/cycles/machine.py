@@ -5,14 +5,17 @@ described pose, rates and accelerations.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
 from mbsvib.cycles.expressions import Statement, statement
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.elements.bushing import LARGEST_ANGLE
@@ -24,17 +27,9 @@ from mbsvib.finite_motion.loops import DrivenLoops, Loops, straight_way
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, REDUNDANT_LOOPS
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 from mbsvib.mechanism.unit_warnings import TURNS_OF_CYCLES, with_angles
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.mechanism.mechanism import Mechanism
-
 
 # Loops count as closed when they are open by less than this [rad, mechanism sizes]: a thousandth of what results are
 # promised to.

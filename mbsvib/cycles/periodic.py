@@ -14,25 +14,22 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.cycles.elastic import with_elastic_drives
+from mbsvib.cycles.machine import Machine
 from mbsvib.cycles.prescribed import EVEN, RESOLVED, period_of
+from mbsvib.cycles.result import CycleData
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.cycles.machine import Machine
-    from mbsvib.cycles.result import CycleData
 
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.mechanism import Mechanism
 
 WHO = "cycle"

@@ -18,15 +18,19 @@ and so the wrenches, which are linear in lambda. What redundant constraints leav
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.cycles.elastic import parameter_derivatives, with_parameters
+from mbsvib.cycles.expressions import Statement
 from mbsvib.cycles.prescribed import turns
+from mbsvib.cycles.result import CycleData
+from mbsvib.elements import Joint
 from mbsvib.errors import MbsvibError
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.frames import Expression, axial
@@ -35,16 +39,7 @@ from mbsvib.finite_motion.reactions import multipliers, opened
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.cycles.expressions import Statement
-    from mbsvib.cycles.result import CycleData
-    from mbsvib.elements import Joint
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 # What the equations leave over, as a share of the forces in them: rounding, and how far loops are open.
 BALANCED = 1e-7

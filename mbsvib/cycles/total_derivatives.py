@@ -11,22 +11,21 @@ p are parameters, or the values, rates and accelerations of the drives themselve
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import matrices
+from mbsvib.finite_motion.frames import Expression
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.machine import Machine
-    from mbsvib.finite_motion.frames import Expression
 
 # What the derivatives of the loops leave over, as a share of them: rounding, unless a parameter takes the loops apart.
 ASSEMBLED = 1e-8

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
 from mbsvib.elements.beam_points import check_lines, end_along, line_axes, points_of, tuples, y_axis_of
 from mbsvib.elements.beam_variants import MATERIAL, InVariants
+from mbsvib.elements.bushing import Six
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import Placement, Pose
 from mbsvib.elements.roles import POINT, ParameterField
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import exponential
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.bushing import Six
-    from mbsvib.elements.placement import Placement, Pose
 
 # Units of parameters other than lengths.
 UNITS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",

@@ -10,22 +10,18 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from mbsvib.common import arguments as check
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.joint_kinds import Six
-    from mbsvib.elements.material import Material
-    from mbsvib.elements.sections import Properties
-
+from mbsvib.common.arrays import Array
+from mbsvib.elements.joint_kinds import Six
+from mbsvib.elements.material import Material
+from mbsvib.elements.sections import Properties
 
 # Of both planes of bending: indices of deflection and rotation of both ends in (u1, theta1, u2, theta2), and the ratio
 # of slope to rotation.

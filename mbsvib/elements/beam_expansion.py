@@ -7,11 +7,14 @@ the elements, so that the stiffness is diagonal and no digits cancel.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Bushing, Joint
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
@@ -22,12 +25,6 @@ from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import rigid_transport
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arguments import Matrix3, Vector
-    from mbsvib.common.arrays import Array
 
 
 def expand(beam: Beam, *_: Any) -> ExpandedPart:

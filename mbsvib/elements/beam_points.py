@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.linalg.components import Triple, cross, norm, subtract, transpose
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
 
 # Smallest sine of the angle between a beam and the direction of its y axis
 PARALLEL = 1e-6

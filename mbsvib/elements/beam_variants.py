@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array, Bools
+from mbsvib.elements.beam_element import Element
 from mbsvib.elements.beam_points import PARALLEL, straight
 from mbsvib.elements.part import Composed
 from mbsvib.elements.sections import Circle, Rectangle, with_fields
 from mbsvib.linalg.components import add, product, rotation_vector, scale, transpose
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arguments import Matrix3, Vector
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements.beam_element import Element
 
 # The horizontal part of an element's direction below which it stands upright.
 UPRIGHT = 0.05

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements import shapes
 from mbsvib.elements.part import Part
 from mbsvib.elements.roles import Role, axes, batched, number, point
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Bools
 
 INERTIA = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

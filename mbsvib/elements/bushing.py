@@ -9,31 +9,27 @@ Its rows are one for each direction with stiffness or damping, or one for each e
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import ENDS, Connection, PreloadForm, check_ends
 from mbsvib.elements.deformations import Law
 from mbsvib.elements.deformations import six as deformation
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.roles import DAMPING, STIFFNESS, axes, batched, is_unsymmetric, point, six
 from mbsvib.elements.rows import ElementRows, Rows, columns, table
 from mbsvib.errors import ModelError
 from mbsvib.linalg.products import eigenrows, signed_rows
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.linalg.rotations import components_first, inverse_jacobian, logarithm, second_order
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements.placement import Pose
-
 
 Six = tuple[float, ...]
 Matrix6 = tuple[Six, ...]

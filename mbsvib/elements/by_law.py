@@ -7,11 +7,12 @@ rotation vector at its point. Along a line it is a spring with k = d2V/dL2 and t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.common.arrays import Array
 from mbsvib.elements import ports
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.connection import line_between
@@ -21,9 +22,6 @@ from mbsvib.elements.spring import Spring
 from mbsvib.elements.torsion_spring import NOWHERE
 from mbsvib.errors import ModelError
 from mbsvib.linalg.jets import variables
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 
 def expand(part: Any, *_: Any) -> ExpandedPart:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
+from mbsvib.elements.deformations import Law
 from mbsvib.elements.part import Part
 from mbsvib.elements.roles import BODY, point
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.deformations import Law
-
 
 ZERO = (0.0,) * 6
 # Roles of the bodies that a connection is between, and of the two points of one along a line.

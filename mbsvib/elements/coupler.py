@@ -27,19 +27,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Bools
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import Placement
 from mbsvib.elements.roles import ParameterField
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements.joint import Joint
-    from mbsvib.elements.placement import Placement
 
 Terms = tuple[tuple[str, float], ...]
 ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")

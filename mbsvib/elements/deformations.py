@@ -7,23 +7,20 @@ from second ones.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.joint_kinds import normals
 from mbsvib.linalg import components as c
+from mbsvib.linalg.components import Component
 from mbsvib.linalg.displacements import Displacement, small
 from mbsvib.linalg.jets import variables
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.linalg.components import Component
 
 
 @dataclass(frozen=True, slots=True)

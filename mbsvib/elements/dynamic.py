@@ -14,22 +14,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from warnings import warn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import dynamic_factors as forms
 from mbsvib.elements.dynamic_factors import WHO, least_error
 from mbsvib.errors import AccuracyWarning, ModelError, counted
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 # Lines a decade at which a fit and its error are taken.
 LINES = 24

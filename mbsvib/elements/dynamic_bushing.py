@@ -11,12 +11,13 @@ bushings before them are relaxed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.bushing import ZERO, Bushing, Matrix6, Six, matrix6
@@ -24,14 +25,11 @@ from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.relaxing import Relaxing, factor_of
 from mbsvib.elements.roles import STIFFNESS, stated
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Pose
 
 GROUND = "ground"
 # Eigenvalues of a matrix with ones on its diagonal that are zero, and how far below zero rounding takes them.

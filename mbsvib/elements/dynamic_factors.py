@@ -8,20 +8,16 @@ Source: Boyd & Chua, Int. J. Circuit Theory 10 (1982) 113, for positive real fun
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 from warnings import warn
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import reals
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from mbsvib.common.arrays import Array, Complex
-
 
 WHO = "Dynamic"
 # Factors of passive elements have no power on the axis below this share of their size, but for rounding.

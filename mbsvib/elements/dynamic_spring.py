@@ -9,7 +9,7 @@ length.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import joint as _joint
@@ -19,12 +19,10 @@ from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.maxwell import Node, as_node_joint
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.relaxing import RelaxingAxis, relaxing
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
-
-if TYPE_CHECKING:
-    from mbsvib.elements.placement import Pose
 
 GROUND = "ground"
 

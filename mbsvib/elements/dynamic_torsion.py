@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import dynamic_bushing, torsion_spring
 from mbsvib.elements.bushing import Bushing, matrix6
 from mbsvib.elements.deformations import Law, twist
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.dynamic_bushing import DynamicBushing
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.relaxing import RelaxingAxis, relaxing
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.torsion_spring import NOWHERE, TorsionSpring
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Pose
-    from mbsvib.elements.shared_rows import ExpandedPart
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,29 +16,25 @@ Source: von Karman (1910), Festigkeitsprobleme im Maschinenbau, for e.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Vector
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.body import NO_INERTIA, Body
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
+from mbsvib.elements.part import Composed
 from mbsvib.elements.placement import GROUND, Placement, Pose
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.errors import NoWordsError
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, second_order
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Composed
-
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,11 @@ A new family needs one file with its part and ``make``, a row here, and its ``ad
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
+from mbsvib.common.arguments import Vector
 from mbsvib.elements import (
     beam,
     beam_expansion,
@@ -35,16 +37,11 @@ from mbsvib.elements import (
 from mbsvib.elements.by_law import expand as by_law_expand
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
+from mbsvib.elements.elastic_part import ElasticPart
 from mbsvib.elements.part import MAKERS, Part, defaults
 from mbsvib.elements.rows import ElementRows
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import ExpandedPart
 
 P = TypeVar("P", bound=Part)
 

@@ -7,13 +7,15 @@ displacement along x. In the element's axes, x along it, these are the axes z, y
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import material as _material
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Element, Prismatic, check_flags, checked_damping, checked_displacements
@@ -23,18 +25,13 @@ from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_ro
 from mbsvib.elements.material import Material
 from mbsvib.elements.notch_element import NotchElement
 from mbsvib.elements.part import derived
+from mbsvib.elements.placement import Placement, Pose
 from mbsvib.elements.roles import POINT, TURN, ParameterField
 from mbsvib.elements.sections import Checked, Properties, built, rectangle_torsion, with_fields
 from mbsvib.errors import AccuracyWarning, nearest
 from mbsvib.linalg.components import add, product, scale, subtract, transpose
 from mbsvib.linalg.components import exponential as turned_by
 from mbsvib.linalg.rotations import exponential
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement, Pose
 
 # Neck over the depth of the cuts below which the Gauss points of a notch are too few for 12 digits.
 THINNEST = 1e-3

@@ -8,8 +8,9 @@ Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +21,6 @@ from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.part import derived
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.rows import ElementRows, columns
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +39,6 @@ class Inerter(Connection):
     end: Vector
     inertance: float = field()
     line: Vector = derived((0.0, 0.0, 1.0))
-
 
 
 def make(name: str, first: str, second: str, start: Any, end: Any, inertance: Any) -> Inerter:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.joint_kinds import (
@@ -26,15 +28,10 @@ from mbsvib.elements.joint_kinds import (
     universal_axes,
 )
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import Placement, Pose
 from mbsvib.elements.roles import ParameterField, axes, batched, number, point
 from mbsvib.errors import ModelError, NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement, Pose
 
 # Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
 SKEWED = 1e-12

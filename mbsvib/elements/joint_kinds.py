@@ -33,9 +33,10 @@ are first derivatives of the openings, geometric stiffness follows from second o
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -43,13 +44,8 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.errors import ModelError, nearest
 from mbsvib.linalg import components as c
+from mbsvib.linalg.components import Component, Rotation, Triple
 from mbsvib.linalg.displacements import Displacement
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.linalg.components import Component, Rotation, Triple
-
 
 Directions = tuple[tuple[str, Any], ...]
 

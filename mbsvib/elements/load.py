@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements.part import Part
 from mbsvib.elements.roles import BODY, ParameterField, batched, point, vector
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array
 
 NONE: Vector = (0.0, 0.0, 0.0)
 

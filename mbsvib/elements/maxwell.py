@@ -9,14 +9,16 @@ springs and damper.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import dist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import spring
 from mbsvib.elements.body import Body
@@ -24,17 +26,11 @@ from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, che
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.roles import batched, number, point
 from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Pose
-
 
 # Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14

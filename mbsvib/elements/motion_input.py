@@ -10,25 +10,22 @@ see ``equations.driven_coordinates``.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common import arguments as check
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.dynamic_bushing import DynamicBushing
 from mbsvib.elements.dynamic_spring import DynamicSpring
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.maxwell import Maxwell
 from mbsvib.elements.part import derived
+from mbsvib.elements.placement import Placement
 from mbsvib.elements.ports import MOTION_UNITS, QUANTITIES, Signal, Six, placed_in_axes, unit_along, with_wrench
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.elements.spring import Spring
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.elements.joint import Joint
-    from mbsvib.elements.placement import Placement
 
 GROUND = "ground"
 

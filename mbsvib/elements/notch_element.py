@@ -22,17 +22,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.beam_element import PLANES, BentLine, MassPoints, in_columns
+from mbsvib.elements.material import Material
 from mbsvib.elements.sections import rectangle_torsion
 from mbsvib.linalg.products import concatenated
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.material import Material
 
 # Gauss points on the neck and on a quarter of the ellipse. Over the angle p, x = f + a sin p, integrands are smooth,
 # and their peak at the neck, of the width sqrt(t / c), is at an end, where the points are dense: errors of all numbers

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from mbsvib.common.arguments import Vector, rotated
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.display import Completed
+from mbsvib.elements.placement import Placement, Pose
+from mbsvib.elements.roles import ParameterField, Role
 from mbsvib.errors import NoWordsError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements.placement import Placement, Pose
-    from mbsvib.elements.roles import ParameterField, Role
-
 
 # What checks the arguments of the call that adds a part and builds it, by class, as the table of families has it.
 MAKERS: dict[type, Callable[..., Any]] = {}

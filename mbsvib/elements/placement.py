@@ -11,15 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-
+from mbsvib.common.arrays import Array, Index
 
 GROUND = "ground"
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements.deformations import Law
 from mbsvib.elements.part import Part, derived
 from mbsvib.elements.placement import GROUND, Placement, Pose
 from mbsvib.elements.placement import direction as place_direction
 from mbsvib.elements.roles import BODY, point, stated
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from mbsvib.elements.deformations import Law
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")

@@ -10,20 +10,18 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements.connection import Connection, PreloadForm
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.roles import ParameterField
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.shared_rows import ExpandedPart
 
 _LABELS = ("g", "tau")
 R = TypeVar("R", bound="RelaxingAxis")

@@ -10,18 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.fast_init import fast_init
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools
-
-    # Where parts might refuse values (..., parts, variants) of a field, from nominal ones (..., parts, 1) by field.
-    Doubtful = Callable[[Mapping[str, Array], str, Mapping[str, Array]], Bools | bool]
+# Where parts might refuse values (..., parts, variants) of a field, from nominal ones (..., parts, 1) by field.
+Doubtful = Callable[[Mapping[str, Array], str, Mapping[str, Array]], Bools | bool]
 
 Index = tuple[int, ...]
 Unit = str | Callable[[Index], str]

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Placement
 from mbsvib.elements.roles import BODY, ParameterField, number, stated, vector
 from mbsvib.elements.roles import axis as line
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from mbsvib.elements.placement import Placement
 
 # The sine of the angle between a wheel's axis and the normal of its plane, below which the wheel lies flat.
 FLAT = 1e-6

@@ -6,19 +6,16 @@ M = D^T diag(b) D have the same rows D. A direction with neither stiffness nor d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.fast_init import fast_init
 from mbsvib.linalg.products import concatenated
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Index
 
 
 @fast_init

@@ -5,18 +5,16 @@ The section's axes are the beam's local y and z; Iy = integral of z^2 dA belongs
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from math import pi
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 R = TypeVar("R")
 

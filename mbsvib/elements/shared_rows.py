@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.body import Body
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.joint import Joint
-    from mbsvib.elements.part import Part
-    from mbsvib.elements.ports import Output, Signal
+from mbsvib.common.arrays import Array
+from mbsvib.elements.body import Body
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.joint import Joint
+from mbsvib.elements.part import Part
+from mbsvib.elements.ports import Output, Signal
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import dist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
@@ -12,14 +13,10 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import ENDS, LINE, Connection, PreloadForm, along, check_ends, line_between, line_force
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.part import Part, derived
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.rows import ElementRows, columns
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.elements.placement import Pose
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
 ROUNDING = 1e-15

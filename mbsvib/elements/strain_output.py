@@ -9,8 +9,9 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), section 5.6 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common import arguments as check
 from mbsvib.elements import ports
@@ -18,14 +19,10 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_element import Prismatic, shear_ratios
 from mbsvib.elements.flexure import Leaf
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Placement
 from mbsvib.elements.sections import Rectangle, Section
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.elements.placement import Placement
 
 # Positions along an element, from its midpoint in half lengths.
 POSITIONS = {"start": -1.0, "middle": 0.0, "end": 1.0}

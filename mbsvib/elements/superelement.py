@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.part import Composed, derived
+from mbsvib.elements.placement import Placement, Pose
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Placement, Pose
 
 Matrix = tuple[tuple[float, ...], ...]
 # Finite element programs print seven to sixteen digits. Limits relative to the size of terms:

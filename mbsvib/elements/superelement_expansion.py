@@ -8,10 +8,12 @@ one node, so that rigid-body motions are exactly free.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.elastic_part import (
     ElasticPart,
@@ -26,10 +28,6 @@ from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.elements.superelement import RIGID, Superelement, rigid_motions
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import axial, skew
-
-if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
 
 
 def expand(part: Superelement, *_: Any) -> ExpandedPart:

@@ -9,22 +9,19 @@ Source: Abaqus Keywords Guide, *MATRIX OUTPUT and *MATRIX INPUT.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.dmig_cards import read_dmig_cards
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-    from os import PathLike
-
-    from mbsvib.common.arrays import Array, Index
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,30 +13,27 @@ Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2, degrees, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, check_ends
 from mbsvib.elements.deformations import Law, twist
 from mbsvib.elements.part import Part
+from mbsvib.elements.placement import Pose
 from mbsvib.elements.roles import axis as line
 from mbsvib.elements.roles import batched, number
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import quaternion
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.placement import Pose
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
 SWING, LARGEST_SWING = 1e-12, 5e-3

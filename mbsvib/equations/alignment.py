@@ -8,13 +8,16 @@ that differs by these angles and shifts.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import ceil, log10
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import number
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Joint
 from mbsvib.elements.joint import moved_joint
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.loop_geometry import Loops, directions, in_line, loops_of
@@ -23,14 +26,8 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.loops import loop_groups, measures
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import RANK_FACTOR, RANK_GAP
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import span
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # The largest tolerance [rad]: three degrees; larger angles are seen in a drawing, and are meant.
 LARGEST = 0.05

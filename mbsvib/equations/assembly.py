@@ -6,8 +6,9 @@ of D per elastic direction. All rows follow from the geometry by the path rule, 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from copy import copy
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.draft import Draft, first_draft
@@ -19,11 +20,7 @@ from mbsvib.equations.scene import Scene, scene, with_maxwell_nodes
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import check_mobility
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 E = TypeVar("E", bound=Equations)
 

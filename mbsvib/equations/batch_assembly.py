@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
@@ -37,19 +40,11 @@ from mbsvib.equations.wrenches import (
     preloaded,
 )
 from mbsvib.errors import SingularPoseError
+from mbsvib.kinematics.pose import Pose
+from mbsvib.kinematics.relative_motion import Triplets
+from mbsvib.mechanism.changes import Slots
 from mbsvib.mechanism.drives import driven_coordinates, with_drives_in_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.relative_motion import Triplets
-    from mbsvib.mechanism.changes import Slots
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 B = TypeVar("B", bound=BatchEquations)
 

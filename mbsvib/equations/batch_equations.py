@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
+from mbsvib.equations.batch_values import Values
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.matrices import AXES, MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
 CHUNK = 2**20

@@ -20,26 +20,22 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements.coupler import Coupling
+from mbsvib.equations.batch_values import Values
+from mbsvib.equations.draft import Variants
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.placing import scene_of_variant
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.statics import loop_multipliers
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction, kept_rows, reduce
 from mbsvib.kinematics.mobility import check_mobility, phi_nearby
 from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR, ZERO_ALONG
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.draft import Variants
-    from mbsvib.equations.scene import Scene
-
 
 # Where 1 / |A^-1| is below this factor times the limit of a nearly singular pose, the pivots of the variant decide ...
 CLEARLY_REGULAR = 10.0

@@ -9,29 +9,25 @@ Motions without mass are separated in each variant as in the nominal model.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.assembly import linearized
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import HELP, check_freedom
+from mbsvib.equations.batch_values import Values
+from mbsvib.equations.draft import Draft
+from mbsvib.equations.equations import Equations, Separation
 from mbsvib.equations.massless_separation import separated
 from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices, Terms
 from mbsvib.equations.placing import scene_of_variant
 from mbsvib.errors import MbsvibError, ModelError, NearSingularWarning, SingularPoseError
 from mbsvib.linalg.rank import CERTAIN_MASS, ZERO_SUM
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.draft import Draft
-    from mbsvib.equations.equations import Equations, Separation
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 B = TypeVar("B", bound=BatchEquations)
 

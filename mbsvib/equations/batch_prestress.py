@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.rows import ElementRows
+from mbsvib.elements.shared_rows import SharedRows
+from mbsvib.equations.batch_values import Values
 from mbsvib.equations.beam_prestress import bent_lines, check_compression, least_energy_forces, unloaded_lines
+from mbsvib.equations.matrices import MinimalRows
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
+from mbsvib.kinematics.relative_motion import Triplets
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
 from mbsvib.linalg.components import stacked
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements.rows import ElementRows
-    from mbsvib.elements.shared_rows import SharedRows
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.matrices import MinimalRows
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.relative_motion import Triplets
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

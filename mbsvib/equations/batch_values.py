@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.expected import reals
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.part import Part
@@ -17,9 +19,6 @@ from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.changes import FieldsOf, Slots, resolved, variant
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.mechanism.parameters import Parameters
 
 

@@ -19,32 +19,28 @@ straight halves, and the last term adds what the bent line does beyond it.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.beam_element import Element
 from mbsvib.elements.beam_expansion import elastic_part, rotated
+from mbsvib.elements.elastic_part import ElasticPart
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.scene import Scene, with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
+from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.qr import least_norm, rank_grows
 from mbsvib.linalg.rank import DEPENDENT, EPS, STRAINED, ZERO_PRESTRESS
 from mbsvib.linalg.rotations import skew
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam import Beam
-    from mbsvib.elements.beam_element import Element
-    from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 # Directions of a deflection and, less 3, of a rotation whose product has geometric stiffness.
 MIXED = np.array([(k, j) for k in range(3) for j in range(3) if k != j]).T

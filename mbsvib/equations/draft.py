@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
+from mbsvib.equations.equations import Separation
+from mbsvib.equations.load_stiffness import LoadedPairs
 from mbsvib.equations.matrices import Terms, matrices, minimal_rows
+from mbsvib.equations.scene import Scene
+from mbsvib.equations.self_stress import Undetermined
+from mbsvib.equations.statics import Reactions, Statics
+from mbsvib.equations.virtual_motions import Kept
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.loops import Reduction, kept_rows
+from mbsvib.kinematics.relative_motion import Triplets
 from mbsvib.mechanism.drives import driven_coordinates
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Separation
-    from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.statics import Reactions, Statics
-    from mbsvib.equations.virtual_motions import Kept
-    from mbsvib.kinematics.relative_motion import Triplets
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True, slots=True)

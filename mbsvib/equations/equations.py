@@ -8,23 +8,22 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements.dynamic import Dynamic
+from mbsvib.elements.part import Part
 from mbsvib.equations.matrices import Matrices
 from mbsvib.errors import ModelError, ResponseError
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.topology import Topology
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.dynamic import Dynamic
-    from mbsvib.elements.part import Part
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameters
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)

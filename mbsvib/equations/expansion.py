@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.elastic_part import ElasticPart
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.mechanism.changes import Slots
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
 from mbsvib.common.selection import signal_names
 from mbsvib.equations.equations import Equations, Provenance
@@ -16,14 +19,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import nonzero_eigenrows
 from mbsvib.mechanism.topology import Topology
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-
-    Read = Callable[[str, str, Any], Any]
+Read = Callable[[str, str, Any], Any]
 
 E = TypeVar("E", bound=Equations)
 

@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import dampers, masses
 from mbsvib.elements.bushing import Bushing, rows_of_matrices
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
+from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
+from mbsvib.equations.batch_values import Values
 from mbsvib.equations.beam_prestress import unloaded_lines
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.equations.placing import Placing, with_columns
 from mbsvib.equations.ports import port_bodies
+from mbsvib.equations.scene import Scene
+from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.shared_rows import Shared, shared_rows
 from mbsvib.mechanism.changes import COEFFICIENTS, Slots
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.mechanism.mechanism import Mechanism
-
-    Places = Mapping[str, Mapping[str, Index]]
+Places = Mapping[str, Mapping[str, Index]]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,16 @@ Source: Meirovitch, Methods of Analytical Dynamics (1970), section 4.3, for moti
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Body
 from mbsvib.elements import beam_element as element
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import rotated
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.joint import Joint
@@ -32,12 +35,6 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam import Beam
 
 M = TypeVar("M", bound=Mechanism)
 # Directions are printed with six or seven digits.

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.common.arrays import Array
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements import Body
 from mbsvib.elements.body import tensors
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, MASSLESS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
 
 # Variants with smaller pivots of the scaled mass matrix are checked as single systems, with a lower limit.
 SUSPECT_MASS = 1e-12

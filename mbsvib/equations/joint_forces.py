@@ -9,30 +9,27 @@ states S of self-stress and the length in D change: S . D^2 dw = -w . (D^2 dS + 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.equations.draft import Draft
 from mbsvib.equations.load_stiffness import all_pairs
 from mbsvib.equations.loaded import spin_of
+from mbsvib.equations.matrices import Terms
 from mbsvib.equations.ports import inertia_of_ground_motion
+from mbsvib.equations.scene import Scene
+from mbsvib.equations.self_stress import SelfStress
+from mbsvib.equations.spin_terms import Spin
 from mbsvib.equations.statics import Reactions
 from mbsvib.equations.virtual_motions import VirtualWork, carrier_of, carries_nothing, joint_points, virtual_motions
 from mbsvib.equations.wrenches import leading
 from mbsvib.kinematics.relative_motion import Twists, body_motion, relative_motion
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rotations import components_first, skew
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.draft import Draft
-    from mbsvib.equations.matrices import Terms
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import SelfStress
-    from mbsvib.equations.spin_terms import Spin
 
 
 def with_joint_forces(draft: Draft) -> Draft:

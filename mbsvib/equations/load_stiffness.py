@@ -16,13 +16,21 @@ and Nonlinear Programming (2008), section 11.4.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.geometric_stiffness import GeometricStiffness, Pairs, TwistsAt, geometric_stiffness, motion_order
+from mbsvib.common.arrays import Array, Index
+from mbsvib.core.geometric_stiffness import (
+    GeometricStiffness,
+    MotionOrder,
+    Pairs,
+    TwistsAt,
+    geometric_stiffness,
+    motion_order,
+)
 from mbsvib.core.pairs import (
     CutJoints,
     displacement_curvature,
@@ -33,19 +41,13 @@ from mbsvib.core.pairs import (
     opening_hessians,
 )
 from mbsvib.elements.coupler import Coupling
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.wrenches import AppliedWrenches, leading
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.loops import Reduction
+from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, squares_of_products
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.core.geometric_stiffness import MotionOrder
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,15 +12,20 @@ along d in the given pose they hold as well; forces along a coordinate itself ha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.motion_input import DrivenCoordinate
+from mbsvib.equations.batch_values import Values
+from mbsvib.equations.draft import Draft
 from mbsvib.equations.load_stiffness import LoadedPairs, curvature_stiffness, load_stiffness, loaded_pairs
+from mbsvib.equations.matrices import Terms
 from mbsvib.equations.placing import scene_of_variant
-from mbsvib.equations.spin_terms import check_spin, cross_couplings, momenta, with_antisymmetric_terms
+from mbsvib.equations.spin_terms import Spin, check_spin, cross_couplings, momenta, with_antisymmetric_terms
 from mbsvib.equations.statics import Reactions, Statics, check_balance, forces_along, loop_multipliers
 from mbsvib.equations.steady_spin import NONE, spin_velocities
 from mbsvib.equations.wrenches import has_antisymmetric_forces
@@ -29,16 +34,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.drives import driven_coordinates
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.draft import Draft
-    from mbsvib.equations.matrices import Terms
-    from mbsvib.equations.spin_terms import Spin
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 
 def with_loads(draft: Draft) -> Draft:

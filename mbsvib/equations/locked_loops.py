@@ -8,8 +8,8 @@ motion, the joint, the angle and the motion are named.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +19,9 @@ from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.equations.alignment import advice, aligned_loops
 from mbsvib.equations.loop_geometry import LISTED, Loops, different, directions, in_line, loops_of
 from mbsvib.errors import NearSingularWarning, counted
+from mbsvib.kinematics.loops import LoopGroup
 from mbsvib.linalg.rank import NEAR_SINGULAR, NEARLY_LOCKED, NEARLY_REDUNDANT, RANK_FACTOR, RANK_GAP
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.kinematics.loops import LoopGroup
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 # Groups of loops with more coordinates are not tried again, nor more groups: each takes some milliseconds.
 MOST_COORDINATES, MOST_GROUPS = 200, 16

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Joint
 from mbsvib.elements import joint as _joint
 from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.couplers import locked
 from mbsvib.linalg.rank import ALIGNED, ALMOST_ALIGNED
 from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import span
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Names of coordinates in a message.
 LISTED = 6

@@ -13,16 +13,19 @@ Source: Guyan, AIAA J. 3 (1965) 380, which is exact here: no mass and no damper 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.equations.draft import Draft
 from mbsvib.equations.equations import Separation
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.matrices import Terms
 from mbsvib.equations.unresisted_motion import (
+    Scale,
     inertia_bounds,
     null_space,
     rounding_scale,
@@ -44,14 +47,6 @@ from mbsvib.linalg.rank import (
     ZERO_PRODUCT,
     ZERO_SUM,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.draft import Draft
-    from mbsvib.equations.unresisted_motion import Scale
-
 
 # Smallest ratio of the last pivot that counts as mass to the first that counts as zero.
 RANK_GAP = 1e3

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.ports import feedthrough_of_motions, port_matrices
 from mbsvib.kinematics.relative_motion import Triplets, body_motion
 from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
 

@@ -7,26 +7,22 @@ the vectors are then made by a few operations on all columns.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Joint
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.batch_values import Values
 from mbsvib.equations.inertia import SpatialInertia
+from mbsvib.equations.scene import Scene
+from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import frames_along
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Joint
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.mechanism.changes import Slots
-    from mbsvib.mechanism.topology import Topology
-
+from mbsvib.mechanism.changes import Slots
+from mbsvib.mechanism.topology import Topology
 
 Vectors = tuple["Array", "Array", "Array"]
 

@@ -15,14 +15,17 @@ A direction in which motions without mass get one, or condensed ones a damper, h
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.equations.batch_assembly import AssembledVariants, BatchPlan, assembled_variants
 from mbsvib.equations.batch_equations import BatchEquations, joined
 from mbsvib.equations.batch_values import STEP, Values, checked
+from mbsvib.equations.draft import Draft
 from mbsvib.equations.matrices import MATRICES, Terms
 from mbsvib.equations.posed_scene import posed_scene
 from mbsvib.kinematics.pose import Pose
@@ -30,13 +33,6 @@ from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import ZERO_ALONG
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.changes import Slots
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.draft import Draft
-
 
 RESULTS = (*MATRICES, "gyroscopic", "circulatory", "residual")
 

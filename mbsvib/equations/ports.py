@@ -9,30 +9,28 @@ which is no linear function of this input. They do not change if the ground rota
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements import BaseMotion, Body, Input, Output
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.shared_rows import carriers
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.shared_rows import Shared
 from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import PARALLEL_DIRECTIONS, ZERO_SUM
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import BaseMotion, Body, Input, Output
     from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @fast_init

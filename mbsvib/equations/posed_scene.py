@@ -11,12 +11,14 @@ the change of length. The wrench of a bushing, or torsion spring, is the first d
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import changed
 from mbsvib.elements import bushing, torsion_spring
 from mbsvib.elements.bushing import rows_of_matrices
@@ -25,20 +27,17 @@ from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.elements.spring import ROUNDING
 from mbsvib.equations.inertia import SpatialInertia
 from mbsvib.equations.ports import Ports, port_bodies
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs, applied_wrenches, has_antisymmetric_forces
+from mbsvib.kinematics.loops import Cuts
 from mbsvib.kinematics.pose import Pose, size_of, start
 from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
+from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import components_first, components_last, logarithm
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements import Body, Bushing, Joint, Spring
+from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.families import NODES, connection_rows
 from mbsvib.elements.rows import ElementRows, Rows, table
 from mbsvib.equations.inertia import SpatialInertia, spatial_inertia
@@ -20,13 +24,6 @@ from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_mo
 from mbsvib.kinematics.shared_rows import Shared, shared_rows
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import Topology, span
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Bushing, Joint, Spring
-    from mbsvib.elements.coupler import Coupling
 
 M = TypeVar("M", bound=Mechanism)
 

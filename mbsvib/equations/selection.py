@@ -9,21 +9,17 @@ changes no entry of the other parts, and no tolerance is needed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.selection import port_numbers, selected
 from mbsvib.equations.equations import Equations, Removed
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import part_numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-
 
 E = TypeVar("E", bound=Equations)
 

@@ -16,27 +16,23 @@ Source: Pellegrino & Calladine, Int. J. Solids Struct. 22 (1986) 409, for states
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.core.geometric_stiffness import motion_order
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.virtual_motions import beyond
 from mbsvib.errors import UndeterminedForceWarning
+from mbsvib.kinematics.loops import Cuts, Reduction
 from mbsvib.kinematics.pose import length_of
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.products import concatenated, widened
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Cuts, Reduction
-
-    JointOutputs = Mapping[str, tuple[int, Array]]
+JointOutputs = Mapping[str, tuple[int, Array]]
 
 
 @dataclass(frozen=True, slots=True)

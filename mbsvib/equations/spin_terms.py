@@ -10,16 +10,23 @@ Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices, rot
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.rows import Rows
+from mbsvib.elements.shared_rows import Expansion
 from mbsvib.equations.inertia import inertia_tensor
+from mbsvib.equations.matrices import Terms
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.steady_spin import (
     NONE,
+    Fields,
     check_steady,
     point_of,
     rows_at_point,
@@ -27,26 +34,15 @@ from mbsvib.equations.steady_spin import (
     spin_velocities,
 )
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.kinematics.shared_rows import stack
 from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import Mechanism
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.shared_rows import Expansion
-    from mbsvib.equations.matrices import Terms
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.steady_spin import Fields
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.mechanism import Mechanism
-
-    Spin = tuple[Sequence[tuple[int, Array]], Sequence["CrossCoupling"]]
+Spin = tuple[Sequence[tuple[int, Array]], Sequence["CrossCoupling"]]
 
 
 def check_spin(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:

@@ -17,31 +17,26 @@ Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.core.geometric_stiffness import TwistsAt
+from mbsvib.elements import Joint
+from mbsvib.equations.load_stiffness import LoadedPairs
+from mbsvib.equations.scene import Scene
 from mbsvib.equations.self_stress import SelfStress, Undetermined, of_loops
-from mbsvib.equations.virtual_motions import VirtualMotions, joint_ends, joint_points, opened, virtual_motions
+from mbsvib.equations.virtual_motions import Kept, VirtualMotions, joint_ends, joint_points, opened, virtual_motions
 from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs
 from mbsvib.errors import EquilibriumError
+from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements import Joint
-    from mbsvib.equations.load_stiffness import LoadedPairs
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.virtual_motions import Kept
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.topology import Topology
-
+from mbsvib.mechanism.topology import Topology
 
 # Lever arms smaller than this share of the largest coordinate are taken for rounding of points.
 LEAST_LEVER = POSITION_ROUNDING / BALANCE

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body, Joint
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.families import connection_rows
+from mbsvib.elements.rows import ElementRows
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.mechanism import Mechanism
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Joint
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.rows import ElementRows
-    from mbsvib.mechanism.mechanism import Mechanism
-
-    Fields = Mapping[str, Mapping[str, Array]]
+Fields = Mapping[str, Mapping[str, Array]]
 
 # Inertia tensors and axes are printed with six or seven digits.
 SLACK = 1e-6

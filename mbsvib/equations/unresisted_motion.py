@@ -8,19 +8,18 @@ is a mass, and a motion is massless if its rows of the mass are zero to rounding
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import CERTAIN_MASS, CLOSURE_NOISE, DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.loops import Reduction

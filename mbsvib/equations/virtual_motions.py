@@ -14,35 +14,30 @@ Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.core.geometric_stiffness import MotionOrder, Pairs, TwistsAt, bracket_form, geometric_stiffness
+from mbsvib.elements import Joint
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.load_stiffness import LoadedPairs, rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
+from mbsvib.equations.scene import Scene
+from mbsvib.equations.spin_terms import CrossCoupling
 from mbsvib.equations.wrenches import leading
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Joint
-    from mbsvib.elements.rows import Rows
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.spin_terms import CrossCoupling
-    from mbsvib.mechanism.mechanism import Mechanism
-
-    Kept = Sequence[tuple[Index, Index]]
+Kept = Sequence[tuple[Index, Index]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ A wrench pair is the opposite wrenches of a joint, spring, bushing or load on th
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from types import MappingProxyType
@@ -12,17 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.core.geometric_stiffness import cross
 from mbsvib.elements.rows import columns
 from mbsvib.linalg.products import concatenated, sums_by_number
 from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.equations.batch_values import Values
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 # Fields by which forces at the pose stay as they are, where springs have no free length.

@@ -6,11 +6,13 @@ Warnings where these parts bend beyond the range of small displacements.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.elastic_part import carrier_joints, massless_bodies, stiffness_of_forces, stiffness_rows
 from mbsvib.elements.families import elastic_parts
@@ -22,9 +24,6 @@ from mbsvib.errors import LargeDisplacementWarning
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.report import Equilibrium
 
 

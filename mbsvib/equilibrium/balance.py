@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.load_stiffness import curvature_stiffness, load_tangent, loaded_pairs
 from mbsvib.equations.posed_scene import PosedScene, follows_poses, of_parts
@@ -21,13 +23,7 @@ from mbsvib.kinematics.loops import Reduction, kept_rows, reduce
 from mbsvib.kinematics.relative_motion import arm, body_motion
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 # Positions are rounded by eps of the mechanism's size: forces of which this share is that rounding count as resolved.
 RESOLVED = 1e-12

@@ -6,18 +6,23 @@ contract. Variants that do not meet them are refused, to be searched one by one.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Bools
+from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.batch_assembly import B, BatchPlan, batch_plan, described_variants
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.batch_loops import reduce_batch
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.draft import Variants
 from mbsvib.equations.equations import Equations
+from mbsvib.equations.scene import Scene
 from mbsvib.equilibrium.balance import RESOLVED, of_loads
 from mbsvib.equilibrium.path import BALANCED, CLOSED, CONTRACTION, LONGEST, NEWTON_STEPS
 from mbsvib.equilibrium.posed_variants import PLACES
@@ -28,17 +33,8 @@ from mbsvib.kinematics.couplings import coupler_travel
 from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, ZERO_STIFFNESS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.equations.scene import Scene
-    from mbsvib.mechanism.changes import Slots
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.changes import Slots
+from mbsvib.mechanism.mechanism import Mechanism
 
 # Steps that close loops after one of Newton's method, at most.
 CORRECTIONS = 8

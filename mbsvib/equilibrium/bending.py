@@ -6,11 +6,13 @@ the parts with loops closed: Newton's method takes the residual along free coord
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, posed_model
@@ -19,11 +21,6 @@ from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.kinematics.closing import Closing, Reached
 from mbsvib.kinematics.loops import kept_rows
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
 
 M = TypeVar("M", bound=Mechanism)
 

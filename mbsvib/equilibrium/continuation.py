@@ -9,20 +9,16 @@ Source: E. L. Allgower and K. Georg, Introduction to Numerical Continuation Meth
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
 
+from mbsvib.common.arrays import Array
 from mbsvib.equilibrium.held_state import State, corrected, stepped
 from mbsvib.errors import EquilibriumError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.common.arrays import Array
 
 # Length of a step [rad, mechanism sizes]: the first, the longest and the shortest that is tried.
 FIRST, LONGEST, SHORTEST = 0.02, 0.1, 1e-7

@@ -7,7 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import AnyArray, Array, Bools
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
@@ -26,9 +28,6 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import with_angles
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import AnyArray, Array, Bools
     from mbsvib.modes import Modes
 
 M = TypeVar("M", bound=Mechanism)

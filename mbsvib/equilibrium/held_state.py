@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.statics import shares
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, close, leaps, same_branch
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
 from mbsvib.errors import EquilibriumError, ModelError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 # The longest correction [rad, mechanism sizes].
 FARTHEST = 0.2

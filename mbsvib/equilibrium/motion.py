@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.equations.scene import twists_and_cuts
 from mbsvib.kinematics.closing import CLOSED, CORRECTIONS
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import Couplings, coupler_travel
+from mbsvib.kinematics.loops import Cuts
 from mbsvib.kinematics.pose import Pose, size_of, start
 from mbsvib.kinematics.pose_kinematics import PoseKinematics, pose_kinematics
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
@@ -19,14 +21,8 @@ from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import CLOSED_EXACTLY, REDUNDANT_LOOPS
 from mbsvib.linalg.rotations import logarithm
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import span
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.kinematics.loops import Cuts
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.expected import names
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.articulation import warn_beyond, with_rigid_parts
@@ -20,15 +21,12 @@ from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest
 from mbsvib.kinematics.closing import TOLERANCE, Closing, Reached
 from mbsvib.kinematics.loops import kept_rows, reduce
+from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 from mbsvib.mechanism.unit_warnings import with_angles
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -6,24 +6,21 @@ refused.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.elements import Body, Joint
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.families import EXPANSIONS, rebuild_with
 from mbsvib.elements.part import Part
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.drives import with_drives_held
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    from mbsvib.elements import Body, Joint
-    from mbsvib.kinematics.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -14,19 +14,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, close, leaps, same_branch
 from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
 
 M = TypeVar("M", bound=Mechanism)
 

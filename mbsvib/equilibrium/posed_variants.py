@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved import Poses, moved
 from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose
 from mbsvib.errors import ModelError, nearest
+from mbsvib.kinematics.pose import Pose
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameters
 
 # Fields of which poses depend: with other values of these, each variant is moved by itself.

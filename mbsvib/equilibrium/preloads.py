@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
+from mbsvib.elements.connection import PreloadForm
 from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
@@ -17,12 +20,6 @@ from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import BALANCE, HOLDS_NOTHING
 from mbsvib.mechanism.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.connection import PreloadForm
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -10,18 +10,18 @@ import numpy as np
 
 from mbsvib.common import tables
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import MbsvibError, counted
+from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.kinematics.pose import Pose
     from mbsvib.modes import Modes
-    from mbsvib.sparse.equations import SparseEquations
 
 
 M = TypeVar("M", bound=Mechanism)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equations.equations import Equations
@@ -22,11 +24,6 @@ from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.choice import linearized
 from mbsvib.sparse.equations import SparseEquations
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
 
 M = TypeVar("M", bound=Mechanism)
 E = TypeVar("E", bound=Equations)

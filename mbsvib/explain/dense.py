@@ -9,19 +9,19 @@ import numpy as np
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
 from mbsvib.elements.motion_input import DrivenCoordinate
+from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
+from mbsvib.equations.statics import Statics
 from mbsvib.errors import counted
 from mbsvib.explain.energy_shares import ELASTIC, energies
+from mbsvib.kinematics.loops import LoopGroup
 from mbsvib.linalg.rank import BALANCE
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
-    from mbsvib.equations.statics import Statics
-    from mbsvib.kinematics.loops import LoopGroup
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.responses.basis import Basis
-    from mbsvib.sparse.equations import SparseEquations
 
 MOST_STIFFNESSES = 12  # coordinates whose stiffness is shown
 _ENOUGH = {

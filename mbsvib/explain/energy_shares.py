@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.core.pairs import duals, own_curvatures, shift_hessian, twists_of
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.load_stiffness import applied_pairs
+from mbsvib.equations.statics import Statics
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
 from mbsvib.linalg.rotations import crossed_product
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.equations.statics import Statics
     from mbsvib.modes import Modes
     from mbsvib.responses.basis import Basis
 

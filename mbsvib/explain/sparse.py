@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.errors import counted
 from mbsvib.explain.dense import alignments, rank_decision, removed, separated, undamped
-
-if TYPE_CHECKING:
-    from mbsvib.sparse.equations import SparseEquations
+from mbsvib.sparse.equations import SparseEquations
 
 SHOWN = 8  # groups of loops
 

@@ -4,33 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from mbsvib.common.selection import united
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.common.selection import Names, united
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.feedback.closing import closed_space, regular
+from mbsvib.feedback.closing import ClosedSpace, closed_space, regular
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop import LoopPlant, Resolution, with_noise
-from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
+from mbsvib.feedback.loop_rounding import Closed, at_poles, blended, evaluated, inverse
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.linalg.products import nonzero_eigenrows
 from mbsvib.linalg.rank import EPS
-from mbsvib.linalg.spectrum import spectrum
+from mbsvib.linalg.spectrum import Spectrum, spectrum
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.closing import ClosedSpace
-    from mbsvib.feedback.loop_rounding import Closed
-    from mbsvib.linalg.spectrum import Spectrum
 
 E = TypeVar("E", bound=Equations)
 

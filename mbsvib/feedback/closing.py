@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.arrays import Array, Complex
 
-    Matrices = tuple[Array, Array, Array, Array]
+Matrices = tuple[Array, Array, Array, Array]
 
 # A singular value of 1 - D K below this share of its terms is rounding: the loop has no solution.
 ALGEBRAIC = 1e-12

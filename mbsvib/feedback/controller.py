@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.common.selection import port_numbers, selected
+from mbsvib.common.selection import Names, port_numbers, selected
 from mbsvib.errors import ResponseError, counted
 from mbsvib.feedback.closing import regular, transfer
 from mbsvib.linalg.discrete import inverse_tustin
 from mbsvib.responses.from_control import arguments, is_control, is_transfer_function, of_control, sample_time
 from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
 
 SAME = 1e-9  # share of a sample time by which two of them may differ and be one
 

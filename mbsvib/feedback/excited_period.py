@@ -6,30 +6,24 @@ is infinite at a pole of the plant: integrals over a time are whole functions of
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.sampled_equations import split_delay
+from mbsvib.feedback.sampled_equations import SampledEquations, split_delay
 from mbsvib.linalg.balancing import column_units, scaled
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import EPS, ZERO_RESPONSE
 from mbsvib.linalg.spectrum import spectrum
-from mbsvib.responses.first_order_solver import first_order_solver
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.sampled_equations import SampledEquations
-    from mbsvib.responses.first_order_solver import FirstOrderSolver
+from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 
 # Integrals over times of at most this many radians and time constants, by Gauss's rule with so many nodes, are exact to
 # rounding.
@@ -37,8 +31,6 @@ SHORT, NODES = 0.5, 8
 
 
 S = TypeVar("S", "Excited", "Stretch")
-
-
 
 
 def short_time(time: float, fastest: float) -> tuple[int, float, Array, Array]:

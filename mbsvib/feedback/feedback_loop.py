@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 from warnings import warn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.expected import angular, positive, real
 from mbsvib.errors import UnstableWarning
 from mbsvib.feedback.loop import Loop
-from mbsvib.feedback.loop_rounding import blended, evaluated, response
-from mbsvib.feedback.margins import margins
+from mbsvib.feedback.loop_rounding import Closed, blended, evaluated, response
+from mbsvib.feedback.margins import Margins, margins
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.linear import LinearVerbs
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.loop_rounding import Closed
-    from mbsvib.feedback.margins import Margins
-    from mbsvib.responses.state_space import StateSpace
+from mbsvib.responses.state_space import StateSpace
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -9,25 +9,21 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.common.selection import port_numbers, united
+from mbsvib.common.selection import Names, port_numbers, united
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.controller import Controller, as_controller, combined
 from mbsvib.feedback.participation import described, origins, shown_damping, unstable
 from mbsvib.feedback.pole_track import vibrates
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
+from mbsvib.responses.state_space import StateSpace
 
 
 @dataclass(frozen=True, repr=False, eq=False)

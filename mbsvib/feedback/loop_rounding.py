@@ -7,24 +7,20 @@ have no such terms, but their states are only accurate against the largest.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.spectrum import Spectrum
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.frequency_response import trusted
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.linalg.spectrum import Spectrum
-
-    Closed = Callable[[Index, Index, Index], tuple[Complex, Array]]
+Closed = Callable[[Index, Index, Index], tuple[Complex, Array]]
 
 
 # The closed-loop equations are solved where rounding of the other form may reach this share of a response, and the

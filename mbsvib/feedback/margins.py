@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import evaluated
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, excited, panels
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.loop import Loop
-
 
 # Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
 LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.feedback.pole_track import vibrates
+from mbsvib.linalg.spectrum import Spectrum
 from mbsvib.modes.state_modes import FORGOTTEN
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.linalg.spectrum import Spectrum
-
 
 ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basis of their eigenspace is valid
 

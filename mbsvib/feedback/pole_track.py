@@ -14,22 +14,17 @@ part. So modes end in zeros, and the choice depends on the poles alone, not on t
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.spectrum import spectrum
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
 
 ALIKE = 1e-7  # relative distance below which poles coincide
 OSCILLATES = 1e-6  # relative imaginary parts that rounding gives to repeated real poles

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import transfer
-from mbsvib.feedback.excited_period import period, steady_state
+from mbsvib.feedback.excited_period import Period, period, steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
-from mbsvib.feedback.loop_rounding import at_poles, refuse_poles
+from mbsvib.feedback.loop_rounding import Closed, at_poles, refuse_poles
 from mbsvib.feedback.sampled_delay import sampled_delay_margin
 from mbsvib.feedback.sampled_equations import SampledEquations, split_delay
 from mbsvib.feedback.sampled_norm import h2_norm
@@ -26,22 +29,13 @@ from mbsvib.linalg.balancing import column_units
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import steps
 from mbsvib.linalg.rank import EPS
-from mbsvib.linalg.spectrum import outside, spectrum
+from mbsvib.linalg.spectrum import Spectrum, outside, spectrum
 from mbsvib.modes.state_modes import StateModes, state_modes
 from mbsvib.responses.finite_zeros import first_order_zeros
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
+from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.norms import Norm
 from mbsvib.responses.time_response import checked_record
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.excited_period import Period
-    from mbsvib.feedback.loop_rounding import Closed
-    from mbsvib.linalg.spectrum import Spectrum
-    from mbsvib.responses.linear import LinearVerbs
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -177,7 +171,6 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         raise ResponseError("state_space: a sampled loop has no continuous equations, so that hinf_norm, step_info "
                             "and most exports are refused: ask loop.continuous. For mean squares give a band, or a "
                             "table of densities.")  # fmt: skip
-
 
 
 SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq, root
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.feedback.closing import closed_space, transfer
-from mbsvib.feedback.sampled_equations import held_mechanism, split_delay
+from mbsvib.feedback.sampled_equations import HeldMechanism, SampledEquations, held_mechanism, split_delay
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.sampled_equations import HeldMechanism, SampledEquations
 
 STEP = 0.15  # [rad] between two remainders, at the highest frequency at which the loop gain is SMALL or more
 SMALL, NEAR = 0.5, 1.25  # NEAR: size of 1 + L from which Newton's method may find 0

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.feedback.closing import closed_space
+from mbsvib.feedback.closing import ClosedSpace, closed_space
 from mbsvib.feedback.loop import Loop, Resolution
 from mbsvib.feedback.participation import eigen
 from mbsvib.linalg.discrete import first_order_hold, tustin
-from mbsvib.linalg.spectrum import spectrum
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closing import ClosedSpace
-    from mbsvib.linalg.spectrum import Spectrum
-    from mbsvib.responses.state_space import StateSpace
+from mbsvib.linalg.spectrum import Spectrum, spectrum
+from mbsvib.responses.state_space import StateSpace
 
 TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
 WHOLE = 1e-9  # share of a period by which a delay may miss a whole number of periods and be one

@@ -14,13 +14,16 @@ Source: Bamieh & Pearson, Syst. Control Lett. 19 (1992) 1, for the equations of 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.excited_period import Stretch, doubled, period, short_time
+from mbsvib.feedback.excited_period import Period, Stretch, doubled, period, short_time
+from mbsvib.feedback.sampled_equations import SampledEquations
 from mbsvib.linalg.balancing import balanced
 from mbsvib.linalg.discrete import tustin_gradient
 from mbsvib.linalg.lasting import separated
@@ -28,14 +31,7 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import outside
 from mbsvib.responses.norms import pole_words
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.feedback.excited_period import Period
-    from mbsvib.feedback.sampled_equations import SampledEquations
-
-    Motion = tuple[Array, Array, Array]  # A, B, C, or gradients to them
+Motion = tuple[Array, Array, Array]  # A, B, C, or gradients to them
 
 
 LONGEST = 60  # doublings, after which a pole that is less than 1 by a rounding has decayed

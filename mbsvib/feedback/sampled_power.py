@@ -13,20 +13,15 @@ a sample x+ = E x + F u.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from mbsvib.feedback.excited_period import excited_motion, excited_states, period, steady_state
-from mbsvib.feedback.sampled_norm import Slopes, flow, loop_slopes, under_noise, with_rest
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.feedback.excited_period import Excited
-    from mbsvib.feedback.sampled_equations import SampledEquations
-    from mbsvib.feedback.sampled_norm import Motion
-
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.feedback.excited_period import Excited, excited_motion, excited_states, period, steady_state
+from mbsvib.feedback.sampled_equations import SampledEquations
+from mbsvib.feedback.sampled_norm import Motion, Slopes, flow, loop_slopes, under_noise, with_rest
 
 NODES = 16  # of Gauss' rule in a panel
 TURN = 4.0  # largest change of phase, or decay, in a panel: 16 nodes leave 1e-14 of a product of two exponentials

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
@@ -11,10 +13,6 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.files.reading import Document, KeyPath, read
 from mbsvib.files.words import ALL_SECTIONS, VERSION, head_words, mandatory, options, unfit, words
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from os import PathLike
 
 # keys at the top level in addition to the sections and the arguments of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"

@@ -13,17 +13,15 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of, shortened
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 # (section, name, word): the path from the top of a document to one key
 KeyPath = tuple[str, ...]

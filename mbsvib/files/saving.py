@@ -7,7 +7,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from pathlib import Path
+from typing import Any
 
 from mbsvib.api.model import ADDERS, Model
 from mbsvib.common.atomic_file import write_atomic
@@ -16,10 +18,6 @@ from mbsvib.elements.dynamic import Dynamic
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.words import SECTIONS, VERSION, head_words, words
-
-if TYPE_CHECKING:
-    from os import PathLike
-    from pathlib import Path
 
 HEADING = "# mbsvib model: SI units and radians; positions and axes in world coordinates"
 # A plain scalar starts with a letter, so that it is not a number. It has single blanks only, so that it has no ": " and

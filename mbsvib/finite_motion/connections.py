@@ -11,14 +11,14 @@ import numpy as np
 
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.elements.connection import Connection
+from mbsvib.elements.deformations import Law
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.frames import Expression, entries
+from mbsvib.finite_motion.numbers import Numbers
 from mbsvib.linalg.displacements import Displacement
 
 if TYPE_CHECKING:
-    from mbsvib.elements.deformations import Law
     from mbsvib.finite_motion.kinematics import Kinematics
-    from mbsvib.finite_motion.numbers import Numbers
 
 
 @dataclass(frozen=True)

@@ -9,23 +9,19 @@ Source: Zwoelfer & Gerstmayr (2021), The nodal-based floating frame of reference
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.equilibrium.articulation import TURNED
 from mbsvib.errors import LargeDisplacementWarning
+from mbsvib.finite_motion.elastic_block import Bending, ElasticBlock
 from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity
+from mbsvib.finite_motion.kinematics import Kinematics
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.elastic_block import Bending, ElasticBlock
-    from mbsvib.finite_motion.kinematics import Kinematics
 
 # Entries of products below this share of the largest are rounding of what is zero by symmetry.
 ROUNDING = 1e-13

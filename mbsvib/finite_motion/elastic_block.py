@@ -14,15 +14,18 @@ Source: Craig & Bampton (1968), Coupling of substructures for dynamic analyses, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.families import EXPANSIONS, elastic_parts
+from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.frames import Expression, Frame, exponential, logarithm
 from mbsvib.linalg.groups import part_numbers
@@ -30,13 +33,6 @@ from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import exponential as rotation_matrix
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.shared_rows import Node, SharedRows
-
 
 ALL_SIX = (0, 1, 2, 3, 4, 5)
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array
 
 
 class Called:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.finite_motion.elastic_block import ElasticBlock, point_as_described
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.finite_motion.lagrange import FiniteMotion
 
 # Derivatives below this share of the largest of their kind are rounding of zeros.
 ROUNDING = 1e-11

@@ -5,6 +5,7 @@ Angular momentum of bodies about their centres of mass, that of their rotors amo
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -13,8 +14,6 @@ import numpy as np
 from mbsvib.finite_motion.frames import REST, Expression
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from mbsvib.elements import Body, Load
     from mbsvib.elements.motion_input import MotionForce
     from mbsvib.elements.ports import BaseMotion, Input, Output

@@ -6,20 +6,16 @@ all kinds.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body, Joint
 from mbsvib.elements.joint_kinds import Columns, normals
 from mbsvib.finite_motion.frames import Expression, Frame, entries, exponential, matrix
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Joint
-    from mbsvib.finite_motion.numbers import Numbers
+from mbsvib.finite_motion.numbers import Numbers
 
 
 def point_of(joint: Joint, numbers: Numbers) -> Expression:

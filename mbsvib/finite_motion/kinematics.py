@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools
+from mbsvib.elements import Joint
 from mbsvib.elements.coupler import Coupling, refuse_curved
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_block import ElasticBlock, coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Expression, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import coordinates, displacement, openings, small_displacement, virtual_displacement
+from mbsvib.finite_motion.numbers import Numbers
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Bools
-    from mbsvib.elements import Joint
-    from mbsvib.finite_motion.numbers import Numbers
 
 
 @dataclass(frozen=True)

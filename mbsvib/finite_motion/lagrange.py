@@ -8,22 +8,18 @@ R, generalized forces Q of loads, inputs and cross-coupled bushings, and the loo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from mbsvib.finite_motion.connections import Connected
+from mbsvib.finite_motion.elastic import ElasticEnergies
 from mbsvib.finite_motion.elastic_block import ElasticBlock, node_displacement
 from mbsvib.finite_motion.forces import generalized
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.finite_motion.connections import Connected
-    from mbsvib.finite_motion.elastic import ElasticEnergies
-    from mbsvib.finite_motion.frames import Expression, Frame
-    from mbsvib.finite_motion.kinematics import Kinematics
+from mbsvib.finite_motion.frames import Expression, Frame
+from mbsvib.finite_motion.kinematics import Kinematics
 
 
 @dataclass(frozen=True)

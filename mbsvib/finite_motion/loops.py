@@ -5,19 +5,16 @@ They are followed along a way where some tree coordinates have given values, on 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Bools, Index
 
 # Newton's method of projection: corrections at most, and where they count as rounding.
 CORRECTIONS, CLOSED = 12, 1e-14

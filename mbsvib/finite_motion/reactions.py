@@ -10,21 +10,17 @@ that what they transmit in a joint is part of R. Redundant closures do not deter
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.finite_motion.frames import Expression
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.statement import with_virtual_displacements
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.frames import Expression
-    from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 
 def opened(

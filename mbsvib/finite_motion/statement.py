@@ -10,13 +10,16 @@ Source: Meirovitch, Methods of Analytical Dynamics (1970), section 2.13.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body
 from mbsvib.elements.motion_input import DrivenCoordinate, acting_inputs
+from mbsvib.elements.rotor import Rotor
 from mbsvib.equations.hubs import check_steady, on_held, on_hubs, refuse_superelements, velocity
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
@@ -31,18 +34,11 @@ from mbsvib.finite_motion.forces import (
     moved_end_force,
     rotor_momentum,
 )
+from mbsvib.finite_motion.frames import Expression
 from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.numbers import Numbers, not_a_symbol
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
-    from mbsvib.elements.rotor import Rotor
-    from mbsvib.finite_motion.frames import Expression
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 __all__ = ["FiniteMotion", "finite_motion"]
 

@@ -6,14 +6,12 @@ P = 1 / d(s / w), H = (s / w)^2 / d(s / w), d(x) = 1 + 2 zeta x + x^2, w = 2 pi 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.common.arrays import Array, Complex, Index
 
 # In the place of the number of a value: what is held.
 HELD = -1

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.channels import HELD, Channels
 from mbsvib.fitting.mode_data import ModeData
@@ -18,16 +20,11 @@ from mbsvib.fitting.variables import FARTHEST
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.estimation import local_polynomials
+from mbsvib.measurement.matching import Matching
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.measurement.records import Records
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.measurement.matching import Matching
-
-    Channel = tuple[str, str, float, float, float, float, bool]
+Channel = tuple[str, str, float, float, float, float, bool]
 
 # What a channel may have, each with its unit, its value if it is held, and its natural size.
 KINDS = ("gain", "delay", "lag", "lowpass", "highpass")

@@ -10,22 +10,17 @@ Source: Ljung, System Identification (1999), sections 9 and 16; White, Econometr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.fitting.mode_data import ModeData
-from mbsvib.fitting.problem import CONVERGED, real_rows
+from mbsvib.fitting.problem import CONVERGED, Problem, real_rows
 from mbsvib.linalg.rank import TIE_BREAK
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Complex
-    from mbsvib.fitting.problem import Problem
 
 # Directions with singular values below this share of the largest are not told; the deviation beyond which these are
 # none in parts of the size of values; shares of a value in one that are not named; of its square, that make it untold.

@@ -9,20 +9,17 @@ Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, for the factor.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.response_data import Block
 from mbsvib.linalg.matching import mac
 from mbsvib.modes import modes as modes_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Complex, Index
 
 # A mode as far off as this factor in frequency loses as much as a correlation of shapes of 1 is worth.
 FAR_APART = 4.0

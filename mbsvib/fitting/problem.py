@@ -9,23 +9,20 @@ Source: Madsen, Nielsen & Tingleff, Methods for Non-Linear Least Squares Problem
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import MbsvibError
 from mbsvib.fitting.mode_data import ModeData
+from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import Block, ResponseData
+from mbsvib.fitting.variables import Variables
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.fitting.record_data import RecordData
-    from mbsvib.fitting.variables import Variables
-
-    Scene = Callable[[Array, Array | None], tuple[Any, dict[str, Array] | None]]
+Scene = Callable[[Array, Array | None], tuple[Any, dict[str, Array] | None]]
 
 
 # Standard deviation of logarithms of positive values around their start, from afar: a damping that the first steps take

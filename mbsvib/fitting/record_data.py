@@ -16,25 +16,20 @@ Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, for the projection, with de
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import ResponseError
-from mbsvib.fitting.channels import values_of
-from mbsvib.fitting.response_data import EXACT, Block
+from mbsvib.fitting.channels import Channels, values_of
+from mbsvib.fitting.response_data import EXACT, Block, ResponseData
 from mbsvib.sensitivities.responses import exponential
 from mbsvib.sensitivities.states import changed, states
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.fitting.channels import Channels
-    from mbsvib.fitting.response_data import ResponseData
 
 # Degree of the polynomials for what is folded back in band-limited signals.
 FOLDED = 5

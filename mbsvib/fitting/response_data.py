@@ -16,21 +16,17 @@ a line needs, whatever the number of variables.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import AccuracyWarning, ResponseError
 from mbsvib.fitting.channels import HELD, Channels, values_of
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-
 
 # Numbers that the derivatives of some lines may hold.
 BLOCK = 400_000

@@ -11,32 +11,31 @@ Source: Atkinson, Donev & Tobias, Optimum Experimental Designs, with SAS (2007),
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, counted
+from mbsvib.fitting.knowledge import ResidualTest
+from mbsvib.fitting.problem import Problem
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData, responses
 from mbsvib.linalg.rank import TIE_BREAK
 from mbsvib.measurement.data import Measurement
+from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.measurement.records import Records
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.fitting.knowledge import ResidualTest
-    from mbsvib.fitting.problem import Problem
-    from mbsvib.measurement.modes import MeasuredModes
     from mbsvib.plots._sheet import Given
 
 

@@ -5,19 +5,17 @@ A positive value is p = e^x, any other p = s x with a natural size s: a change o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools
     from mbsvib.mechanism.parameters import Parameters
 
 # Fields whose numbers are positive, if the model has them so; those of several of a kind end with a number.

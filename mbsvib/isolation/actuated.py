@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.model import Model
+from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
+from mbsvib.common.selection import Names
 from mbsvib.errors import ModelError, counted
 from mbsvib.feedback.closed_loop import connected
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.isolation.isolation_study import figures
+from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.root_locus import ClosedLoop, close
-from mbsvib.isolation.struts import active_legs
+from mbsvib.isolation.struts import ActiveLeg, active_legs
 from mbsvib.isolation.study_scene import Plant, scene
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
-    from mbsvib.common.selection import Names
-    from mbsvib.isolation.isolation_study import Isolation
-    from mbsvib.isolation.struts import ActiveLeg
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop_rounding import response
+from mbsvib.isolation.study_scene import Plant
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.study_scene import Plant
-
 
 PARALLEL = 1e-9  # difference of the directions of actuator and sensor below which they are dual
 SAME = 1e-6  # a pole and a zero within this relative distance cancel: the mode is not visible to the pair

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller, controller, integrators
-from mbsvib.isolation.study_scene import ACCELERATIONS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.isolation.study_scene import Plant
+from mbsvib.isolation.study_scene import ACCELERATIONS, Plant
 
 COORDINATES = ("legs", "modal")
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.selection import port_numbers
 from mbsvib.feedback.feedback_loop import FeedbackLoop
@@ -20,13 +23,6 @@ from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.singular_values import singular_values
 from mbsvib.responses import extrema
 from mbsvib.responses.feedthrough import direct, without_rounding
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 Linear: TypeAlias = System | FeedbackLoop
 

@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.model import Model
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop import resolution
-from mbsvib.isolation.figures import Figures
+from mbsvib.isolation.figures import Figures, Linear
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.random import curves
 from mbsvib.random.budget import random
-from mbsvib.random.sources import base_noise, base_sources
+from mbsvib.random.mean_squares import Random
+from mbsvib.random.sources import BaseNoise, base_noise, base_sources
 from mbsvib.responses import extrema
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.figures import Linear
-    from mbsvib.random.mean_squares import Random
-    from mbsvib.random.sources import BaseNoise
-
 
 # Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
 # what rounding leaves of their squares, a few units in the last place.

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Joint, Spring
+from mbsvib.elements.connection import Connection
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.connection import Connection
 
 ALONG = ("prismatic", "cylindrical", "screw", "point_on_line")  # slide along their axis
 STRAIGHT = 1e-6  # sine of the angle between a slide and its leg

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.in_equilibrium import in_equilibrium
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz, names
@@ -19,21 +22,12 @@ from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.random.sources import base_noise
+from mbsvib.random.sources import BaseNoise, base_noise
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.random.sources import BaseNoise
-    from mbsvib.studies import Constraint
-
-    Bounds = Mapping[str, tuple[float | None, float | None] | None]
+Bounds = Mapping[str, tuple[float | None, float | None] | None]
 
 GRAVITY = 9.80665
 

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.placement_problems import Candidates, by_modes, by_parameters, by_rms, evaluation, score_of
 from mbsvib.isolation.placement_search import search
 from mbsvib.linalg.rank import SAME_FIGURE
+from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import placement_figure
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.selection import Names
-    from mbsvib.plots._sheet import Given
 
 COLUMNS = 4  # values that have columns of their own in tables
 

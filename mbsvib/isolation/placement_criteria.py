@@ -6,22 +6,19 @@ Gramians); Atkinson, Donev & Tobias, Optimum Experimental Designs, with SAS (200
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.synthesis import riccati
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.linalg.rank import NO_INFORMATION
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Complex
-
-    Slopes = tuple[float, tuple[Array, Array]]
+Slopes = tuple[float, tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eig
 
 from mbsvib.common import arguments as check
-from mbsvib.common.selection import PATTERN, selected
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.selection import PATTERN, Names, selected
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.placement_criteria import BestControl, Experiments, Gramians, Information, Weighted
 from mbsvib.linalg.balancing import scaled
@@ -20,13 +21,7 @@ from mbsvib.random.moments import in_rows
 from mbsvib.random.sources import sources
 from mbsvib.responses.feedthrough import direct
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-
-    Evaluate = Callable[[Array, Array], tuple[float, dict[str, float]]]
+Evaluate = Callable[[Array, Array], tuple[float, dict[str, float]]]
 
 
 def score_of(loss: float, larger: bool) -> float:

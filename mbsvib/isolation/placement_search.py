@@ -13,17 +13,15 @@ from __future__ import annotations
 
 from itertools import combinations, pairwise
 from math import comb
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.isolation.placement_criteria import Criterion
 from mbsvib.linalg.rank import SAME_FIGURE
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.isolation.placement_criteria import Criterion
-
-    Set = tuple[tuple[int, ...], tuple[int, ...]]
+Set = tuple[tuple[int, ...], tuple[int, ...]]
 
 LEAST = 1e-4  # weight of candidates that are not chosen yet, so that information is never singular
 FEW = 32  # sets of one side for each of which the other side is bounded

@@ -10,30 +10,24 @@ new one u. With A the start, L the length and s its share of it, a point p0 come
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.display import Displayed
+from mbsvib.common.selection import Names
 from mbsvib.elements.ports import Port
 from mbsvib.equations.batch_values import STEP
 from mbsvib.errors import ModelError, nearest
-from mbsvib.isolation.legs import legs_between
+from mbsvib.isolation.legs import Leg, legs_between
 from mbsvib.isolation.study_scene import check_body
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.isolation.legs import Leg
-
 
 UNITS = {"radius": "m", "height": "m", "spread": "rad", "angle": "rad"}
 ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that counts as zero

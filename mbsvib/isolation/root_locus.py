@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from mbsvib.api import loops
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
 from mbsvib.feedback import closed_loop
+from mbsvib.feedback.controller import Controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios
 from mbsvib.isolation.collocation import removable, without
-from mbsvib.isolation.isolation_study import figures
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.isolation.isolation_study import Isolation
-    from mbsvib.isolation.study_scene import Plant
+from mbsvib.isolation.isolation_study import Isolation, figures
+from mbsvib.isolation.study_scene import Plant
 
 
 class StudyFigures(FeedbackLoop):

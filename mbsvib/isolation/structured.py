@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import part_numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 _GAP = 1e-7  # of the squared bound: the scalings leave no more than this much below the level
 _ZERO = 1e-12  # squared bound of a matrix of norm 1 that is as good as zero

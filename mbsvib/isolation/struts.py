@@ -5,30 +5,24 @@ Relaxation legs as their parts, whose derivatives are known: springs, dampers an
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import names
 from mbsvib.common.patterns import matching
-from mbsvib.elements import Bushing, Maxwell, Spring
+from mbsvib.elements import Bushing, Joint, Maxwell, Spring
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.study_scene import check_body, radius_of_gyration
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
-
 
 AXES = "xyz"
 SLIDES = ("prismatic", "cylindrical")  # kinds of joints that slide along their local z

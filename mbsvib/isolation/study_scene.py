@@ -5,34 +5,27 @@ As controllers see it, its legs have actuators and sensors too.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import ADDERS, Model
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_model, names
-from mbsvib.elements import Bushing, Spring
+from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.ports import fixed_in_world
 from mbsvib.errors import ModelError, nearest
 from mbsvib.feedback.loop import LoopPlant
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
-
 
 DIRECTIONS = check.DIRECTIONS
 ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)

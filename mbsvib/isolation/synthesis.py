@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import schur, solve_continuous_lyapunov
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.feedback.closing import closed_space
 from mbsvib.feedback.controller import Controller
-from mbsvib.isolation.study_scene import ACCELERATIONS
+from mbsvib.isolation.study_scene import ACCELERATIONS, Plant
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.responses.transmission_zeros import numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.isolation.study_scene import Plant
 
 # Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there
 # is one, and where it ends: a bisection to within NEAR, as poles of controllers go to infinity towards the least norm.

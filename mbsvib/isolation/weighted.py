@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.patterns import matching
 from mbsvib.feedback.loop_rounding import response
-from mbsvib.random.sources import base_sources
+from mbsvib.random.sources import BaseNoise, base_sources
+from mbsvib.studies.evaluation import DesignPoint, Dual
 from mbsvib.studies.responses import PortResponses, mean_squares
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.random.sources import BaseNoise
-    from mbsvib.studies.evaluation import DesignPoint, Dual
-
-    Law = tuple[str, str, str]
+Law = tuple[str, str, str]
 
 
 class Weighted(PortResponses):

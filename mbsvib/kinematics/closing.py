@@ -11,22 +11,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import changed, fast_init
+from mbsvib.elements.coupler import Coupling
 from mbsvib.kinematics.couplers import locked
 from mbsvib.kinematics.couplings import coupler_travel
+from mbsvib.kinematics.pose import Pose
+from mbsvib.kinematics.pose_kinematics import PoseKinematics
 from mbsvib.linalg.dead_points import NEARBY, no_dead_point
 from mbsvib.linalg.rank import CLOSED_EXACTLY, NEAR_SINGULAR
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.kinematics.pose_kinematics import PoseKinematics
-
 
 CORRECTIONS = 25
 # Loops count as closed when they are open by no more than this share of their size and steps do not reduce it.

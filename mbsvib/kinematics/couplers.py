@@ -8,24 +8,21 @@ Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body, Joint
+from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.loops import Cuts
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.products import concatenated
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Joint
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.mechanism.topology import Topology
+from mbsvib.mechanism.topology import Topology
 
 
 def measure(joint: Joint, direction: str) -> tuple[Array, Array]:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements import Joint
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.rows import Rows
+from mbsvib.kinematics.pose import Pose
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.components import arctan2
 from mbsvib.linalg.rotations import logarithm
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements import Joint
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.elements.rows import Rows
-    from mbsvib.kinematics.pose import Pose
 
 
 @dataclass(frozen=True)

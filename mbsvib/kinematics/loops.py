@@ -6,31 +6,27 @@ decides which rows are redundant and which joint coordinates are dependent; the 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from itertools import chain
 from operator import sub
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.errors import ModelError, SingularPoseError, nearest
+from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, ZERO_PRODUCT
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.kinematics.couplings import Couplings
-
-    Arms = Callable[[Iterable[str]], float]
+Arms = Callable[[Iterable[str]], float]
 
 
 @fast_init

@@ -9,26 +9,22 @@ Source: Connelly & Whiteley, SIAM J. Discrete Math. 9 (1996) 453, for constraint
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.tables import listed
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.couplers import locked
+from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
 from mbsvib.kinematics.pose import IDENTITY, Pose
 from mbsvib.kinematics.relative_motion import Twists, body_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
 from mbsvib.linalg.rotations import skew
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
-    from mbsvib.mechanism.topology import Topology
+from mbsvib.mechanism.topology import Topology
 
 
 def check_mobility(

@@ -13,22 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Joint
 from mbsvib.elements.joint_kinds import Columns
 from mbsvib.linalg.displacements import Displacement
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import SAME_POINT
 from mbsvib.linalg.rotations import CYCLE, components_first, exponential, frames_along, logarithm, orthonormal
-
-if TYPE_CHECKING:
-    from mbsvib.common.arguments import Matrix3, Vector
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Joint
-    from mbsvib.mechanism.mechanism import Mechanism
-
+from mbsvib.mechanism.mechanism import Mechanism
 
 IDENTITY = np.eye(3)
 

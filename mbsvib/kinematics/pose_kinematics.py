@@ -6,16 +6,18 @@ point moves with its second body; a pose, or many of them, therefore takes a few
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.fast_init import changed
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import locked
+from mbsvib.kinematics.loops import Cuts
 from mbsvib.kinematics.pose import Openings, Pose, openings_of, stacked, with_own_axes
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.kinematics.tree_motion import FiniteMotion, Tree, tree_of
@@ -23,12 +25,6 @@ from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.linalg.rotations import components_first, components_last
 from mbsvib.mechanism.topology import FLOATS, Topology
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.loops import Cuts
 
 
 @dataclass(frozen=True)

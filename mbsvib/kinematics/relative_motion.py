@@ -11,27 +11,22 @@ it as their first axis, (variants, ...).
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.common.fast_init import fast_init
+from mbsvib.elements import Body, Joint
 from mbsvib.elements.rows import Rows, columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS, Branch, Topology
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements import Body, Joint
-
 
 # Paths of up to this number of rows times coordinates are cached: a few megabytes in all.
 REMEMBERED = 20_000

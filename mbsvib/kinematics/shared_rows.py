@@ -6,25 +6,23 @@ row is a small matrix times *base rows*, which are relative displacements of two
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.rows import Rows
+from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
+from mbsvib.kinematics.pose import Pose
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import components_first, components_last
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
-    from mbsvib.kinematics.pose import Pose
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)

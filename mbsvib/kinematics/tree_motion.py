@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Joint
 from mbsvib.elements.joint_kinds import Columns, Motion, displaced
 from mbsvib.kinematics.pose import IDENTITY, Pose
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.rotations import axial, components_first, components_last, exponential, jacobian
 from mbsvib.mechanism.topology import FLOATS, Topology
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Joint
 
 ORIGIN = (0.0, 0.0, 0.0)
 DIAGONAL = np.arange(4)

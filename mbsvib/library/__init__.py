@@ -7,14 +7,13 @@ lists them, ``build("stewart")`` builds one by its name, ``build("C50RF1")`` a m
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.api.model import Model
     from mbsvib.library._arms import gripper, puma, quadruped, six_link, stanford, two_link
     from mbsvib.library._beams import cantilever, cross_hinge, parallel_guide, singular_beam

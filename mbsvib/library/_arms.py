@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arguments import DIRECTIONS, Vector
 from mbsvib.library._dh import from_dh
 from mbsvib.library._families import positive
 from mbsvib.library._stewart import LOADS, box, cylinder
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-
 
 # Thickness of slender links as a share of their length, for the moment of inertia about their own line.
 SLENDER = 0.1

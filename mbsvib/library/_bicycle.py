@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.library._families import positive
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 ACROSS, UP = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

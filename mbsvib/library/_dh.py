@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import cos, pi, sin
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.errors import ModelError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-
 
 JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
 ABOUT = ("cm", "origin")

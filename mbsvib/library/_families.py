@@ -6,21 +6,17 @@ spring-dampers between two bodies, so that the frequencies do not depend on s.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.errors import nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-
 
 # The chapter's Table 3, of all spring-dampers of a joint together; it gives torsion per degree.
 MASS = 1.0

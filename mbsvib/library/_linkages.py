@@ -5,19 +5,15 @@ stretched; planar machines that one crank drives: Hoeken's linkage and the carpe
 from __future__ import annotations
 
 from math import asin, atan2, cos, hypot, radians, sin
-from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
 from mbsvib.library._families import positive
 from mbsvib.library._pendulums import FREE_FALL
 from mbsvib.library._spatial_linkages import Point, add_planar_bar, meeting, turned
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.library._families import count, positive
 from mbsvib.library._pendulums import FREE_FALL
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 def inclined_chain(

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from math import atan2, cos, hypot, sin
-from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
 from mbsvib.library._families import positive
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-
 
 Point = tuple[float, float]
 # Moment of inertia of a planar bar about its own line as a share of that across it; it has no effect in the plane.

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.common.arguments import DIRECTIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-
+from mbsvib.common.arguments import DIRECTIONS, Vector
 
 GROUPS = ("platform", "legs", "base")
 LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")

@@ -6,18 +6,13 @@ frequency responses, expm) have rounding errors relative to its largest entry.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.groups import part_numbers
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-
-    Exponents = NDArray[np.int64]
+Exponents = NDArray[np.int64]
 
 # Osborne's iteration ends when no state gains this much (LAPACK's gebal: the same), or after this many rounds.
 GAIN = 0.95

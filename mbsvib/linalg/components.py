@@ -7,18 +7,15 @@ rows. CasADi is imported only where its scalars come in, by which it is imported
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from math import factorial
 from math import sqrt as sqrt_of_float
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.jets import Jet
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
 
 Component = Any
 Triple = tuple[Component, Component, Component]

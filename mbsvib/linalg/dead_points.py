@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 # A change of norm below 1 takes no eigenvalue of 1 to 0; the margin is for rounding.
 NEARBY = 0.9

@@ -6,15 +6,12 @@ one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array
 
 # Number of steps: four central differences have an error of eighth order; one-sided differences need more.
 LEVELS, ONE_SIDED = 4, 7

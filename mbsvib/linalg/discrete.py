@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.balancing import column_units
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 
 def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, Array]:

@@ -61,4 +61,3 @@ def small(theta: Triple, v: Triple, origin: Triple) -> Displacement:
         (0.5 * x * z - y, 0.5 * y * z + x, 1.0 - 0.5 * (x * x + y * y)),
     )
     return Displacement(rotation, add(v, scale(0.5, cross(theta, v))), origin)
-

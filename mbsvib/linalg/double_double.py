@@ -9,13 +9,10 @@ Source: Ozaki, Ogita, Oishi & Rump, Error-free transformations of matrix multipl
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-
+from mbsvib.common.arrays import Array
 
 SLICES = 5
 SPLIT = 134217729.0  # 2^27 + 1: halves the digits of a double

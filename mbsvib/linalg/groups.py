@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Bools, Index
+
 if TYPE_CHECKING:
     from scipy.sparse import sparray, spmatrix
-
-    from mbsvib.common.arrays import Bools, Index
 
 # Up to so many items and links, plain Python takes less time than the set-up of a sparse matrix.
 FEW = 500

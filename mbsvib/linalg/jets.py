@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray
+from mbsvib.common.arrays import AnyArray
 
-    Field = AnyArray  # real or complex
+Field = AnyArray  # real or complex
 
 
 class Jet:

@@ -10,21 +10,16 @@ Source: Stewart & Sun, Matrix Perturbation Theory (1990), section V.2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 from mbsvib.linalg.spectrum import Spectrum, spectrum
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-
 
 # Rounding of a group's inputs and outputs above this share of them leaves open what is zero: nothing is, then.
 UNCERTAIN = 1e-6

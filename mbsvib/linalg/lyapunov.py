@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-
 
 REFINEMENTS = 2
 

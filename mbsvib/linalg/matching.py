@@ -6,20 +6,15 @@ weights: with a = W phi, W^T W = M, it is weighted by the mass matrix.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
 from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
-
 
 # Modes of neighbouring stations are matched if their MAC is at least this; otherwise the interval is halved, at most so
 # many times.

@@ -18,15 +18,12 @@ Systems (1981), chapter 8.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.linalg.groups import part_numbers
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Index
-
 
 # Parts with fewer unknowns are not split: dense factors of this size cost less than more fronts.
 LEAF = 240

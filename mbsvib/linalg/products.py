@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.common.memory import MANY
 from mbsvib.linalg.rank import EPS, ZERO_EIGENVALUE, ZERO_SUM
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import AnyArray, Array, Index
 
 
 def gram_matrix(factor: Array) -> Array:

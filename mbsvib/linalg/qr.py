@@ -5,15 +5,13 @@ Least squares of least norm, also of many matrices at once and along complex ste
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.arrays import AnyArray, Array, Bools, Index
 from mbsvib.linalg.rank import FULL_RANK, REDUNDANT_LOOPS, ZERO_ALONG
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Index
 
 
 def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.components import arctan2
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 # Below this angle [rad] the coefficients are computed by series, which are as accurate and do not divide by zero.
 SMALL = 0.05

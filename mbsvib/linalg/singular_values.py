@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.linalg.rank import ZERO_SUM
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
 
 
 def singular_values(matrices: Complex) -> Array:

@@ -15,12 +15,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.common.arrays import Array, Bools, Index
 
 # Highest degree in a variable, and candidates among which Leja points are chosen: neighbours of these are further
 # apart than the candidates even at the ends.

@@ -10,18 +10,13 @@ Source: Trefethen & Embree, Spectra and Pseudospectra (2005), theorem 2.2 and se
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.balancing import matrix_exponents
+from mbsvib.common.arrays import Array, Bools, Complex, Index
+from mbsvib.linalg.balancing import Exponents, matrix_exponents
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.linalg.balancing import Exponents
-
 
 # Condition of an eigenvalue above which it may be a defective one, whose error is found by the resolvent.
 DEFECTIVE = 1e6

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import AnyArray, Array
 from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rotations import skew
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array
-
-    Field = AnyArray  # real or complex
+Field = AnyArray  # real or complex
 
 
 # Matrices with at most so many entries are dense, as products with sparse ones cost more time.

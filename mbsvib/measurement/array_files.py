@@ -6,7 +6,8 @@ import os
 import zipfile
 import zlib
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,9 +15,6 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import LARGEST_UNPACKED, content_of, shortened
 from mbsvib.errors import ResponseError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # Entries of a file of arrays that are channels and noise; the others of a measurement are not kept there.
 ARRAYS = ("omega", "responses", "outputs", "inputs", "variance", "coherence", "averages", "covariance", "quantity",

@@ -5,15 +5,13 @@ n = A e B^T with independent e, E|e|^2 = v, so that E|n|^2 = |A|^2 v |B^T|^2
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.arrays import Array, Complex
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
@@ -22,7 +23,6 @@ from mbsvib.responses.frequency_grid import resonant_grid
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.plots._sheet import Given
 
 # Lines of two measurements that differ by less, relative, are the same.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_pair
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import limits, reals
@@ -21,11 +23,8 @@ from mbsvib.measurement.matching import ORDERS, Matched, unit_of
 from mbsvib.measurement.points import nodes_of, points_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
     from matplotlib.figure import Figure
 
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.plots._sheet import Given
 
 # Coherence of 1, and symmetry of a covariance, up to rounding of the program that estimated them.

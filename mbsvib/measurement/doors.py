@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self, cast
+from collections.abc import Mapping, Sequence
+from typing import Any, Self, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.columnar import pandas_for
@@ -15,12 +17,6 @@ from mbsvib.errors import ResponseError
 from mbsvib.measurement.array_files import ArrayFiles
 from mbsvib.measurement.estimation import check_length, estimate, samples_of, si, stacked, step_of
 from mbsvib.measurement.points import point_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
 
 METHODS = ("H1", "H2", "Hv", "local", "periodic")
 HERTZ, ENDS = "frequency [Hz]", ["output", "input"]  # names of rows and columns in tables of pandas

@@ -12,23 +12,18 @@ System Identification: A Frequency Domain Approach (2012), 2.7 (several inputs, 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import INPUTS_APART, NO_PIVOT
 from mbsvib.measurement.matching import unit_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex, Index
-
 
 ORDER, LINES = 2, 6  # of local polynomials: degree, and lines at either side
 LEAST_FREEDOM = 7  # of the residuals of a local polynomial; with several inputs it takes more lines for it

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, an, nearest
-from mbsvib.measurement.points import Point, model_places, place_of, point_of
+from mbsvib.measurement.points import Place, Point, model_places, place_of, point_of
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.measurement.points import Place
-
-    Candidate = tuple[str, str, Place | None]  # unit, quantity and place
+Candidate = tuple[str, str, Place | None]  # unit, quantity and place
 
 # What a unit measures, and the number of its time derivatives.
 ORDERS = {"m": ("length", 0), "m/s": ("length", 1), "m/s^2": ("length", 2), "rad": ("angle", 0),

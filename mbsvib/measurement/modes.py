@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
@@ -16,7 +17,6 @@ from mbsvib.measurement.matching import Matched
 from mbsvib.measurement.points import label_of, nodes_of, points_of
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.measurement.data import Measurement
 
 WHO = "MeasuredModes"

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import kind_of
 from mbsvib.elements.body import Body
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.ports import Input, Output
 from mbsvib.errors import ModelError, ResponseError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.common.arguments import Matrix3, Vector
-    from mbsvib.common.arrays import Array
 
 GROUND = "ground"
 # The length of a direction differs from 1 by no more, but for rounding.

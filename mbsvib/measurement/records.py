@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
@@ -17,9 +18,6 @@ from mbsvib.measurement.data import channels_of
 from mbsvib.measurement.estimation import check_length, stacked, step_of
 from mbsvib.measurement.matching import Matched
 from mbsvib.responses.densities import density
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
 
 WHO = "Records"
 HOLDS = ("first", "zero", "band-limited")

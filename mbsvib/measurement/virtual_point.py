@@ -7,24 +7,20 @@ Source: van der Seijs, van den Bosch, Rixen & de Klerk, COMPDYN 2013, for the tr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 from mbsvib.measurement.common_errors import errors_of
 from mbsvib.measurement.matching import ORDERS, is_si
-from mbsvib.measurement.points import model_places
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.measurement.points import Place
+from mbsvib.measurement.points import Place, model_places
 
 WHO = "virtual_point"
 # A direction is told if what the channels do not tell of it is below this share.

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import jacobian
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameters
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,7 @@ from mbsvib.common import arguments as check
 from mbsvib.elements.families import rebuild_with
 from mbsvib.elements.part import Part
 from mbsvib.elements.placement import Placement
-
-if TYPE_CHECKING:
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 PLANES = ("x", "y", "z")
 

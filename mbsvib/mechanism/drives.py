@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,12 +10,8 @@ from mbsvib.elements.joint import Joint
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.elements.motion_input import DrivenCoordinate, MotionInput
 from mbsvib.errors import ModelError
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 def driven_coordinates(model: Mechanism) -> tuple[str, ...]:

@@ -7,23 +7,23 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 
+from numpy.typing import ArrayLike
+
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements import BaseMotion, Body, ForceOutput, Input, Joint, Load, Output
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.part import Composed, Part
 from mbsvib.elements.rolling import Rolling, Travel
+from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.shared_rows import Expansion
 from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.names import check_name, unknown_body
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arguments import Vector
-    from mbsvib.elements import BaseMotion, Body, ForceOutput, Input, Joint, Load, Output
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.elements.part import Composed, Part
-    from mbsvib.elements.rotor import Rotor
-    from mbsvib.elements.shared_rows import Expansion
     from mbsvib.mechanism.parameters import Parameters
 
 GROUND = "ground"

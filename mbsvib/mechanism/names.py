@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
@@ -9,8 +10,6 @@ from mbsvib.common.tables import listed
 from mbsvib.errors import ModelError, an, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from mbsvib.elements.part import Part
 
 

@@ -45,17 +45,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.patterns import matching
+from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError, nearest
 
-if TYPE_CHECKING:
-    from mbsvib.elements.part import Part
 
 class UnknownParameterError(ModelError, KeyError):
     """A name that no parameter has."""

@@ -7,6 +7,7 @@ on both sides (CDOF; Chaudhary & Saha, Dynamics and Balancing of Multibody Syste
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heappop, heappush
@@ -17,8 +18,6 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import dist, pi, sqrt
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.elements.body import principal
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.mechanism import Mechanism
 
 M = TypeVar("M", bound="Mechanism")
 

@@ -5,21 +5,16 @@ force = (g0 + g1 l + g2 l') u + b0 + b1 l + b2 l' along the length l, u being th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.bodies import matrix_of
 from mbsvib.mjcf.compiled import BALL, FREE
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, attach, drive, joint_path
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-
 
 # MuJoCo's own force may differ from the formula by rounding only.
 SAME = 1e-9

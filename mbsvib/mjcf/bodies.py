@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
@@ -16,10 +17,6 @@ from mbsvib.mjcf.scene import Link, Scene
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Link as Mass
 from mbsvib.urdf.robot import ALL
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-
 
 KINDS = {FREE: "free", BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}
 # Index of the joint's own direction among x y z rx ry rz.

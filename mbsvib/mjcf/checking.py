@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +11,6 @@ from mbsvib.errors import ModelError
 from mbsvib.mjcf.compiled import HINGE, SLIDE, Compiled
 from mbsvib.mjcf.scene import Scene
 from mbsvib.urdf.posing import LIMIT_DIGITS
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 # Permitted difference of forces from MuJoCo's, relative to the largest.
 SAME = 1e-9

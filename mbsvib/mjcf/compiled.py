@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.file_content import shortened
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.kind import check_kind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from os import PathLike
-
-    from mbsvib.common.arrays import Array
-
 
 # Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
 WIDTHS = (7, 4, 1, 1)

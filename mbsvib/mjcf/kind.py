@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from math import prod
-from typing import TYPE_CHECKING
+from os import PathLike
+from xml.etree.ElementTree import Element
 
 from mbsvib.common.file_content import ContentError, content_of, read_xml
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from os import PathLike
-    from xml.etree.ElementTree import Element
 
 # Numbers by which a short file asks for much memory, and their largest product: copies of elements (a model of ten
 # thousand bodies is sparse already), and pixels of textures and height fields.

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable, Mapping
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.errors import LeftOutWarning, ModelError
 from mbsvib.mechanism.unit_warnings import with_angles
@@ -17,14 +21,6 @@ from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
 from mbsvib.mjcf.compiled import Compiled, compiled
 from mbsvib.mjcf.scene import Scene
 from mbsvib.urdf.extensions import in_words
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from os import PathLike
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
 
 UNNAMED = "MuJoCo Model"  # MuJoCo's default name of a model
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.bodies import added, along
 from mbsvib.mjcf.scene import Scene
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-
 
 # A tendon is at the end of its slack range within this share of its length.
 MET = 1e-9

@@ -3,23 +3,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.kinematics.closing import TOLERANCE
 from mbsvib.linalg.rank import ZERO_PRODUCT
 from mbsvib.linalg.rotations import jacobian
+from mbsvib.mjcf.compiled import Compiled
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, joint_path, single, sums
 from mbsvib.urdf.least_norm import close
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mjcf.compiled import Compiled
-
 
 # Gaps of loops as shares of the model's size: rounding, which is left as the file has it, and limit for errors.
 CLOSED, OPEN = 1e-9, 1e-3

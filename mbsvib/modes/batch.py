@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.equations.batch_equations import BatchEquations, of_variant
@@ -16,12 +18,6 @@ from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined, undamped_batch
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-
 
 # State matrices of one piece of a batch stay in the second-level cache.
 PIECE_BYTES = 2**20

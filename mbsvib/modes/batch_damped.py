@@ -16,10 +16,12 @@ the factors of M, C and K (``rayleigh``) follows, as in a single system.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
+from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.linalg.products import drift, real_product
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.classical import CLASSICAL, COMMUTES, NO_DAMPER, classical_errors, quadratic_roots, rounding_of_sums
@@ -27,11 +29,6 @@ from mbsvib.modes.damped import MARGIN, Damped
 from mbsvib.modes.pairs import pair_numbers
 from mbsvib.modes.rayleigh import both, forms_in, rayleigh
 from mbsvib.modes.undamped import FORCES, SUSPECT, Undamped, cleaned, perturbed
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.batch_equations import BatchEquations
-
 
 # Maximum number of corrections from unit vectors; they take less time than an eigensolver.
 STEPS = 5

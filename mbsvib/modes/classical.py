@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.undamped import CLEAN, Undamped
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
 
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); smaller entries are neglected.
 CLASSICAL = 1e-13

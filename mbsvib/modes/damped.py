@@ -10,12 +10,13 @@ enough, the dampers' forces become unknowns (``strong_damping``).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import eigh, lapack
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.fast_init import fast_init
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import completed_basis
 from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import EPS
@@ -33,10 +34,6 @@ from mbsvib.modes.rayleigh import Forms, both, forms_in, rayleigh
 from mbsvib.modes.strong_damping import DamperForces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 from mbsvib.modes.zero_subspaces import unbraked
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
 
 # Columns of work space with which LAPACK's eigenvalues go block by block.
 WORK = 64

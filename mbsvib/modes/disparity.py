@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_system
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
 
 # Motions of the held system that the free one follows no better than this are none of it.
 ADMISSIBLE = 1e-8

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.products import drift, nonzero_rows, single_entries
 from mbsvib.linalg.qr import sorted_qr, triangle
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Equations
 
 
 class Factors:
@@ -107,5 +104,3 @@ def by_jacobi(scene: Factors, shapes: Array) -> Array:
     coefficients = blas.dtrsm(1.0, root, vectors[:, ::-1])
     result[:, rigid:] = basis[:, pivots] @ coefficients
     return result
-
-

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import (
     completed_basis,
     coordinate_sizes,
@@ -29,13 +31,8 @@ from mbsvib.equations.unresisted_motion import (
 from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, ZERO_SUM
-from mbsvib.modes.undamped import WELL_CLOSED, undamped
+from mbsvib.modes.undamped import WELL_CLOSED, Undamped, undamped
 from mbsvib.modes.zero_subspaces import damping_terms, long_chains, row_terms, unbraked, zero_subspaces
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.undamped import Undamped
 
 
 @dataclass(frozen=True, slots=True)

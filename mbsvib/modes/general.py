@@ -10,20 +10,16 @@ state matrix, a Hermitian one times i: its eigenvalues are imaginary exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.energy_state import EnergyState, energy_state
 from mbsvib.modes.general_refinement import Spectrum, refined
 from mbsvib.modes.pairs import natural_frequencies, of_all
 from mbsvib.modes.zero_subspaces import answer
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.equations import Equations
-
 
 # Shapes that differ by less are parallel, such as all motions of a single mass on springs and dampers.
 ALIKE = 1e-9

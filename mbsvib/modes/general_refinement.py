@@ -9,18 +9,15 @@ M, C and K, and from the parts that have no factors, so that no digits are lost.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.rank import EPS
+from mbsvib.modes.energy_state import EnergyState
 from mbsvib.modes.pairs import with_neighbours, within_reach
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.energy_state import EnergyState
-
 
 ROUNDS = 3
 # Refinement stops after a correction smaller than this: the remaining error is its square.

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
 ROUNDED = 1e-9

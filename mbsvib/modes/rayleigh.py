@@ -11,21 +11,18 @@ the other; these come first.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.fast_init import fast_init
 from mbsvib.linalg.products import product_with_zeros, real_product
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.pairs import TINY, nearness, with_neighbours, within_reach
 from mbsvib.modes.undamped import CLEAN
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Complex
 
 # A Newton step larger than this share of the eigenvalue does not correct rounding errors: the pair is nearly defective.
 CORRECTION = 1e-4

@@ -5,14 +5,16 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import near_frequency, real
 from mbsvib.common.fast_init import fast_init
+from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.linalg.products import real_product
 from mbsvib.modes.classical import NO_DAMPER, proportional
@@ -20,11 +22,6 @@ from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
 from mbsvib.modes.undamped import undamped
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex, Index
-    from mbsvib.equations.equations import Equations, Provenance
-
 
 # Default accuracy: twelve digits, which cost no more than ten.
 RTOL = 1e-12

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.result import Modes
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
 
 # Eigenvalues from sample to sample below this size belong to delays, which are forgotten within a few samples.
 FORGOTTEN = EPS**0.5

@@ -12,23 +12,19 @@ keep them apart from all others (Aberth), and each then by the quotient that is 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Complex, Index
-
 
 # Eigenvalues with some correct digits need one to three steps; the others seldom more than ten.
 STEPS = 30

@@ -18,27 +18,21 @@ its own stiffness leaves nothing of it, never because other modes are in its sha
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_products
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-
 
 # A mode of which rounding leaves less is a rigid-body mode if stiffness has both signs. The limit is low because the
 # estimate covers only about a fiftieth of the rounding of loads: a pendulum about a vertical axis must not oscillate.

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import coordinate_sizes, free_motions, matrix_scales, null_pair, rounding_scale
 from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, ZERO_SUM
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-
 
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
 LONGER = 1e-9

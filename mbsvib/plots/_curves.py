@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.expected import a_linear, reals
 from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
@@ -18,12 +20,6 @@ from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
 from mbsvib.responses.frequency_response import zero_responses
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Bools, Complex
-
 
 # mbsvib.System
 System: TypeAlias = Any

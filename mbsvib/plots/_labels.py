@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.text import Annotation, Text
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.plots import _style as style
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-
-    Boxes = NDArray[np.float64]  # (..., 4): left, bottom, right, top [pixel]
+Boxes = NDArray[np.float64]  # (..., 4): left, bottom, right, top [pixel]
 
 # Distances [pt] from a point to the nearest edge of its name, and directions, that are tried.
 DISTANCES = (3.5, 9.0, 16.0, 25.0, 36.0, 50.0, 66.0, 84.0)

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.transforms import offset_copy
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.plots._scene import DrawnScene
-    from mbsvib.plots._sheet import Sheet
-
+from mbsvib.plots._scene import DrawnScene
+from mbsvib.plots._sheet import Sheet
 
 View: TypeAlias = str | Sequence[float]
 

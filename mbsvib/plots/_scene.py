@@ -6,27 +6,21 @@ picture of any displacement of the bodies is one product, and no drawing needs t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Body, Input, Joint
+from mbsvib.elements.connection import Connection
+from mbsvib.elements.part import Composed, Part
+from mbsvib.equations.equations import Provenance
 from mbsvib.equations.expansion import expanded
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.topology import span
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Input, Joint
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.part import Composed, Part
-    from mbsvib.equations.equations import Provenance
-    from mbsvib.mechanism.mechanism import Mechanism
-
 
 FLAT = 1e-4  # share of the size below which points lie in a line or a plane
 LEAD = 0.14  # share of a spring's length that is straight at either end

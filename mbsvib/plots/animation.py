@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
+import os
 from base64 import b64encode
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from shutil import which
 from subprocess import CalledProcessError
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context, rcParams
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from mbsvib.common import expected, units
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
+from mbsvib.equations.equations import Provenance
 from mbsvib.errors import ExportError, ResponseError, nearest
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.modes import Modes
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
 from mbsvib.plots._scene import DrawnScene, of_model, of_system
 from mbsvib.plots._sheet import Given, sheet
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator, Sequence
-
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Provenance
-    from mbsvib.modes import Modes
-
 
 SUFFIXES = (".gif", ".mp4", ".html")
 COLOURS = 96  # of a GIF

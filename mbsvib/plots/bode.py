@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
+from numpy.typing import ArrayLike
 
 from mbsvib.common import units
+from mbsvib.common.arrays import Array
+from mbsvib.common.selection import Names
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import Curve, curves, finer, listed, pairs_of, shared_grid
+from mbsvib.plots._curves import Curve, System, Systems, curves, finer, listed, pairs_of, shared_grid
 from mbsvib.plots._sheet import Given, in_rows, pairs
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.plots._curves import System, Systems
-
 
 LONGEST_LABEL = 24
 LONGEST_LEVEL = 14  # beyond which "magnitude" would leave the panel

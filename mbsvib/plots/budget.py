@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.units import pretty
 from mbsvib.errors import counted
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, sheet
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
 
 MOST = 5  # sources with curves of their own
 # Shares of the largest root of a density, and of the rms, down to which figures show curves.

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from mbsvib.common.arrays import Array
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
     from mbsvib.cycles.periodic import Periodic
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -13,10 +14,6 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, Sheet, in_rows, sheet
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 SHADE = 0.15  # opacity of the band of singular values
 

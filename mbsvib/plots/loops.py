@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import kind_of
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.margins import Margins
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import MOST_PANELS, columns_of, finer, positive_frequencies
 from mbsvib.plots._sheet import Given, in_rows, pairs, sheet
 from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.feedback_loop import FeedbackLoop
-    from mbsvib.feedback.margins import Margins
 
 
 def closed(loop: Any, who: str) -> FeedbackLoop:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mbsvib.common import units
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, pairs, sheet
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array, Complex
 
 MOST = 12  # panels
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_system
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
-from mbsvib.plots._projection import CORNER, LINES, Picture, legend, triad
+from mbsvib.plots._curves import System
+from mbsvib.plots._projection import CORNER, LINES, Picture, View, legend, triad
+from mbsvib.plots._scene import DrawnScene
 from mbsvib.plots._sheet import Given, sheet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.plots._curves import System
-    from mbsvib.plots._projection import View
-    from mbsvib.plots._scene import DrawnScene
 
 MOST_NAMES = 40
 

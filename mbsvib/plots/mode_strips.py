@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Complex, Index
 from mbsvib.common.expected import a_system, kind_of, mode_index, positive
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
+from mbsvib.modes.result import Modes
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import System
 from mbsvib.plots._sheet import Given, Sheet, sheet
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Complex, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.modes.result import Modes
-    from mbsvib.plots._curves import System
 
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_system, kind_of, reals
 from mbsvib.errors import ResponseError
+from mbsvib.modes import Modes
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import System
 from mbsvib.plots._sheet import Given, sheet
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.modes import Modes
-    from mbsvib.plots._curves import System
-
-    ModeSet: TypeAlias = System | Modes | ArrayLike
+ModeSet: TypeAlias = System | Modes | ArrayLike
 
 
 LOG_FROM = 20.0  # ratio of the highest to the lowest value from which an axis is logarithmic

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Sequence
 from io import BytesIO
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from mbsvib.common.tables import html
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.plots._curves import System
 from mbsvib.plots.mechanism import mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
-
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.plots._curves import System
 
 MOST_BODIES = 200  # in a picture
 MOST_NAMES = 12

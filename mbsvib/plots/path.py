@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from mbsvib.common.arrays import Array
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, sheet
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.equilibrium_path import EquilibriumPath
 
 # Modes that are drawn, and markers of special points.

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
 from mbsvib.common.expected import reals
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.pole_track import has_moved
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import listed, pick
+from mbsvib.plots._curves import Systems, listed, pick
 from mbsvib.plots._sheet import Given, sheet
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.selection import Names
-    from mbsvib.plots._curves import Systems
-
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
 ROOM = 0.05  # half of a label's width, in parts of the height or, with unequal axes, of the width

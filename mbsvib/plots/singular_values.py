@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from mbsvib.common import units
+from mbsvib.common.arrays import Array
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.singular_values import singular_values as singular
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import MOST_PANELS, Curve, curves, listed, pick, shared_grid
+from mbsvib.plots._curves import MOST_PANELS, Curve, Linear, Systems, curves, listed, pick, shared_grid
 from mbsvib.plots._sheet import Given, in_rows
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.plots._curves import Linear, Systems
-
 
 MOST_NAMED, LONGEST_NAMES = 4, 24  # names in a title, and their letters
 

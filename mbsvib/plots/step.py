@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from mbsvib.common import units
+from mbsvib.common.arrays import Array
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import listed, negligible, pairs_of, pick, zeros
+from mbsvib.plots._curves import Linear, Systems, listed, negligible, pairs_of, pick, zeros
 from mbsvib.plots._sheet import Given, in_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib.plots._curves import Linear, Systems
     from mbsvib.responses.step_info import StepInfo
 
 

@@ -3,26 +3,21 @@ and tolerances."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from mbsvib.common import units
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, Sheet, in_rows, sheet
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-
 
 MOST_LINES = 12
 RATIO = 1e-6  # relative difference of ratios that are equal

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_system
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.elements.part import Part
+from mbsvib.mechanism.topology import FLOATS, Topology
 from mbsvib.plots import _labels as labels
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import System
 from mbsvib.plots._sheet import Given, sheet
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from matplotlib.figure import Figure
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Part
-    from mbsvib.mechanism.topology import Topology
-    from mbsvib.plots._curves import System
 
 
 def positions(topology: Topology) -> list[tuple[float, int]]:

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
 from mbsvib.common.units import pretty
 from mbsvib.errors import ResponseError, counted
 from mbsvib.random.mean_squares import MeanSquares, Random
-from mbsvib.random.sources import CORRELATION, sources
+from mbsvib.random.sources import CORRELATION, Correlation, Sources, sources
 from mbsvib.random.weights import weights
 from mbsvib.responses.frequency_grid import frequency_grid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
     from mbsvib.plots._sheet import Given
     from mbsvib.random.slopes import Requested
-    from mbsvib.random.sources import Correlation, Sources
 
 # Contributions to a variance below this share of it are counted together in the table.
 SMALL = 1e-3

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import OutsideTableWarning, ResponseError
-from mbsvib.linalg.lasting import separated
-from mbsvib.random.moments import NARROWEST, Equations, check_stable, filtered, moments, rule
+from mbsvib.linalg.lasting import Lasting, Separation, separated
+from mbsvib.random.moments import NARROWEST, Equations, Filtered, Rule, check_stable, filtered, moments, rule
+from mbsvib.random.sources import Sources
+from mbsvib.random.weights import Weight
 from mbsvib.responses.feedthrough import direct
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.linalg.lasting import Lasting, Separation
-    from mbsvib.random.moments import Filtered, Rule
-    from mbsvib.random.sources import Sources
-    from mbsvib.random.weights import Weight
 
 Band = tuple[float, float]
 

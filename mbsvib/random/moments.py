@@ -16,28 +16,24 @@ pole the frequency is replaced by its inverse.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents, scaled_by
-from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.lasting import Separation, separated
 from mbsvib.linalg.lyapunov import Lyapunov
+from mbsvib.random.weights import Window
+from mbsvib.responses.densities import Shaped
 from mbsvib.responses.extrema import UNDAMPED, panels
 from mbsvib.responses.norms import pole_words
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.linalg.lasting import Separation
-    from mbsvib.random.weights import Window
-    from mbsvib.responses.densities import Shaped
-
-    Integrand = Callable[[Array], Array]
+Integrand = Callable[[Array], Array]
 
 
 class Equations(NamedTuple):

@@ -5,22 +5,19 @@ related.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import count
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import positive, real, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.random.curves import ORDER, ROAD_REFERENCE, ROAD_SPAN, one_of, road_roughness
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 
 @dataclass(frozen=True, repr=False, eq=False)

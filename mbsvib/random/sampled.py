@@ -6,31 +6,28 @@ other frequencies: the forces that they demand are a sequence, the density of wh
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.loop import NOISE, LoopPlant
 from mbsvib.feedback.sampled_norm import Slopes, mean_squares, square_slopes
 from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers, power_slopes
 from mbsvib.random.mean_squares import MeanSquares, Random
-from mbsvib.random.moments import Equations, filtered
+from mbsvib.random.moments import Equations, Filtered, filtered
+from mbsvib.random.sources import Sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.sampled import SampledLoop
-    from mbsvib.random.moments import Filtered
-    from mbsvib.random.sources import Sources
 
 WHITE = "white."  # inputs of the filters of noise
 

@@ -8,31 +8,26 @@ come from the parts of a period, ``feedback.sampled_slopes``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.closing import Closure, Gathered
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import Lyapunov
-from mbsvib.random.moments import Equations
+from mbsvib.random.mean_squares import Random
+from mbsvib.random.moments import Equations, Filtered
 from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 from mbsvib.sensitivities.norms import gramians, hidden_appear
-from mbsvib.sensitivities.states import changed, states
+from mbsvib.sensitivities.states import States, changed, states
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.random.mean_squares import Random
-    from mbsvib.random.moments import Filtered
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-    from mbsvib.sensitivities.states import States
-
-    Requested = str | Sequence[str] | Mapping[str, Mapping[str, float]] | None
+Requested = str | Sequence[str] | Mapping[str, Mapping[str, float]] | None
 
 BLOCK = 4_000_000  # numbers of the derivatives of some parameters
 

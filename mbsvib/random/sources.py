@@ -7,24 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.rank import SEMIDEFINITE, UNIT_CORRELATION
-from mbsvib.responses.densities import density
+from mbsvib.responses.densities import Density, Shaped, Table, density
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.densities import Density, Shaped, Table
-
-    Correlation = ArrayLike | Callable[[Array], ArrayLike] | None
+Correlation = ArrayLike | Callable[[Array], ArrayLike] | None
 
 # The entry of budgets that is due to correlation.
 CORRELATION = "correlation"

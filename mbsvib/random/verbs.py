@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import hertz
+from mbsvib.common.selection import Names
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
     from mbsvib.random.budget import Budget
     from mbsvib.random.sources import Correlation
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import positive
 from mbsvib.common.selection import selected
@@ -16,11 +18,6 @@ from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses.densities import Shaped, shaped, table
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 # Corner frequencies [Hz] and quality factors of the weightings for health and comfort: band limits f1, f2; transition
 # f3, f4, Q4; upward step f5, Q5, f6, Q6, None without

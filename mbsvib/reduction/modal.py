@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import eigh, lapack
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.qr import extended
 from mbsvib.linalg.rank import FREE_PIVOT, SAME_ROW, ZERO_PRODUCT
-from mbsvib.modes.undamped import undamped
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.modes.undamped import Undamped
-
+from mbsvib.modes.undamped import Undamped, undamped
 
 E = TypeVar("E", bound=Equations)
 

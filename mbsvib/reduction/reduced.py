@@ -13,12 +13,13 @@ Algorithms 20 (1999), section 4.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, schur
 
-from mbsvib.equations.equations import Truncation
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.equations.equations import Equations, Truncation
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.lasting import separated
@@ -30,14 +31,7 @@ from mbsvib.responses.basis import Basis
 from mbsvib.responses.energy_schur import last, triangular_solutions
 from mbsvib.responses.frequency_response import frequency_response
 from mbsvib.responses.norms import hinf
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.responses.state_space import StateSpace
-
+from mbsvib.responses.state_space import StateSpace
 
 # Newton's iteration doubles its digits once it is this near to the limit; before that it is scaled.
 NEAR = 0.1

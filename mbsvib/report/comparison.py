@@ -5,9 +5,10 @@ Modes of two systems are paired by their shapes where both have the same bodies,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbsvib.common import units
 from mbsvib.errors import ResponseError
@@ -15,9 +16,6 @@ from mbsvib.linalg.matching import subspace_mac
 from mbsvib.measurement.comparing import compare
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 # Of pairs that are alike to this the nearer in number is taken.
 ORDER = 1e-9

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.api.system import System
 from mbsvib.common import units
+from mbsvib.common.selection import Names
 from mbsvib.explain.dense import skipped
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.modes import Modes
 from mbsvib.plots import _scene
 from mbsvib.plots._curves import NEGLIGIBLE, curves, pick
 from mbsvib.plots.modes import largest, shares
@@ -20,15 +25,6 @@ from mbsvib.report.comparison import compared_modes, has_geometry, measured_agai
 from mbsvib.report.form import COMPARED, form_of
 from mbsvib.responses.frequency_grid import resolving_frequencies, span
 from mbsvib.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.api.system import System
-    from mbsvib.common.selection import Names
-    from mbsvib.modes import Modes
 
 
 def inputs_in_order(system: Any, names: Sequence[str]) -> list[str]:

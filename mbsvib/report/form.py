@@ -9,24 +9,20 @@ depend on each other, A is a complex Schur form instead.
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.state_space import StateSpace
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.state_space import StateSpace
-
-    Ports = tuple[Sequence[int], Sequence[int]]
+Ports = tuple[Sequence[int], Sequence[int]]
 
 # Largest difference from the response of the system, relative to the largest value of the curve, that modal states may
 # have: those of a form whose states are nearly dependent are larger, and no figure shows this one.

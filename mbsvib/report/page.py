@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import json
+import os
 from base64 import b64encode
 from gzip import compress
 from html import escape
 from importlib.resources import files
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 from mbsvib.api.driven import DrivenSystem
+from mbsvib.api.model import Model
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model, kind_of
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, ModelError
+from mbsvib.feedback.closed_loop import ClosedLoop
+from mbsvib.feedback.controller import Controller
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
+from mbsvib.random.budget import Budget
 from mbsvib.report.data import LABELS, MEASURED_LABELS, collect
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 
-if TYPE_CHECKING:
-    import os
-    from pathlib import Path
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.random.budget import Budget
-
-    Source: TypeAlias = Model | System | StateSpace | ClosedLoop | Controller
+Source: TypeAlias = Model | System | StateSpace | ClosedLoop | Controller
 
 SCRIPTS = ("page", "motion", "compass", "curves", "responses", "panels", "keys")
 FIGURES = 6  # of the first outputs of an error budget

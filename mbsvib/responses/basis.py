@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import real
+from mbsvib.equations.equations import Equations
 from mbsvib.modes.classical import damper_rows
+from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
 from mbsvib.modes.result import RTOL, Modes, modes
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.damped import Damped
-    from mbsvib.modes.general import General
     from mbsvib.responses.energy_schur import EnergySchur
     from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.responses.rounding import Changes, Noise

@@ -9,22 +9,18 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.linalg.products import square_difference
 from mbsvib.modes.batch import BatchModes, batch_modes
+from mbsvib.modes.batch_damped import DampedBatch
 from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import partial_sums
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.batch_equations import BatchEquations
-    from mbsvib.modes.batch_damped import DampedBatch
-
 
 # Up to this many frequencies times degrees of freedom, one solution per frequency costs less than setting up the sums
 # over the modes of every variant.

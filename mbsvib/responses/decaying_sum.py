@@ -6,21 +6,18 @@ derivative, and after a by at most its envelope. Intervals in which this leaves 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammaln, xlogy
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import linked_items
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from mbsvib.common.arrays import Array, Bools, Complex
 
 # Samples of a period of the fastest term that counts, and the share of a level from which on all other terms count.
 PER_PERIOD, COUNTS = 16, 1e-2

@@ -7,24 +7,20 @@ where it is known.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import DECAYS
 from mbsvib.responses.from_control import realized
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
 
 
 class Spectrum(Displayed):

@@ -15,24 +15,22 @@ which is proper where the last two are 0 by structure. A velocity has the state 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.elements.motion_input import MotionInput
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.feedthrough import direct
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.responses.state_space import StateSpace
 
 S = TypeVar("S", bound="StateSpace")

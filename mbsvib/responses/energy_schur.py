@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
 

@@ -7,23 +7,18 @@ evaluated again at each extremum and crossing.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import AnyArray, Array, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex, Index
-
-    Measure = Callable[[AnyArray], Array]
+Measure = Callable[[AnyArray], Array]
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.
 NODES = 16

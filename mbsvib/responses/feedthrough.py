@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import EPS, ZERO_MARKOV
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 
 # An entry of D below this share of what M^-1 makes of rounding of its terms is 0.

@@ -6,17 +6,14 @@ combined to square ones, which need few, and zeros of the combination alone are 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Bools, Complex
 
 # Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
 RANK = 2e-13

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.unresisted_motion import independent_coordinates
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.responses.general_terms import cleaned
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 
 

@@ -13,28 +13,24 @@ Source: Magnus & Neudecker, Matrix Differential Calculus (1999), chapter 8.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.expected import angular, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents, scaled_by
+from mbsvib.linalg.lasting import Separation
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.energy_schur import triangular_solutions
 from mbsvib.responses.time_response import checked_record, stepped
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.common.arrays import Array, Bools, Complex
-    from mbsvib.linalg.lasting import Separation
-
-    Matrices = tuple[Array, Array, Array, Array]
+Matrices = tuple[Array, Array, Array, Array]
 
 
 REFINEMENTS = 3

@@ -8,16 +8,13 @@ constant ratio until they reach the even spacing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import real
 from mbsvib.errors import ResponseError
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-
 
 PER_DECADE = 150
 # Neighbouring points are no farther apart than half the distance of the nearer one to a root; within its half-power

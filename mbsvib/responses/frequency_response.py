@@ -9,12 +9,14 @@ the motions that they do not damp, Gamma is not formed: damped and undamped moti
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.common.expected import angular
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
@@ -22,18 +24,10 @@ from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.refined import recomputed, vanishing
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.modes.general import General
-    from mbsvib.responses.basis import Basis
-
 
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14

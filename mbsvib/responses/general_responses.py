@@ -9,24 +9,21 @@ there are none. The equations themselves are solved, frequency by frequency, whe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.memory import BATCH_BYTES
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import independent_coordinates
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
+from mbsvib.modes.energy_state import EnergyState
 from mbsvib.modes.general import General, rigid_shapes
 from mbsvib.responses.first_order import FirstOrder
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 from mbsvib.responses.modal_sum import general_motions
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.energy_state import EnergyState
 
 # Residual up to which the sum over modes is used: rounding of some hundred modes; the second value if the alternative
 # is refined solutions.

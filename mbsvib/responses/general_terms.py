@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
 

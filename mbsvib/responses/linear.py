@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
+from numpy.typing import ArrayLike
+
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import Names, key_ports
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.norms import Norm
     from mbsvib.responses.step_info import StepInfo
 
@@ -305,7 +305,6 @@ class StepVerbs(PortedVerbs):
             As of ``h2_norm``.
         """
         return self._norm("hinf_norm", outputs, inputs, parameters)
-
 
 
 class LinearVerbs(StepVerbs):

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-
 
 # Below this relative distance of a pair its invariant subspace is used: differences of its eigenvectors lose digits in
 # proportion to the square of the distance.

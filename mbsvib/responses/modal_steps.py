@@ -12,15 +12,12 @@ by cosines (or hyperbolic ones) of the distance to the middle, which are smooth 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.modes.classical import quadratic_roots
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-
 
 # |a|, |b| up to which a power series is summed, and its terms: the next one is below 1e-18.
 SERIES_RADIUS = 1.0

@@ -11,23 +11,19 @@ sums, over those above, whichever has the smaller terms.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.general import General
-
 
 # Weights of one block of points stay in the cache.
 BLOCK_BYTES = 2**20

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import Separation, separated
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.responses.extrema import Band, panels
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-
 
 # The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are
 # the same.

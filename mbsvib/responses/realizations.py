@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.modes.damped import Damped
 from mbsvib.modes.general import is_general
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.energy_schur import zeros_of_lasting_states
 from mbsvib.responses.feedthrough import accelerations, feedthrough
 from mbsvib.responses.first_order import RATE_UNITS, physical
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.damped import Damped
-    from mbsvib.responses.basis import Basis
-
 
 REALIZATIONS = ("physical", "modal", "balanced")
 S = TypeVar("S", bound=StateSpace)

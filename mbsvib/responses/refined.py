@@ -22,27 +22,24 @@ columns and at the frequencies concerned.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Complex
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import AccuracyWarning
 from mbsvib.linalg.double_double import DoubleDouble, Sliced, double_double
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import EPS, ZERO_RESPONSE
+from mbsvib.modes.damped import Damped
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.rounding import differentiated
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.damped import Damped
-    from mbsvib.responses.basis import Basis
-
-    Solve = Callable[[Complex], Complex]
-    Solver = Callable[[Array], Solve]
+Solve = Callable[[Complex], Complex]
+Solver = Callable[[Array], Solve]
 
 
 # Corrections stop if outputs change by less than the first number times themselves, or the second number times the

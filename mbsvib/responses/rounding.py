@@ -9,19 +9,15 @@ number of the equations may be smaller: with forward and adjoint motions x and z
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.rank import EPS
+from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import half_spectrum
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.damped import Damped
-
 
 # Rounding of a sum over modes in parts of its terms' size.
 ROUNDING = 16.0

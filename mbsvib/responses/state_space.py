@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed, upper
 from mbsvib.common.expected import reals
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
     from mbsvib.responses.first_order_solver import FirstOrderSolver
 

@@ -7,11 +7,12 @@ G(s) / s at lambda_k. Largest values and crossings are those of the sum at all t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import matrix_balance, schur
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.units import pretty, ratio
@@ -21,9 +22,6 @@ from mbsvib.responses.decaying_sum import DecayingSum
 from mbsvib.responses.first_order_solver import decaying_response
 from mbsvib.responses.frequency_response import zero_responses
 from mbsvib.responses.norms import decaying_part
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
 
 # Rise is from the first to the second share of the final value.
 RISE = (0.1, 0.9)

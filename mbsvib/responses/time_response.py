@@ -8,28 +8,24 @@ dependent, the exponential of the full state matrix is used instead of the modes
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.discrete import first_order_hold
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
 from mbsvib.responses.modal_sum import half_spectrum
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.general import General
-    from mbsvib.responses.basis import Basis
 
 CHUNK = 4096  # samples whose states are held in memory at a time
 SEGMENTS = 64  # of one chunk, side by side

@@ -17,24 +17,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import schur, solve_triangular
 
+from mbsvib.common.arrays import AnyArray, Array, Bools, Complex
 from mbsvib.common.selection import Names, selected
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.general import General
-    from mbsvib.responses.basis import Basis
-
 
 # Infinite zeros may come out finite if the deflation is ill-conditioned, for example along a chain of many masses. A
 # value is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the nearest

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, ZERO_SUM
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
 
 # A column may be eliminated while this share of it does not depend on those that are.
 INDEPENDENT = 0.1

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arguments import Vector
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
     from mbsvib.elements.rolling import Rolling
 
 # A wheel that slips by less than this share of the speed does so by axes that are printed with six digits.

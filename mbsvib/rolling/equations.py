@@ -12,34 +12,30 @@ Source: Meijaard, Papadopoulos, Ruina & Schwab, Proc. R. Soc. A 463 (2007) 1955-
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arrays import Array
 from mbsvib.elements.load import Load
 from mbsvib.elements.motion_input import MotionInput
 from mbsvib.elements.ports import ForceOutput, make_input
 from mbsvib.elements.rotor import Rotor
 from mbsvib.equations.assembly import assembled, linearized
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.scene import scene, with_maxwell_nodes
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import DEPENDENT_ROWS, ZERO_SUM
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.first_order import RATE_UNITS
 from mbsvib.rolling.choice import RankDecision, dependence, dependent_columns
-from mbsvib.rolling.contact import contact
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.rolling.contact import Contact
+from mbsvib.rolling.contact import Contact, contact
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -298,5 +294,3 @@ class _Reduced:
             c = c + wrench @ of_states[own] + sees[:, 3:] @ moment
             d = d + wrench @ of_inputs[own]
         return c, d
-
-

@@ -6,22 +6,19 @@ speed of travel, of which these differences are exact but for rounding; to other
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.modes.result import Modes
 from mbsvib.rolling.equations import rolling_equations
 from mbsvib.sensitivities.shapes import ModeSensitivities
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.modes.result import Modes
 
 # Steps relative to the value of a parameter, or absolute for one that is 0 [m, m/s, rad].
 STEP = 1e-2

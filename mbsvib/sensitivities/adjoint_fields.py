@@ -12,17 +12,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.linalg.products import real_product
-from mbsvib.linalg.vectors import incidence_sum, moved, moved_wrench, transformed
+from mbsvib.linalg.vectors import Field, incidence_sum, moved, moved_wrench, transformed
 from mbsvib.sensitivities.forces import geometric_wrenches
-
-if TYPE_CHECKING:
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.network import Network
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.matrices import MATRICES
+from mbsvib.modes import Modes
 from mbsvib.modes.result import modes
 from mbsvib.responses.basis import RESPONSE_RTOL, Basis
 from mbsvib.sensitivities.forms import have_rules
-from mbsvib.sensitivities.loaded_network import loaded_network
-from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
+from mbsvib.sensitivities.loaded_network import LoadedNetwork, loaded_network
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives, matrix_derivatives
+from mbsvib.sensitivities.network import Network
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
-from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_under_loads
-from mbsvib.sensitivities.ports import checked_loads, no_loads
-from mbsvib.sensitivities.pose_motion import reference_pose
-from mbsvib.sensitivities.spectrum import spectrum
-from mbsvib.sensitivities.variables import variables
+from mbsvib.sensitivities.parameter_groups import ParameterGroups, grouped_by_rule, grouped_under_loads
+from mbsvib.sensitivities.ports import Loads, checked_loads, no_loads
+from mbsvib.sensitivities.pose_motion import ReferencePose, reference_pose
+from mbsvib.sensitivities.spectrum import Pairs, Spectrum, spectrum
+from mbsvib.sensitivities.variables import Direction, Requested, Variables, variables
 from mbsvib.sensitivities.variants import Variants, not_held
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes import Modes
-    from mbsvib.sensitivities.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.ports import Loads
-    from mbsvib.sensitivities.pose_motion import ReferencePose
-    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
-    from mbsvib.sensitivities.variables import Direction, Requested, Variables
 
 
 class SensitivityBasis:

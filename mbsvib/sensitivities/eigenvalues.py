@@ -10,43 +10,36 @@ a part. Their parameters are those of the plan: rotation vectors from the nomina
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.memory import keep_freed_memory
+from mbsvib.equations.batch_assembly import BatchPlan
+from mbsvib.equations.batch_equations import BatchEquations
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equations.plan_tangents import along_parameters
 from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rank import ZERO_RIGID_FORM, ZERO_RIGID_FORM_BY_MATRICES
+from mbsvib.linalg.vectors import Field
 from mbsvib.mechanism.changes import to_angular_velocities
 from mbsvib.mechanism.parameters import Parameter
+from mbsvib.modes import Modes
+from mbsvib.modes.batch import BatchModes
 from mbsvib.responses.basis import Basis
-from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.adjoint_fields import Fields, Motions, fields, motions
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.forms import MatrixDerivativeGroup
+from mbsvib.sensitivities.loaded_network import LoadedNetwork
+from mbsvib.sensitivities.network import Network
 from mbsvib.sensitivities.network_assembly import bare_network
 from mbsvib.sensitivities.parameter_groups import ParameterGroups
-from mbsvib.sensitivities.spectrum import branches, put
-from mbsvib.sensitivities.variables import ListedLater, Variables
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.batch_assembly import BatchPlan
-    from mbsvib.equations.batch_equations import BatchEquations
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.modes import Modes
-    from mbsvib.modes.batch import BatchModes
-    from mbsvib.sensitivities.adjoint_fields import Fields, Motions
-    from mbsvib.sensitivities.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.spectrum import Spectrum
-    from mbsvib.sensitivities.variables import Direction, Requested
+from mbsvib.sensitivities.spectrum import Spectrum, branches, put
+from mbsvib.sensitivities.variables import Direction, ListedLater, Requested, Variables
 
 
 def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> Complex:

@@ -20,16 +20,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.linalg.vectors import cross, dot, incidence_sum, moved, moved_wrench, wide
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.linalg.vectors import Field
+from mbsvib.common.arrays import Array, Index
+from mbsvib.linalg.vectors import Field, cross, dot, incidence_sum, moved, moved_wrench, wide
 
 
 @dataclass(frozen=True)

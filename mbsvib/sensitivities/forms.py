@@ -6,32 +6,24 @@ no rule of one part tells have whole matrices as derivatives.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import prod
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements.part import Part
 from mbsvib.linalg.rank import ZERO_MATRIX_SLOPE
-from mbsvib.linalg.vectors import any_nonzero
+from mbsvib.linalg.vectors import Field, any_nonzero
+from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.rules import any_field
-from mbsvib.sensitivities.variables import indices
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.rules import PartRules, Rule, RuleAndData, Terms
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.variables import FieldLayout, PartFields
-
+from mbsvib.sensitivities.families.rules import PartRules, Rule, RuleAndData, Terms, any_field
+from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.variables import FieldLayout, PartFields, indices
 
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")

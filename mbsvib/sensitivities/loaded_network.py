@@ -18,41 +18,33 @@ chapter 7, for direct and adjoint derivatives.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
+from mbsvib.linalg.vectors import Field, cross, dot, moved, transformed, wide
+from mbsvib.mechanism.parameters import Parameter
 from mbsvib.sensitivities.adjoint_fields import Fields, joint_release_motion, transmitted
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.pose_changes import ForceChanges, ForceLayout, PoseRates, RowTerms
 from mbsvib.sensitivities.families.rules import crossed
-from mbsvib.sensitivities.forces import point_slopes, turn_slopes, work_slopes, wrench_slopes
-from mbsvib.sensitivities.forms import form_table, groups_by_rule, internal_groups
+from mbsvib.sensitivities.forces import Forces, point_slopes, turn_slopes, work_slopes, wrench_slopes
+from mbsvib.sensitivities.forms import ParameterGroup, form_table, groups_by_rule, internal_groups
+from mbsvib.sensitivities.network import Network
 from mbsvib.sensitivities.network_assembly import model_in_pose
 from mbsvib.sensitivities.variables import FieldLayout, ListedLater
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-    from scipy.sparse import csr_array
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.forms import ParameterGroup
-    from mbsvib.sensitivities.network import Network
 
 
 def internal_parameters(network: Network) -> list[tuple[str, str, tuple[int, ...]]]:

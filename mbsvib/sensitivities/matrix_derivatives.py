@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ModelError, nearest
 from mbsvib.linalg.rank import ZERO_FACTOR, ZERO_MATRIX_SLOPE
+from mbsvib.linalg.vectors import Field
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.ports import feedthrough, no_loads, port_forms
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.ports import Loads
+from mbsvib.sensitivities.parameter_groups import ParameterGroups
+from mbsvib.sensitivities.ports import Loads, feedthrough, no_loads, port_forms
 
 _ONE, _NONE = np.ones(1), np.zeros(1)
 _STILL = (_NONE, _NONE, _NONE)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import BaseMotion, Body, Input, Output
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.matrices import MATRICES
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
 
 # Entries are as good as this share of the largest in their matrix deserves.
 SMALL = 1e-6

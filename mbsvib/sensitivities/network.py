@@ -12,42 +12,35 @@ its matrices; all are antisymmetric, so that the left side of a form has them wi
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Maxwell, Spring
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.maxwell import Node
+from mbsvib.elements.part import Part
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.spin_terms import cross_couplings, momenta
 from mbsvib.equations.steady_spin import spin_velocities
 from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.kinematics.relative_motion import body_motion
-from mbsvib.kinematics.shared_rows import shared_rows
-from mbsvib.linalg.vectors import cross, transformed, wide
+from mbsvib.kinematics.relative_motion import Twists, body_motion
+from mbsvib.kinematics.shared_rows import Shared, shared_rows
+from mbsvib.linalg.vectors import Field, cross, transformed, wide
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network_kinematics import Constraints, ElementReactions, Kinematics
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Bushing, Joint, Load
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network_kinematics import Constraints, ElementReactions, Kinematics
-
-    Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
+Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
 
 
 # The fields of a Maxwell element whose values are coefficients of a line each.

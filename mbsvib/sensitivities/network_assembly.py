@@ -7,12 +7,15 @@ the network, where all parts are known there, or acts on the matrices as wholes.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Body, Joint
 from mbsvib.elements.body import tensors
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
@@ -20,35 +23,34 @@ from mbsvib.elements.families import has_rows
 from mbsvib.elements.hub import Hub
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.motion_input import DrivenCoordinate
-from mbsvib.elements.part import Composed
+from mbsvib.elements.part import Composed, Part
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
 from mbsvib.elements.superelement import Superelement
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.wrenches import is_loaded as carries_loads
 from mbsvib.linalg.rank import NO_WORK, SAME_WORK
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.linalg.vectors import entries_matrix, transformed
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.connections import element_matrices, point_of
 from mbsvib.sensitivities.families.pose_changes import displaced, turned
 from mbsvib.sensitivities.forces import Forces
-from mbsvib.sensitivities.network import Coefficients, Coordinates, Network, Tree, maxwell_parts, shared_forces, spin
-from mbsvib.sensitivities.network_kinematics import element_reactions, joint_coordinates
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Joint
-    from mbsvib.elements.part import Part
-    from mbsvib.equations.equations import Equations
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.network import Limit
-    from mbsvib.sensitivities.network_kinematics import ElementReactions, Kinematics
-
+from mbsvib.sensitivities.network import (
+    Coefficients,
+    Coordinates,
+    Limit,
+    Network,
+    Tree,
+    maxwell_parts,
+    shared_forces,
+    spin,
+)
+from mbsvib.sensitivities.network_kinematics import ElementReactions, Kinematics, element_reactions, joint_coordinates
 
 # Kinds of parts that are springs of the network; others are made of these.
 SPRINGS = ("spring", "element")

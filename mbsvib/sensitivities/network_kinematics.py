@@ -9,34 +9,28 @@ rank, statics determines their forces: there are motions that open the elements 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import qr
 from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Body
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.kinematics.relative_motion import Twists, relative_motion, twists
 from mbsvib.linalg.rank import DEPENDENT_DEFORMATION
-from mbsvib.linalg.vectors import DENSE, entries_matrix
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.linalg.vectors import DENSE, Field, entries_matrix
+from mbsvib.mechanism.topology import FLOATS, Topology
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body
-    from mbsvib.equations.equations import Equations
-    from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.mechanism.topology import Topology
-
-    Elements = tuple[tuple[str, ...], tuple[str, ...], int]
+Elements = tuple[tuple[str, ...], tuple[str, ...], int]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,37 +7,30 @@ frequency does not count, and sigma moves by Re(u^H dG v).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, solve_sylvester
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.selection import needed_ports
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.lasting import Separation, separated
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.energy_schur import last
 from mbsvib.responses.first_order_solver import decaying_response
 from mbsvib.responses.norms import Norm, decaying_part, h2, hinf
 from mbsvib.responses.realizations import state_space
+from mbsvib.responses.state_space import StateSpace
+from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
-from mbsvib.sensitivities.variables import variables
+from mbsvib.sensitivities.variables import Requested, variables
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.lasting import Separation
-    from mbsvib.responses.basis import Basis
-    from mbsvib.responses.state_space import StateSpace
-    from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.variables import Requested
-
-    Ports = str | Sequence[str] | None
+Ports = str | Sequence[str] | None
 
 BLOCK = 4_000_000
 # Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.

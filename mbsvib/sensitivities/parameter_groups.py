@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_STRESS_WORK
-from mbsvib.linalg.vectors import incidence_sum
-from mbsvib.sensitivities.adjoint_fields import fields, in_joints, motions
+from mbsvib.linalg.vectors import Field, incidence_sum
+from mbsvib.sensitivities.adjoint_fields import Fields, fields, in_joints, motions
+from mbsvib.sensitivities.families.rules import Terms
 from mbsvib.sensitivities.forms import MatrixDerivativeGroup, ParameterGroup, form_table, groups_by_rule
-from mbsvib.sensitivities.pose_motion import pose_motion
-from mbsvib.sensitivities.variables import Direction
+from mbsvib.sensitivities.loaded_network import LoadedNetwork
+from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.pose_motion import ReferencePose, pose_motion
+from mbsvib.sensitivities.variables import Direction, Variables
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.rules import Terms
-    from mbsvib.sensitivities.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.pose_motion import ReferencePose
-    from mbsvib.sensitivities.variables import Variables
-
-    MatrixSlopes = Callable[[Sequence[Direction], bool], Mapping[str, Array]]
+MatrixSlopes = Callable[[Sequence[Direction], bool], Mapping[str, Array]]
 
 
 @dataclass(frozen=True)

@@ -10,21 +10,27 @@ Ports are loads of the network where these give the system's own B, Cq, Cv, Ca a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Output
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.motion_input import DrivenCoordinate, MotionForce
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.equations import Equations
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import SAME_PORT_ROW, ZERO_PORT_ROW, ZERO_STRESS
-from mbsvib.linalg.vectors import moved, transformed
+from mbsvib.linalg.vectors import Field, moved, transformed
 from mbsvib.sensitivities.adjoint_fields import (
+    Fields,
+    Motions,
     fields,
     in_joints,
     joint_release_motion,
@@ -33,21 +39,10 @@ from mbsvib.sensitivities.adjoint_fields import (
     relative_twists,
 )
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.forces import geometric_wrenches
+from mbsvib.sensitivities.forces import Forces, geometric_wrenches
 from mbsvib.sensitivities.forms import form_table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.adjoint_fields import Fields, Motions
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_groups import ParameterGroups
+from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.parameter_groups import ParameterGroups
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,42 +10,34 @@ have to follow. Springs keep their law, so that what changes their length as des
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equilibrium.articulation import articulated, with_rigid_parts
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.motion import close, posed_model
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import PosedModel, close, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
 from mbsvib.kinematics.pose import start
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.rank import CANCELLED, ZERO_DIFFERENCE, ZERO_STIFFNESS, ZERO_UNHELD_FORCE
 from mbsvib.linalg.vectors import inverse_root
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.parameters import Parameter
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.pose_changes import ReferenceTerms, turned
+from mbsvib.sensitivities.families.pose_changes import ForceChanges, ReferenceTerms, turned
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.loaded_network import LoadedNetwork
+from mbsvib.sensitivities.network import Network
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-    from scipy.sparse import csr_array
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.families.pose_changes import ForceChanges
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.network import Network
-
-    # Of forces f, torques t and T / L (n, 1), and of the relative shifts v and turns w (n, m) that they see.
-    Sizes = tuple[Array, Array, Array, Array, Array]
+# Of forces f, torques t and T / L (n, 1), and of the relative shifts v and turns w (n, m) that they see.
+Sizes = tuple[Array, Array, Array, Array, Array]
 
 
 def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:

@@ -11,39 +11,32 @@ exact for held and linear inputs as the responses themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, log2
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import needed_ports
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.vectors import Field
 from mbsvib.modes.damped import Damped
 from mbsvib.responses import frequency_response as responses
+from mbsvib.responses.basis import Basis
 from mbsvib.responses.modal_sum import sum_of_motions
 from mbsvib.responses.time_response import checked_question
+from mbsvib.sensitivities.basis import SensitivityBasis
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
+from mbsvib.sensitivities.parameter_groups import ParameterGroups
 from mbsvib.sensitivities.ports import feedthrough, port_forms
-from mbsvib.sensitivities.states import basis_rotation, changed, states
-from mbsvib.sensitivities.variables import variables
+from mbsvib.sensitivities.states import States, basis_rotation, changed, states
+from mbsvib.sensitivities.variables import Requested, variables
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.responses.basis import Basis
-    from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-    from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.states import States
-    from mbsvib.sensitivities.variables import Requested
-
-    Ports = str | Sequence[str] | None
+Ports = str | Sequence[str] | None
 
 
 def solutions(basis: Basis, b: Array, w: Array, *, adjoint: bool = False) -> Complex:

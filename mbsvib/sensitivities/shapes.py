@@ -7,32 +7,27 @@ subspace, and lambda' is a matrix.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
+from mbsvib.modes import Modes
 from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
+from mbsvib.sensitivities.parameter_groups import ParameterGroups
 from mbsvib.sensitivities.spectrum import coinciding
-from mbsvib.sensitivities.states import state_basis
+from mbsvib.sensitivities.states import StateBasis, state_basis
+from mbsvib.sensitivities.variables import Requested
 from mbsvib.sparse.modes import SomeModes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.modes import Modes
-    from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.states import StateBasis
-    from mbsvib.sensitivities.variables import Requested
-
 
 # Variables and modes that a table shows.
 SHOWN_VARIABLES, SHOWN_MODES = 40, 6
@@ -252,4 +247,3 @@ def _bordered(states: StateBasis, value: complex, columns: Any, rows: Any, forms
         moved = np.abs(result[:, m:]).max(axis=(1, 2)) > RIGID * np.abs(forms).max(axis=(1, 2), initial=0.0)
         result[moved] = np.nan
     return np.asarray(result[:, :m])
-

@@ -12,39 +12,33 @@ sparsity of the loops.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_array, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.elements.beam import Beam
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import SAME_EIGENVALUE
+from mbsvib.linalg.vectors import Field
 from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import assembled, is_complete
 from mbsvib.sensitivities.network_kinematics import Constraints, Kinematics, closing_terms
 from mbsvib.sensitivities.shapes import ModeSensitivities
+from mbsvib.sensitivities.variables import Direction, Requested
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import relative_rows
-from mbsvib.sparse.modes import modes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.variables import Direction, Requested
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.modes import SomeModes
-
+from mbsvib.sparse.modes import SomeModes, modes
 
 # Combinations of redundant rows that stand for all of them: a change that works on none of these works on none.
 PROBES = 3

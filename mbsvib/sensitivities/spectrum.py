@@ -6,27 +6,23 @@ Variables come last, so that entries of the matrices of all variables are one co
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import accumulate, combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS, ONE_BRANCH, SAME_EIGENVALUE
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.general import General
 from mbsvib.modes.pairs import of_all
+from mbsvib.modes.result import Modes
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.modes.general import General
-    from mbsvib.modes.result import Modes
-
-    Field = NDArray[Any]
+Field = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)

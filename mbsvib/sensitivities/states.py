@@ -12,21 +12,18 @@ Theta^T X + X Theta. States are (s eta, eta', nu) with s = omega, so that A is a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Body, Maxwell
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import CANCELLED_RATE, ORTHOGONAL_STATES
 from mbsvib.modes.damped import Damped
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.responses.basis import Basis
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
+from mbsvib.responses.basis import Basis
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import accumulate, chain, combinations_with_replacement, product
 from math import prod
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
+from mbsvib.mechanism.parameters import Parameter, Parameters
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
-    from mbsvib.mechanism.parameters import Parameter, Parameters
-
-    Mask = NDArray[np.bool_]
-    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+Mask = NDArray[np.bool_]
+Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 T = TypeVar("T")

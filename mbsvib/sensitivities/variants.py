@@ -14,16 +14,18 @@ model had to find its equilibrium far from where it is described, each variant f
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.selection import port_numbers
 from mbsvib.elements.load import Gravity
 from mbsvib.equations.assembly import assembled, linearized
-from mbsvib.equations.batch_assembly import batch_plan
+from mbsvib.equations.batch_assembly import BatchPlan, batch_plan
 from mbsvib.equations.batch_equations import BatchEquations
+from mbsvib.equations.batch_values import Values
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.matrices import MATRICES
@@ -36,21 +38,14 @@ from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import Slots, scale_of
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
 from mbsvib.sensitivities.network_assembly import may_move
 from mbsvib.sensitivities.pose_motion import VariantPoses
+from mbsvib.sensitivities.variables import Direction
+from mbsvib.sparse.equations import SparseEquations
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_assembly import BatchPlan
-    from mbsvib.equations.batch_values import Values
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.variables import Direction
-    from mbsvib.sparse.equations import SparseEquations
-
-    Rates = tuple[tuple[str, float], ...]
+Rates = tuple[tuple[str, float], ...]
 
 # The first step, against the value of a parameter or the size that it is measured by; how much smaller the next is.
 STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4

@@ -7,19 +7,16 @@ both the value and the slope of p are within this error somewhere are split ther
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.simulation.stepping import Sample
+from mbsvib.common.arrays import Array
+from mbsvib.simulation.stepping import Sample
 
 # Newton's method in time: corrections at most, and the share of an interval that counts as reached.
 CORRECTIONS, REACHED = 12, 1e-14

@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.finite_motion.frames import Expression
 from mbsvib.finite_motion.loops import CLOSED
 from mbsvib.linalg.dead_points import UNKNOWN
 from mbsvib.linalg.rank import MASSLESS
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.frames import Expression
     from mbsvib.finite_motion.lagrange import FiniteMotion
 
 # Small dense systems: QR of J_d, and LDL of the mass matrix.

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Index
 from mbsvib.errors import ModelError, SingularPoseError, nearest
 from mbsvib.finite_motion.loops import DrivenLoops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.qr import minimum_norm_solution, pivoted_qr
 from mbsvib.linalg.rank import DETERMINED
+from mbsvib.simulation.session import Session
 from mbsvib.simulation.states import State
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.simulation.session import Session
 
 # How far loops may stay open, in units of 1 rad and the size of the mechanism.
 OPEN = 1e-11

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.simulation.equations import MotionEquations
 from mbsvib.simulation.states import Chart, State
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.simulation.equations import MotionEquations
 
 
 # What is smaller than this share of its unit may have an error of that size.

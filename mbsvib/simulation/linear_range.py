@@ -19,19 +19,19 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.qr import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.simulation.outputs import Measured, measured
 from mbsvib.simulation.reactions import is_reaction
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.result import Modes
 
 

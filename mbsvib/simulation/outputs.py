@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import elements
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.elements.motion_input import acting_inputs
+from mbsvib.elements.ports import ForceOutput, Output
 from mbsvib.elements.strain_output import StrainOutput, expand
 from mbsvib.finite_motion.connections import change
 from mbsvib.finite_motion.elastic import strain_of_slopes
 from mbsvib.finite_motion.elastic_block import ElasticBlock, node_row, point_as_described
 from mbsvib.finite_motion.forces import angular_momentum, moved_end_force, relative_motion
 from mbsvib.finite_motion.frames import Expression, logarithm, rate_in_motion
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam import Beam
-    from mbsvib.elements.ports import ForceOutput, Output
-    from mbsvib.finite_motion.lagrange import FiniteMotion
 
 
 def beam_of(model: Mechanism, element: str | None) -> Any:

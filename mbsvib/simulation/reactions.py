@@ -5,24 +5,21 @@ Those that depend on what redundant closures do not determine are refused.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.ports import ForceOutput
 from mbsvib.finite_motion.evaluation import matrices
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.reactions import multipliers, opened
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import DETERMINED
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.lagrange import FiniteMotion
 
 
 @dataclass(frozen=True)

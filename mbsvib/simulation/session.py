@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.finite_motion.evaluation import evaluated
+from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.loops import Loops, straight_way
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.rank import MASSLESS
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.simulation.equations import MotionEquations, first_order, motion_equations
 from mbsvib.simulation.integrator import Integrator, coordinate_units, magnitudes
+from mbsvib.simulation.signals import Signals
 from mbsvib.simulation.states import Chart, FreeRotation, chart_at, free_rotations
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.simulation.signals import Signals
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
     from mbsvib.responses.driven import Drive
 
 # Degree of the polynomials that functions are told by, and the share of its size to which they tell it.

@@ -8,17 +8,20 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from types import FrameType
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.progress import Progress, counting
 from mbsvib.elements.motion_input import MotionInput
 from mbsvib.errors import ModelError, SimulationError, nearest
 from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.driven import drives
 from mbsvib.simulation.crossings import Instant, crossings
 from mbsvib.simulation.initial import initial_state
@@ -26,12 +29,6 @@ from mbsvib.simulation.session import session
 from mbsvib.simulation.signals import Signals, moved_ends, signals
 from mbsvib.simulation.stepping import Sample, march, reached, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
-
-if TYPE_CHECKING:
-    from types import FrameType
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Events this near to the start of a run, as a share of an interval, are where it starts.
 SAME = 1e-9

@@ -4,20 +4,19 @@ coordinates that are independent, by pivots, and anew where loops have moved on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import qr
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.finite_motion.loops import CLOSED, Loops
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.kinematics import Kinematics
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import SimulationError
 from mbsvib.linalg.dead_points import no_dead_point
 from mbsvib.simulation.states import (
@@ -22,9 +24,6 @@ from mbsvib.simulation.states import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.common.arrays import Array
     from mbsvib.simulation.session import Session
 
 # Intervals in one call of the integrator at most, and at first.

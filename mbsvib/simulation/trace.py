@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.simulation.crossings import Course, Instant, crossings
 from mbsvib.simulation.outputs import Measured, cut_coordinates, measured
 from mbsvib.simulation.session import Session, session
+from mbsvib.simulation.signals import Signals
 from mbsvib.simulation.states import as_described
 from mbsvib.simulation.stepping import Sample, reached
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.simulation.signals import Signals
-
 
 # The largest s^2 (1 - s)^3, and what the fifth degree may add to a smooth motion as a share of how far that goes.
 FIFTH, SMOOTH = 0.0346, 1e-3

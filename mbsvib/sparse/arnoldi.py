@@ -5,15 +5,12 @@ Source: Saad, Numerical Methods for Large Eigenvalue Problems (2011), section 6.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex
+from mbsvib.common.arrays import AnyArray, Array, Complex
 
 # If less than this share of a vector remains after orthogonalization, the remainder is rounding.
 NEW = 1e-12

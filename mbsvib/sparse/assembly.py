@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.scene import with_maxwell_nodes
 from mbsvib.equations.wrenches import is_loaded
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.constraints import Constraints, check_mobility
 from mbsvib.sparse.draft import SparseDraft, first_draft, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.equations import SparseEquations
@@ -19,12 +22,6 @@ from mbsvib.sparse.massless import separation
 from mbsvib.sparse.massless_motions import massless_motions
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import short_span
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # In the order from leaves to root, the fill grows with the square of the number of multipliers of loops through a
 # joint. If there are more than this on average (grids; a single spatial loop has 6), a general ordering fills less.

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
+
+from numpy.typing import ArrayLike
 
 from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
@@ -10,15 +13,9 @@ from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.drives import driven_coordinates
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS, span
 from mbsvib.sparse.equations import SparseEquations
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.mechanism.mechanism import Mechanism
 
 E = TypeVar("E", bound=Equations)
 S = TypeVar("S", bound=SparseEquations)

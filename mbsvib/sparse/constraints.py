@@ -16,14 +16,20 @@ and the rank of every group of loops with redundant rows is determined again, of
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements import Body
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import appended, terms
+from mbsvib.kinematics.couplings import Couplings
 from mbsvib.kinematics.loops import Cuts, LoopGroup, check_gap, decided, measures, preference, redundant_members
 from mbsvib.kinematics.mobility import jump, rank_nearby, rows_nearby
 from mbsvib.kinematics.relative_motion import Twists, arm
@@ -38,23 +44,15 @@ from mbsvib.linalg.rank import (
     RANK_FACTOR,
     REGULARISATION,
 )
+from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.layout import Layout, VirtualUnknowns, path_entries, relative_rows
+from mbsvib.sparse.tableau import Tableau
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements import Body
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.elements.rows import Rows
-    from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.tableau import Tableau
-    from mbsvib.sparse.tree import Tree
-
-    Entry = tuple[Index, Index, Array]
+Entry = tuple[Index, Index, Array]
 
 
 # Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.

@@ -8,20 +8,19 @@ for example of equal parts, are found by further searches with the known ones de
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Complex
 from mbsvib.sparse.arnoldi import Ritz, arnoldi
+from mbsvib.sparse.tableau import Factor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex
     from mbsvib.sparse.quadratic import Quadratic
-    from mbsvib.sparse.tableau import Factor
 
 # Residual of the eigenvectors.
 TOLERANCE = 1e-10

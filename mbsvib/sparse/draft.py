@@ -4,15 +4,19 @@ the assembly, each of which returns a draft with the terms of its parts.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements import Body
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.inertia import SpatialInertia, spatial_inertia
 from mbsvib.equations.ports import (
+    Ports,
     feedthrough_of_ground,
     feedthrough_of_motions,
     force_weights,
@@ -20,30 +24,25 @@ from mbsvib.equations.ports import (
     motion_weights,
     ports,
 )
+from mbsvib.equations.self_stress import Undetermined
 from mbsvib.equations.spin_terms import CrossCoupling, check_spin, cross_couplings, momenta
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.shared_rows import Shared, shared_rows, stack
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.topology import Topology
 from mbsvib.sparse.constraints import Constraints, constraints
 from mbsvib.sparse.layout import Layout, relative_rows
 from mbsvib.sparse.layout import layout as unknowns_of
+from mbsvib.sparse.massless import SparseSeparation
 from mbsvib.sparse.self_stress import Region, regions
+from mbsvib.sparse.tableau import Tableau
 from mbsvib.sparse.tree import Tree, tree
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body
-    from mbsvib.equations.ports import Ports
-    from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.geometric_stiffness import Loading
-    from mbsvib.sparse.massless import SparseSeparation
-    from mbsvib.sparse.tableau import Tableau
 
 
 _LATER: Any = None

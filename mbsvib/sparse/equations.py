@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.selection import port_numbers
+from mbsvib.equations.equations import Connection, Removed
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.linalg.multifrontal import LARGEST, Fronts, SymmetricFactor, factored, fronts
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.topology import Topology
+from mbsvib.sparse.layout import Layout
+from mbsvib.sparse.tableau import Tableau
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Connection, Removed
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
-    from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.massless import SparseSeparation
-    from mbsvib.sparse.tableau import Tableau
-    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.ports import ground_motion, inertia_of_ground_motion
+from mbsvib.equations.self_stress import Undetermined
 from mbsvib.equations.spin_terms import momenta
 from mbsvib.equations.virtual_motions import carries_nothing, joint_ends
 from mbsvib.errors import ModelError
@@ -26,16 +28,13 @@ from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.draft import SparseDraft, of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
+from mbsvib.sparse.geometric_stiffness import JointForms, Products
 from mbsvib.sparse.layout import relative_rows, virtual_unknowns
+from mbsvib.sparse.self_stress import Region
 from mbsvib.sparse.tableau import FINE, SINGULAR, Factor
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.sparse.geometric_stiffness import JointForms, Products
-    from mbsvib.sparse.self_stress import Region
 
 
 def with_joint_forces(draft: SparseDraft) -> SparseDraft:

@@ -6,15 +6,18 @@ fronts of a symmetric factor; products are those of the matrices.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import AnyArray, Array
 from mbsvib.common.selection import signal_names
 from mbsvib.elements import Body, Joint
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.from_matrices import SYMMETRIC, from_matrices, outputs_of, shaped
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.loops import Reduction
@@ -23,12 +26,6 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.assembly import linearized
 from mbsvib.sparse.equations import SparseEquations, SparseMatrices
 from mbsvib.sparse.quadratic import Quadratic
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import AnyArray, Array
-    from mbsvib.equations.equations import Equations
 
 S = TypeVar("S", bound="SparseEquations")
 E = TypeVar("E", bound="Equations")

@@ -14,27 +14,22 @@ two-sided methods.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import AnyArray, Array, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
+from mbsvib.sparse.equations import SparseEquations
+from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.quadratic import Quadratic
-
 
 # A motion is left out if less than this fraction of it remains after orthogonalization.
 NEW = 1e-10

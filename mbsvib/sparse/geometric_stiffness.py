@@ -7,28 +7,26 @@ translations that cancel there would have a rounding that grows with the length 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.core.geometric_stiffness import Pairs
 from mbsvib.core.pairs import duals, own_curvatures, shift_hessian, turning, twists_of
 from mbsvib.elements.rows import Rows, columns
 from mbsvib.equations.load_stiffness import applied_pairs
+from mbsvib.equations.wrenches import AppliedWrenches
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.mechanism.topology import FLOATS, Topology
 from mbsvib.sparse.layout import Layout, VirtualUnknowns, relative_rows
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.core.geometric_stiffness import Pairs
-    from mbsvib.equations.wrenches import AppliedWrenches
-    from mbsvib.sparse.tree import Tree
 
 _DIAGONAL = np.arange(3)
 

@@ -18,24 +18,22 @@ long path it is in terms of the displacements of its two ends.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.relative_motion import entry_values
 from mbsvib.linalg.groups import items_of_groups
 from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements.rows import Rows
-    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True, slots=True)

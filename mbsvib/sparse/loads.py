@@ -8,10 +8,10 @@ Phi^T lambda = -B'^T W by sparse least squares, and the residual is the unbalanc
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import ElementRows, Rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
@@ -20,14 +20,11 @@ from mbsvib.equations.wrenches import WrenchPairs, applied_wrenches
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.linalg.rotations import crossed_product
 from mbsvib.mechanism.topology import FLOATS, Topology
+from mbsvib.sparse.constraints import Constraints
+from mbsvib.sparse.draft import SparseDraft
 from mbsvib.sparse.geometric_stiffness import Loading
 from mbsvib.sparse.layout import VirtualUnknowns
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.sparse.constraints import Constraints
-    from mbsvib.sparse.draft import SparseDraft
-    from mbsvib.sparse.tree import Tree
+from mbsvib.sparse.tree import Tree
 
 
 def with_loads(draft: SparseDraft) -> SparseDraft:

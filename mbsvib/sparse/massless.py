@@ -8,28 +8,26 @@ statics and are no degrees of freedom. The others have one first-order state eac
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_separation import separate_massless
 from mbsvib.equations.matrices import Terms
 from mbsvib.equations.unresisted_motion import Scale
 from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
+from mbsvib.sparse.layout import Layout
+from mbsvib.sparse.massless_motions import Motions
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
     from scipy.sparse import csc_matrix, csr_matrix
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.massless_motions import Motions
-    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,27 +8,25 @@ point of the part moves by more than about one metre.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.equations.inertia import SpatialInertia
 from mbsvib.equations.massless_separation import check_gap
 from mbsvib.equations.unresisted_motion import independent_coordinates, null_space, without_rounding
+from mbsvib.kinematics.shared_rows import Shared
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 from mbsvib.sparse.layout import Layout, kinematics
+from mbsvib.sparse.tree import Tree
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from scipy.sparse import csc_matrix, csr_matrix
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.kinematics.shared_rows import Shared
-    from mbsvib.sparse.tree import Tree
 
 
 TINY = float(np.finfo(float).tiny)

@@ -18,14 +18,17 @@ Control Letters 58 (2009) 225.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
+from mbsvib.common.arrays import AnyArray, Array, Complex
 from mbsvib.equations.equations import Equations, Truncation
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.multifrontal import SymmetricFactor
 from mbsvib.linalg.qr import extended
 from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.modes.undamped import undamped
@@ -36,13 +39,6 @@ from mbsvib.sparse.from_matrices import matrices_of, motions_of, projected, quad
 from mbsvib.sparse.matrix_subspace import flexible_static
 from mbsvib.sparse.modes import SomeModes, modes
 from mbsvib.sparse.reduction import RTOL
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex
-    from mbsvib.linalg.multifrontal import SymmetricFactor
-
 
 E = TypeVar("E", bound=Equations)
 

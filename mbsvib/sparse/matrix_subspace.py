@@ -12,20 +12,17 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array
 from mbsvib.errors import ResponseError, UnstableWarning, counted
 from mbsvib.linalg.rank import EPS, RIGID_ENERGY
 from mbsvib.sparse.arnoldi import arnoldi
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.from_matrices import matrices_of, quadratic_of
 from mbsvib.sparse.operator import Operator, count_below
 from mbsvib.sparse.subspace import OFFSETS, SEARCHES, SLOW, Subspace
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array
-    from mbsvib.sparse.equations import SparseEquations
 
 # The shift for the lowest modes, as a share of the square of a typical frequency of single coordinates: below the
 # flexible modes of most structures, and far enough from 0 that rigid-body modes do not drown the others in rounding.

@@ -15,31 +15,27 @@ Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.common.expected import near_frequency
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import undamped
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.from_matrices import motions_of
 from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.matrix_subspace import matrix_subspace
+from mbsvib.sparse.operator import Operator
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
 from mbsvib.sparse.subspace import Subspace
 from mbsvib.sparse.subspace import subspace as mechanism_subspace
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import AnyArray, Array, Index
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.operator import Operator
-
 
 # The subspace is restarted from the current modes when it has grown to this many vectors per mode.
 GROWTH = 8

@@ -9,21 +9,18 @@ The structure of the springs, and no tolerance, determines these coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Bools, Index
 from mbsvib.linalg.groups import by_label, connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS, SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.quadratic import Quadratic
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Index
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.tableau import Factor
-
+from mbsvib.sparse.tableau import Factor
 
 # Shifts, relative to the square of the highest frequency, at which modes are counted if the springs do not determine
 # which coordinates are free. Below the last one rounding of the stiffness dominates.

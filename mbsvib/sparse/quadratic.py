@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes.classical import proportional
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import AnyArray, Array, Index
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.tableau import Factor
+from mbsvib.sparse.equations import SparseEquations
+from mbsvib.sparse.tableau import Factor
 
 
 @dataclass(frozen=True)

@@ -7,24 +7,22 @@ and an output is zero.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Index
 from mbsvib.elements.shared_rows import carriers
 from mbsvib.equations.equations import Removed
 from mbsvib.equations.selection import selected_ports
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import part_numbers
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.sparse.assembly import linearized
 from mbsvib.sparse.equations import SparseEquations
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Index
-    from mbsvib.mechanism.mechanism import Mechanism
 S = TypeVar("S", bound=SparseEquations)
 
 

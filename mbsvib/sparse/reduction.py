@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from scipy.sparse import csr_matrix
 
+from mbsvib.common.arrays import Array
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.from_matrices import projected
 from mbsvib.sparse.subspace import strains
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.sparse.equations import SparseEquations
 
 # Displacements are sums along the path from ground with random rounding errors. Calibrated in the tests.
 ACCUMULATE = 0.25

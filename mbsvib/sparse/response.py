@@ -9,10 +9,12 @@ that the inertia of the free motion balances.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.common.arrays import AnyArray, Array, Complex
 from mbsvib.common.expected import angular
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
@@ -20,17 +22,12 @@ from mbsvib.modes.general import is_general
 from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.from_matrices import quadratic_of
 from mbsvib.sparse.galerkin import extended, split_massless
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.reduction import RTOL, reduced
 from mbsvib.sparse.tableau import FINE, SINGULAR
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import AnyArray, Array, Complex
-    from mbsvib.sparse.equations import SparseEquations
 
 E = TypeVar("E", bound=Equations)
 

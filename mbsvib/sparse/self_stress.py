@@ -10,6 +10,7 @@ displacements of the bodies, and B the wrenches of these rows,
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.tables import listed
 from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.equations.virtual_motions import point_of
@@ -30,17 +32,13 @@ from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS, Topology
 from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES, Constraints
 from mbsvib.sparse.layout import paths
+from mbsvib.sparse.tree import Tree
 
 # Iterative refinement stops when a step changes the solution by less than this; it has so many steps at most.
 CONVERGED, STEPS = 1e-13, 60
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
     from scipy.sparse import csr_matrix
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,18 +7,22 @@ placed along the ring, starting at the imaginary axis, where lightly damped mode
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.disc import Disc, disc
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.galerkin import (
     Galerkin,
+    Solution,
     eigenvectors,
     error_bound,
     extended,
@@ -32,14 +36,6 @@ from mbsvib.sparse.layout import motions
 from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.equations import Equations
-    from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.galerkin import Solution
 
 # Number of additional modes.
 GUARDS = 2

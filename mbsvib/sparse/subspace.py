@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.operator import Operator, count_below, operator
 from mbsvib.sparse.quadratic import Quadratic
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.sparse.equations import SparseEquations
 
 # Residual of the Lanczos vectors: the error of frequencies is its square.
 TOLERANCE = 1e-9

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from mbsvib.common.arrays import AnyArray, Array, Bools, Index
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import AnyArray, Array, Bools, Index
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 

@@ -14,21 +14,17 @@ Source: Alon, Karp, Peleg & West, SIAM J. Comput. 24 (1995), trees of low averag
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Bools, Index
+from mbsvib.elements import Body
 from mbsvib.kinematics.relative_motion import in_order, largest_pitch, twists_of_branches
 from mbsvib.linalg.rotations import crossed_product
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import Topology, span
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Bools, Index
-    from mbsvib.elements import Body
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,28 +9,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.api.model import Model
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
 from mbsvib.feedback.pole_track import ratios
 from mbsvib.linalg.matching import Station, is_simple, match_next, reference, track_modes, upper
+from mbsvib.modes import Modes
 from mbsvib.modes.pairs import growing
 from mbsvib.modes.result import digits
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.modes import Modes
-
 
 # Critical speeds are found to this relative accuracy.
 XTOL = 1e-13
@@ -48,8 +44,6 @@ class CriticalSpeed:
     frequency: float
     damping_ratio: float
     whirl: float
-
-
 
 
 @dataclass(frozen=True, slots=True)

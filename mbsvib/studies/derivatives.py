@@ -6,29 +6,25 @@ With dM the change of [A B; C D] of a loop, G' = [C R 1] dM [R B; 1], R = (i w -
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import clusters
-from mbsvib.linalg.spectrum import spectrum
+from mbsvib.linalg.spectrum import Spectrum, spectrum
+from mbsvib.modes import Modes
 from mbsvib.random.slopes import Scene
 from mbsvib.responses.first_order_solver import first_order_solver
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 from mbsvib.sensitivities.responses import fields
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.linalg.spectrum import Spectrum
-    from mbsvib.modes import Modes
-    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-
-    Rates = Mapping[str, Mapping[str, float]]
+Rates = Mapping[str, Mapping[str, float]]
 
 DENSE = 60  # degrees of freedom up to which responses take the derivatives of whole matrices, which are computed once
 # Offsets and weights of differences of fourth order: central ones, and one-sided ones where values end.

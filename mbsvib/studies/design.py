@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.equilibrium.posed_variants import pose_coordinates
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.changes import resolved, to_angular_velocities
+from mbsvib.mechanism.parameters import Parameters
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from mbsvib.api.model import Model
-    from mbsvib.mechanism.parameters import Parameters
 
 @runtime_checkable
 class Tie(Protocol):

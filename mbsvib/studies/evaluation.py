@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.model import Model
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ModelError
 from mbsvib.feedback.loop import Loop
 from mbsvib.linalg.matching import Station, upper
+from mbsvib.modes import Modes
 from mbsvib.sensitivities.variables import variables as resolved
-from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
-from mbsvib.studies.plants import PlantPoint
+from mbsvib.studies.derivatives import Derivatives, Differences, OfLoop, OfSystem
+from mbsvib.studies.plants import PlantPoint, Systems
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Iterable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.modes import Modes
-    from mbsvib.studies.derivatives import Derivatives
-    from mbsvib.studies.plants import Systems
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dual:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError
+from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.measures import Modal, together
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.studies.evaluation import DesignPoint
-    from mbsvib.studies.quantities import Quantity
-
+from mbsvib.studies.quantities import Quantity
 
 CHUNK = 1000  # samples
 

@@ -14,24 +14,22 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mbsvib.api.running import compiled_for, cycle_of
+from mbsvib.api.model import Model
+from mbsvib.api.running import Cycle, compiled_for, cycle_of
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names
+from mbsvib.common.selection import Names
+from mbsvib.elements import Body
 from mbsvib.errors import ModelError, nearest
+from mbsvib.studies.evaluation import DesignPoint, Dual
 from mbsvib.studies.quantities import Leaf, Quantity, quantity
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.api.running import Cycle
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
     from mbsvib.cycles.sensitivities import CycleSensitivities
-    from mbsvib.elements import Body
-    from mbsvib.studies.evaluation import DesignPoint, Dual
 
 
 UNITS = {"force": "N", "moment": "N m", "torque": "N m"}
@@ -205,8 +203,6 @@ def _same_but(names: tuple[str, ...], first: Model, second: Model) -> bool:
         return False
     like = first.with_values({name: after[name] for name in names})
     return like.gravity == second.gravity and like.groups() == second.groups()
-
-
 
 
 def cycle(

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import ModelError, counted, nearest
-from mbsvib.studies.evaluation import Dual
+from mbsvib.modes import Modes
+from mbsvib.modes.batch import BatchModes
+from mbsvib.studies.evaluation import DesignPoint, Dual
 from mbsvib.studies.quantities import Leaf, Quantity
 from mbsvib.studies.responses import Peak, PortResponses, band_of
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.modes import Modes
-    from mbsvib.modes.batch import BatchModes
-    from mbsvib.studies.evaluation import DesignPoint
-
-    Names = str | Iterable[str] | None
-    Band = tuple[float, float]
+Names = str | Iterable[str] | None
+Band = tuple[float, float]
 
 # natural frequency [rad/s], sum of the two eigenvalues, and changes of both, to a value and its change
 Given = Callable[["System", Mapping[str, Mapping[str, float]]], "tuple[Any, Any]"]

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import util
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.studies.design import design
+from mbsvib.studies.design import Ties, design
 from mbsvib.studies.optimum import FEASIBLE, Descent, Optimum
 from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
-from mbsvib.studies.search import Search, scales
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.studies.design import Ties
-    from mbsvib.studies.search import Value
-
+from mbsvib.studies.search import Search, Value, scales
 
 FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
 ITERATIONS = 100  # of SLSQP before it begins anew; at a kink it stays, with more and more trials a step
@@ -333,8 +326,6 @@ def _ended(search: Search, z: Array, solver_result: SolverResult) -> bool:
 
 def _rank(end: Optimum) -> tuple[float, float]:
     return max(end.violation, FEASIBLE), end.objective
-
-
 
 
 def _optimum(search: Search, z: Array, solver_result: SolverResult, x: Array, began: float) -> Optimum:

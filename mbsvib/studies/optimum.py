@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
 
 FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 

@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
+from mbsvib.api.batch import Batch
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.in_equilibrium import batch_in_equilibrium, in_equilibrium
+from mbsvib.api.model import Model
+from mbsvib.api.plant import Plant as CompiledPlant
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import kind_of
 from mbsvib.equations.assembly import is_small
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.responses.driven import Drive, differ, drives
-from mbsvib.studies.derivatives import Differences, OfLoop, OfSystem
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.api.batch import Batch
-    from mbsvib.api.model import Model
-    from mbsvib.api.plant import Plant as CompiledPlant
-    from mbsvib.common.arrays import Array
-    from mbsvib.studies.derivatives import Derivatives, Rates
-    from mbsvib.studies.design import StudyVariables
+from mbsvib.studies.derivatives import Derivatives, Differences, OfLoop, OfSystem, Rates
+from mbsvib.studies.design import StudyVariables
 
 PlantFunction = Callable[..., Any]
 

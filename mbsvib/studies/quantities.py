@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from operator import add, itemgetter, methodcaller, mul, neg, sub, truediv
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError
 from mbsvib.studies.evaluation import DesignPoint, Dual, stacked
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array
 
 class Quantity(Displayed):
     """One or several numbers of a system, with exact derivatives with respect to any variables.

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.random.mean_squares import Random
-from mbsvib.random.sources import sources
+from mbsvib.random.sources import Sources, sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
-from mbsvib.studies.evaluation import Dual, stacked, steady_response
-from mbsvib.studies.quantities import Largest, Leaf
+from mbsvib.studies.evaluation import DesignPoint, Dual, stacked, steady_response
+from mbsvib.studies.quantities import Largest, Leaf, Quantity
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.random.sources import Sources
-    from mbsvib.studies.evaluation import DesignPoint
-    from mbsvib.studies.quantities import Quantity
-
-    Names = str | Iterable[str] | None
-    Band = tuple[float, float]
+Names = str | Iterable[str] | None
+Band = tuple[float, float]
 
 SEEDS = 24  # points distributed over a band, in addition to those at the modes
 LOWER = 0.1  # local maxima below this share of the largest are not bounded yet

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.common.labelled import Labelled, dataset
 from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import over_variables
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.plots._sheet import Given
 
 HOW = ("grid", "paired")
 

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.api.batch import Batch
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
 from mbsvib.errors import MbsvibError, ModelError, nearest
-from mbsvib.studies.plants import NO_PLANT, Plant, name_of
+from mbsvib.studies.plants import NO_PLANT, Plant, Systems, name_of
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.api.batch import Batch
-    from mbsvib.studies.plants import Systems
-
-    Answer: TypeAlias = dict[str, NDArray[Any]]
+Answer: TypeAlias = dict[str, NDArray[Any]]
 
 Asked: TypeAlias = "str | Callable[[Any], Any] | Mapping[str, str | Callable[[Any], Any]]"
 

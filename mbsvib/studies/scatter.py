@@ -5,41 +5,35 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from mbsvib.api.batch import Batch
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, limits
 from mbsvib.common.number_text import real
+from mbsvib.common.progress import Progress
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.mechanism.changes import resolved
 from mbsvib.plots import studies as figures
+from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import MOST_LINES
-from mbsvib.studies.design import design, posed_names
+from mbsvib.studies.design import StudyVariables, Ties, design, posed_names
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import Modal, damping_ratio, frequency
-from mbsvib.studies.plants import Systems, plant_of
+from mbsvib.studies.plants import PlantFunction, Systems, plant_of
 from mbsvib.studies.quantities import Quantity
+from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
-
-if TYPE_CHECKING:
-    from os import PathLike
-
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
-    from mbsvib.plots._sheet import Given
-    from mbsvib.studies.design import StudyVariables, Ties
-    from mbsvib.studies.plants import PlantFunction
-    from mbsvib.studies.results import Sweep
 
 # standard deviation over tolerance
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}

@@ -7,28 +7,23 @@ the bound are added to these and the search continues: an exchange method (Remez
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import MbsvibError, ModelError, nearest
-from mbsvib.linalg.matching import Reference, match_next, reference
+from mbsvib.linalg.matching import Reference, Station, match_next, reference
+from mbsvib.studies.design import StudyVariables
 from mbsvib.studies.evaluation import DesignPoint, Dual, check_variables, frame, framed, stacked, station
 from mbsvib.studies.measures import Modal
 from mbsvib.studies.plants import Systems
 from mbsvib.studies.quantities import Constraint, Largest, Quantity
 
-if TYPE_CHECKING:
-    from collections.abc import Hashable
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.linalg.matching import Station
-    from mbsvib.studies.design import StudyVariables
 
 @dataclass(frozen=True)
 class Scales:

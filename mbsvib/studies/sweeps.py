@@ -8,37 +8,28 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from functools import partial
 from hashlib import sha256
+from os import PathLike
 from time import monotonic
-from typing import IO, TYPE_CHECKING, Any
+from types import TracebackType
+from typing import IO, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from mbsvib.api.model import Model
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
-from mbsvib.common.progress import counting
+from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import ModelError
-from mbsvib.studies.design import design
-from mbsvib.studies.plants import Systems, name_of, plant_of
-from mbsvib.studies.results import Sweep, gathered, points
-from mbsvib.studies.running import question, run, task
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from os import PathLike
-    from types import TracebackType
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.progress import Progress
-    from mbsvib.studies.design import Ties
-    from mbsvib.studies.plants import PlantFunction
-    from mbsvib.studies.results import Points
-    from mbsvib.studies.running import Asked, Outcome, Question
+from mbsvib.studies.design import Ties, design
+from mbsvib.studies.plants import PlantFunction, Systems, name_of, plant_of
+from mbsvib.studies.results import Points, Sweep, gathered, points
+from mbsvib.studies.running import Asked, Outcome, Question, question, run, task
 
 
 def sweep(

@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import mode_index, names
+from mbsvib.common.progress import Progress
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
+from mbsvib.modes import Modes
+from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import root_locus
-from mbsvib.studies.design import design
+from mbsvib.studies.design import Ties, design
 from mbsvib.studies.evaluation import frame, framed, station
-from mbsvib.studies.plants import Systems, plant_of
+from mbsvib.studies.plants import PlantFunction, Systems, plant_of
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from os import PathLike
-
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.progress import Progress
-    from mbsvib.modes import Modes
-    from mbsvib.plots._sheet import Given
-    from mbsvib.studies.design import Ties
-    from mbsvib.studies.plants import PlantFunction
-
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "1"}
 

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.progress import counting
+from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import MbsvibError, ModelError, counted
-from mbsvib.studies.design import design
+from mbsvib.studies.design import Ties, design
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.optimizing import optimize
-from mbsvib.studies.plants import Systems, plant_of
-from mbsvib.studies.quantities import Quantity, largest, quantity
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
-    from mbsvib.studies.design import Ties
-    from mbsvib.studies.optimum import Optimum
-    from mbsvib.studies.plants import PlantFunction
-    from mbsvib.studies.quantities import Constraint
+from mbsvib.studies.optimum import Optimum
+from mbsvib.studies.plants import PlantFunction, Systems, plant_of
+from mbsvib.studies.quantities import Constraint, Quantity, largest, quantity
 
 # Share of the sum that is added to the largest: of designs with the same largest, the better ones in the others count.
 SUM = 1e-4

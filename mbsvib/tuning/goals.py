@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
+from mbsvib.random.sources import Correlation
 from mbsvib.tuning.measures import Damping, Goal, Hinf, Margin, Rms, Rolloff
 from mbsvib.tuning.peaks import over_frequency
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from mbsvib.common.selection import Names
-    from mbsvib.random.sources import Correlation
 
 __all__ = ["damping", "hinf", "margin", "rms", "rolloff"]
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import needed_ports
 from mbsvib.feedback.margins import modulus_margin
@@ -19,15 +21,10 @@ from mbsvib.responses.densities import Table
 from mbsvib.responses.norms import Norm
 from mbsvib.responses.norms import hinf as highest
 from mbsvib.tuning.peaks import Weight, apply, peak
+from mbsvib.tuning.scene import Loop, Scene
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.tuning.scene import Loop, Scene
-
-    # of a loop and of known frequencies of peaks: the value, and a function that returns its gradient to [A B; C D]
-    Measure = Callable[[Loop, Sequence[float]], tuple[float, Callable[[], Array]]]
+# of a loop and of known frequencies of peaks: the value, and a function that returns its gradient to [A B; C D]
+Measure = Callable[[Loop, Sequence[float]], tuple[float, Callable[[], Array]]]
 
 VIBRATES = 1e-9  # share of the magnitude of a pole, above which an imaginary part is a vibration
 SPAN = 1e3  # a roll-off is asked for from its frequency up to so many times it
@@ -74,7 +71,6 @@ class Goal(Displayed, ABC):
         if self.limit is None:
             return None
         return bool(value >= self.limit if self.least else value <= self.limit)
-
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.tuning.realization import Realization, stacked, summed
 from mbsvib.tuning.structures import Part, Sizes, Value
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-
-    Given = Mapping[str, Any] | None
+Given = Mapping[str, Any] | None
 
 SMALL, SPREAD = 0.1, 0.3  # gains of starts in parts of what acts as much as the plant, and their logarithmic spread
 DEEP, WIDE = 0.1, 0.7  # damping ratios of zeros and of poles of a notch at the start

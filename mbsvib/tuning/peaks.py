@@ -8,28 +8,24 @@ a search drives towards peaks between the points.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import matrix_balance
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError, ResponseError
-from mbsvib.feedback.closing import on_axis, transfer
+from mbsvib.feedback.closing import Matrices, on_axis, transfer
 from mbsvib.responses.densities import Shaped, Table, table
 from mbsvib.responses.first_order_solver import gain_slope
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closing import Matrices
-
-    Eigen = tuple[Complex, Complex, Complex | None]
+Eigen = tuple[Complex, Complex, Complex | None]
 
 
 EXPECTED = ("a positive number, isolation.shaped(numerator, denominator), a transfer function of python-control, a "

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import MbsvibError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.tuning.measures import Goal, Measure
-    from mbsvib.tuning.scene import Loop, Scene
-    from mbsvib.tuning.structures import Law, Value
+from mbsvib.tuning.measures import Goal, Measure
+from mbsvib.tuning.scene import Loop, Scene
+from mbsvib.tuning.structures import Law, Value
 
 # Limits are searched for with this to spare, so that rounding of the value told does not miss them.
 SPARE = 1e-6

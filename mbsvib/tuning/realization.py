@@ -8,15 +8,13 @@ Source: Squire & Trapp, Using complex variables to estimate derivatives of real 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closing import Matrices
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.feedback.closing import Matrices
 
 STEP = 1e-60  # imaginary part of values: its square is nothing beside them
 

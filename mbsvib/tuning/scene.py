@@ -7,34 +7,27 @@ Source: Hautus' test, Zhou, Doyle & Glover, Robust and Optimal Control (1996), t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mbsvib.api.in_equilibrium import in_equilibrium
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.closing import Closure, Gathered, regular, transfer
+from mbsvib.feedback.closing import Closure, Gathered, Matrices, regular, transfer
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.first_order_solver import pole_slope
 from mbsvib.responses.state_space import StateSpace
-from mbsvib.sensitivities.states import changed, states
-from mbsvib.tuning.peaks import Response, eigen
+from mbsvib.sensitivities.states import States, changed, states
+from mbsvib.studies.design import StudyVariables
+from mbsvib.tuning.peaks import Eigen, Response, Weight, eigen
+from mbsvib.tuning.realization import Realization
 from mbsvib.tuning.structures import Signals
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.feedback.closing import Matrices
-    from mbsvib.sensitivities.states import States
-    from mbsvib.studies.design import StudyVariables
-    from mbsvib.tuning.peaks import Eigen, Weight
-    from mbsvib.tuning.realization import Realization
-
 
 # A pole decays if its real part is below this share of the fastest pole: closed loops at the limit are not wanted.
 DECAYS = 1e-10

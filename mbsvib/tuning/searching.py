@@ -16,23 +16,19 @@ Overton, A robust gradient sampling algorithm, SIAM J. Optim. 15 (2005) 751, for
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ResponseError
 from mbsvib.studies.running import run
-from mbsvib.tuning.problem import SPARE
+from mbsvib.tuning.problem import SPARE, Problem
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.tuning.problem import Problem
-
-    Function = Callable[[Array], tuple[float, Array]]
+Function = Callable[[Array], tuple[float, Array]]
 
 
 DECREASE, SLOPE = 1e-4, 0.5  # weak Wolfe conditions

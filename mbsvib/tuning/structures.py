@@ -5,20 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.common.selection import selected, united
+from mbsvib.common.selection import Names, selected, united
 from mbsvib.errors import ModelError, ResponseError, nearest
 from mbsvib.feedback.controller import Controller, controller
 from mbsvib.tuning.realization import Realization, in_series, summed, with_slopes
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
 
 Bounds = tuple[float, float]
 FREE: Bounds = (-np.inf, np.inf)

@@ -7,18 +7,15 @@ negative gain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.common import arguments as check
-from mbsvib.common.selection import united
+from mbsvib.common.selection import Names, united
 from mbsvib.errors import ResponseError
 from mbsvib.tuning.parts import Gain, LeadLag, Notch, Pid, Space
 from mbsvib.tuning.structures import Part, Sum, Tunable, as_tunable, port_names
 
-if TYPE_CHECKING:
-    from mbsvib.common.selection import Names
-
-    Given = Mapping[str, Any] | None
+Given = Mapping[str, Any] | None
 
 __all__ = ["diagonal", "gain", "lead_lag", "notch", "pid", "state_space"]
 

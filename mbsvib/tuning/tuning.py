@@ -14,28 +14,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.common.progress import counting
+from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.feedback.controller import Controller
 from mbsvib.linalg.spectrum import mean_size
 from mbsvib.studies.design import design as study_variables
 from mbsvib.studies.running import processes
 from mbsvib.studies.search import scales
 from mbsvib.tuning.goals import as_goals
+from mbsvib.tuning.measures import Goal
 from mbsvib.tuning.problem import Problem, Unknowns
 from mbsvib.tuning.scene import Scene, linearized, unreached
 from mbsvib.tuning.searching import BEST, RESTARTS, Descents, searched, stabilised
-from mbsvib.tuning.structures import FREE, Value, as_tunable, law
+from mbsvib.tuning.structures import FREE, Tunable, Value, as_tunable, law
 
 if TYPE_CHECKING:
     from mbsvib.api.loops import ClosedLoop
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
-    from mbsvib.feedback.controller import Controller
-    from mbsvib.tuning.measures import Goal
-    from mbsvib.tuning.structures import Tunable
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -17,18 +17,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, NOT_AFFINE, ZERO_BLOCK
 from mbsvib.uncertain.scalings import balancing
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
 
 _MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # Roundings of the largest entry of a matrix that one linearized anew may be off

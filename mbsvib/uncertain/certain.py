@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.common.selection import Names
 from mbsvib.common.units import ratio
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.closing import closed_space, regular, transfer
+from mbsvib.feedback.closing import Matrices, closed_space, regular, transfer
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import ZERO_RATE
@@ -25,14 +27,8 @@ from mbsvib.uncertain.intervals import Channels, cover
 from mbsvib.uncertain.moment_bound import affine, moment_bound
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
-from mbsvib.uncertain.search import gain, halved, peak_of, perturbed, values_at
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.closing import Matrices
-    from mbsvib.uncertain.scalings import Scalings
-    from mbsvib.uncertain.search import Perturbed
+from mbsvib.uncertain.scalings import Scalings
+from mbsvib.uncertain.search import Perturbed, gain, halved, peak_of, perturbed, values_at
 
 LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought
 WITHIN = 1.01  # the largest such factor of polynomials, which hold within the limits
@@ -197,8 +193,6 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
 def _rightmost(a: Array) -> float:
     poles = np.linalg.eigvals(a)
     return float(np.abs(poles[int(np.argmax(poles.real))].imag))
-
-
 
 
 def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> WorstGain:

@@ -16,25 +16,21 @@ mechanisms in thermal equilibrium; R. Kubo, Rep. Prog. Phys. 29 (1966) 255.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.expected import kind_of
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import ZERO_RATE
+from mbsvib.responses.densities import Shaped
+from mbsvib.uncertain.blocks import Block
 from mbsvib.uncertain.search import peak_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.responses.densities import Shaped
-    from mbsvib.uncertain.blocks import Block
 
 CORNERS = 8  # parameters in which inputs and outputs may change
 ROUNDING = 1e-9  # share by which the bound is above what is computed

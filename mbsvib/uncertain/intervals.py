@@ -14,19 +14,15 @@ of high-dimensional uncertain systems (2011).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.feedback.closing import on_axis, transfer
 from mbsvib.uncertain.scalings import Scalings, best_scalings
 from mbsvib.uncertain.search import halved
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
 
 NEAR_AXIS = 0.05  # share of an eigenvalue of H that its real part may have for a candidate
 ENOUGH = 0.1  # least eigenvalue of Phi, against D, at which scalings are good enough to try how far they hold

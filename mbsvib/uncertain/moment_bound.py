@@ -25,16 +25,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import comb
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.feedback.closing import Matrices
 from mbsvib.linalg.rank import ZERO_RATE
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.feedback.closing import Matrices
-
 
 Powers = tuple[int, ...]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -9,14 +10,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.common.selection import Names
 from mbsvib.errors import ModelError, ResponseError, counted, nearest
-from mbsvib.uncertain.blocks import ranges, with_blocks
+from mbsvib.uncertain.blocks import Block, ranges, with_blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from mbsvib.common.selection import Names
-    from mbsvib.uncertain.blocks import Block
     from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
 
 

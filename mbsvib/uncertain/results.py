@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,6 @@ from mbsvib.common.units import pretty
 from mbsvib.errors import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from mbsvib.uncertain.blocks import Block
 
 SHOWN = 2  # parameters in a row of a table

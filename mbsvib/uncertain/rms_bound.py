@@ -12,24 +12,19 @@ Automatic Control 36 (1991) 25 (scalings).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.random.moments import Equations, filtered
+from mbsvib.responses.densities import Shaped
 from mbsvib.uncertain.intervals import Channels, interval
 from mbsvib.uncertain.scalings import best_scalings
-from mbsvib.uncertain.search import samples
+from mbsvib.uncertain.search import Perturbed, samples
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.responses.densities import Shaped
-    from mbsvib.uncertain.search import Perturbed
-
-    Band = tuple[float, float]
+Band = tuple[float, float]
 
 CORNERS, INSIDE = 6, 64  # parameters of which all vertices are samples; samples at random beside them
 VARIES = 0.1  # share by which gains of samples vary within a band
@@ -146,8 +141,6 @@ def _proven(channels: Channels, gain: float, w: float) -> tuple[float, float, fl
             if high > low:
                 return factor * gain, low, high
     return None
-
-
 
 
 def _tail(channels: Channels, deltas: Array) -> tuple[float, float] | None:

@@ -11,15 +11,12 @@ Source: Fan, Tits & Doyle, IEEE Trans. Automatic Control 36 (1991) 25: mixed str
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.arrays import Array, Complex
 
 STEPS = 60  # of Newton's method at one weight of the barrier
 FACTOR = 12.0  # from one weight of the barrier to the next

@@ -6,28 +6,22 @@ equations that this closes have gradients by ``feedback.closing``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from mbsvib.common.selection import port_numbers
-from mbsvib.feedback.closing import Closure, regular
+from mbsvib.common.arrays import Array, Index
+from mbsvib.common.selection import Names, port_numbers
+from mbsvib.feedback.closing import Closure, Matrices, regular
 from mbsvib.linalg.lasting import separated
 from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.first_order_solver import first_order_solver, gain_slope, pole_slope
-from mbsvib.responses.norms import hinf
+from mbsvib.responses.norms import Norm, hinf
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.common.selection import Names
-    from mbsvib.feedback.closing import Matrices
-    from mbsvib.responses.norms import Norm
-
-    Measure = Callable[["Matrices"], "tuple[float, Array]"]
+Measure = Callable[["Matrices"], "tuple[float, Array]"]
 
 VERTICES = 7  # parameters up to which all vertices are starts
 RANDOM = 96  # vertices at random beyond, and points within

@@ -7,26 +7,21 @@ axis by the shortest way, or the cosine of the angle of two axes. Derivatives ar
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from os import PathLike
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, skew
 from mbsvib.urdf.least_norm import PRINTED, close
-from mbsvib.urdf.motion import FREEDOMS, SLIDES, moved, rates
+from mbsvib.urdf.loops import Loop
+from mbsvib.urdf.motion import FREEDOMS, SLIDES, Hinge, moved, rates
+from mbsvib.urdf.reading import Robot
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from os import PathLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.urdf.loops import Loop
-    from mbsvib.urdf.motion import Hinge
-    from mbsvib.urdf.reading import Robot
-
-    Frames = dict[str, tuple[Array, Array]]
+Frames = dict[str, tuple[Array, Array]]
 
 # Axes that differ by less have no direction in which to turn [rad].
 IN_LINE = 1e-14

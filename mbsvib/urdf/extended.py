@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import permutations
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +20,7 @@ from mbsvib.common.file_content import content_of
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.reading import read_yaml
 from mbsvib.urdf.loops import Loop
-
-if TYPE_CHECKING:
-    from os import PathLike
-
-    from mbsvib.urdf.reading import Robot
+from mbsvib.urdf.reading import Robot
 
 TYPES = {"6d": "fixed", "3d": "spherical"}
 LETTERS = dict(zip("XYZ", np.eye(3), strict=True))

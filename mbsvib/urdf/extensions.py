@@ -6,18 +6,15 @@ Elements are known by their names without the prefix of a namespace: ``drake:bal
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
+from os import PathLike
+from xml.etree.ElementTree import Element
 
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
 from mbsvib.urdf.loops import TAGS
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from os import PathLike
-    from xml.etree.ElementTree import Element
-
-    Remarks = dict[str, list[str]]  # what was left out, and of which elements
+Remarks = dict[str, list[str]]  # what was left out, and of which elements
 
 
 # Parts of the names of elements that connect links, and the calls that add the same to a model.

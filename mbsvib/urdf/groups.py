@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from os import PathLike
 
 import numpy as np
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
-
-if TYPE_CHECKING:
-    from os import PathLike
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.urdf.reading import Link
-
+from mbsvib.urdf.reading import Link
 
 # Entries of symmetric tensors below this share of the largest one are rounding of rotated frames, and moments below
 # this share of the mass times the squared distance of its centre are rounding of moved ones.

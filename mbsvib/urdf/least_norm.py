@@ -9,19 +9,15 @@ asked for twice has one answer, and of all coordinates that close the loops thos
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array
 from mbsvib.kinematics.closing import CLOSED
 from mbsvib.linalg.qr import minimum_norm_solution
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array
-
-    Mask = NDArray[np.bool_]
+Mask = NDArray[np.bool_]
 
 STEPS = 200
 # Singular values below this share of the largest one belong to rows that repeat others, but for printed digits. Where

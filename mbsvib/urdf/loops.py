@@ -10,23 +10,19 @@ Source: M. Chignoli, J.-J. Slotine, P. Wensing, S. Kim, URDF+, arXiv 2411.19753.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from os import PathLike
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError, nearest
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
-    from os import PathLike
-    from xml.etree.ElementTree import Element
-
-    from mbsvib.common.arrays import Array
-
-    Frame = tuple[Array, Array]
-    Numbers = Callable[[Element | None, str, str | None, int, str, str], Array]
-    Frames = Callable[[Element | None, str, str], Frame]
+Frame = tuple[Array, Array]
+Numbers = Callable[[Element | None, str, str | None, int, str, str], Array]
+Frames = Callable[[Element | None, str, str], Frame]
 
 AXIS = "1 0 0"
 # Kinds of joints of the model, by the words of each element; those with an axis.

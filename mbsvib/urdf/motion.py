@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.rotations import exponential, jacobian
-
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-
 
 # Coordinates of each kind: translations [m] before rotations [rad], which make one rotation vector or, of a universal
 # joint, follow each other.

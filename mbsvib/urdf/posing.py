@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from os import PathLike
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.tables import listed
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError
-from mbsvib.urdf.closing import Assembly, followed, link_frames
+from mbsvib.urdf.closing import Assembly, Frames, followed, link_frames
 from mbsvib.urdf.motion import FREEDOMS
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from os import PathLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.urdf.closing import Frames
-    from mbsvib.urdf.reading import Robot
+from mbsvib.urdf.reading import Robot
 
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}

@@ -6,25 +6,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import atan2, cos, sin
-from typing import TYPE_CHECKING
+from os import PathLike
+from xml.etree import ElementTree
 
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.file_content import ContentError, content_of, read_xml
 from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError, nearest
-from mbsvib.urdf.extensions import left_out, refuse_macros
+from mbsvib.urdf.extensions import Remarks, left_out, refuse_macros
 from mbsvib.urdf.loops import Coupling, Loop, Reader
 from mbsvib.urdf.motion import Hinge, Mimic, moved
-
-if TYPE_CHECKING:
-    from os import PathLike
-    from xml.etree import ElementTree
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.urdf.extensions import Remarks
-
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format

@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.tables import listed
 from mbsvib.elements.ports import Input
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.unit_warnings import with_angles
-from mbsvib.urdf.closing import coupled, ends
+from mbsvib.urdf.closing import Frames, coupled, ends
 from mbsvib.urdf.extended import beside, extended
 from mbsvib.urdf.extensions import in_words
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.loops import WITH_AXIS
+from mbsvib.urdf.motion import Hinge
 from mbsvib.urdf.posing import KINDS, frames_in_pose
 from mbsvib.urdf.reading import Robot, read
 from mbsvib.urdf.wheels import add_wheel, fresh
-
-if TYPE_CHECKING:
-    from os import PathLike
-
-    from numpy.typing import ArrayLike
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.urdf.closing import Frames
-    from mbsvib.urdf.motion import Hinge
-
 
 REPAIR = 'Correct the file, or take the nearest possible one: load_urdf(..., inertia="repair"), or --inertia repair.'
 ALL = "*"  # key of a mapping by joint: all joints that it does not name

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import atan2
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from mbsvib.api.model import Model
+from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_model, names
 from mbsvib.common.patterns import matching
 from mbsvib.common.tables import listed
+from mbsvib.elements import Joint
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.coupler import Coupling
 from mbsvib.errors import LeftOutWarning, ModelError
 from mbsvib.linalg.rank import ALIGNED
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.mechanism import GROUND
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from mbsvib.api.model import Model
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
 
 # Words of URDF for joints of the tree, by kinds of the model; of constraints, and of the loop that has none.
 TREE = {"revolute": "continuous", "prismatic": "prismatic", "planar": "planar", "fixed": "fixed", "free": "floating"}

@@ -7,14 +7,11 @@ other way, so that both push the ground with no moment and feel no turning of it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from numpy.typing import ArrayLike
 
-    from numpy.typing import ArrayLike
-
-    from mbsvib.api.model import Model
+from mbsvib.api.model import Model
 
 # Of the largest coefficient: the wheel turns by less than the joints, whose coordinates remain those of the model.
 RADIUS = 10.0

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib_export.cosimulation.check import as_file
-from mbsvib_export.cosimulation.connections import SIDES, connect
-from mbsvib_export.cosimulation.unit import open_unit
+from mbsvib_export.cosimulation.connections import SIDES, Connections, connect
+from mbsvib_export.cosimulation.unit import UnitFile, open_unit
 from mbsvib_export.fmu_.names import unique_names
 from mbsvib_export.fmu_.variables import attributes
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from mbsvib_export.cosimulation.connections import Connections
-    from mbsvib_export.cosimulation.unit import UnitFile
 
 _SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")

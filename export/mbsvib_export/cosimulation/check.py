@@ -6,32 +6,27 @@ The masters run the FMUs themselves with the same steps as in ``masters``, as ca
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, nearest
 from mbsvib.linalg.discrete import first_order_hold
 from mbsvib_export.cosimulation.connections import SIDES, connect, refuse_algebraic_loop
-from mbsvib_export.cosimulation.masters import MASTERS, is_stable, largest_stable_step, loop_of, radius, within
+from mbsvib_export.cosimulation.masters import MASTERS, Loop, is_stable, largest_stable_step, loop_of, radius, within
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
-from mbsvib_export.cosimulation.unit import Instance, equations, open_unit
+from mbsvib_export.cosimulation.unit import Instance, Signal, UnitFile, equations, open_unit
 from mbsvib_export.sampling import check_step
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.common.selection import Names
-    from mbsvib_export.cosimulation.masters import Loop
-    from mbsvib_export.cosimulation.unit import Signal, UnitFile
-
-    Side = tuple[Instance, slice, slice]
+Side = tuple[Instance, slice, slice]
 
 
 _MOST = 500  # iterations of a step

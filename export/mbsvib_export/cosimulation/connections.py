@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ExportError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib_export.cosimulation.unit import Signal, UnitFile
-
+from mbsvib_export.cosimulation.unit import Signal, UnitFile
 
 SIDES = ("plant", "controller")
 _TINY = 1e-12  # of the largest entry of D: rounding is not feedthrough

@@ -7,20 +7,16 @@ held: e.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from mbsvib.common.arrays import Array
 from mbsvib.linalg.discrete import first_order_hold
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from mbsvib.common.arrays import Array
-
-    Equations = tuple[Array, Array, Array, Array]
+Equations = tuple[Array, Array, Array, Array]
 
 
 MASTERS = {

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from mbsvib_export.fmu_.variables import attributes, unit_definitions
-
-if TYPE_CHECKING:
-    from mbsvib_export.fmu_.variables import Variable, Variables
+from mbsvib_export.fmu_.variables import Variable, Variables, attributes, unit_definitions
 
 VERSIONS = ("2.0", "3.0")
 # What FMUs of a version can do: attributes of all FMUs, of model exchange, of co-simulation.

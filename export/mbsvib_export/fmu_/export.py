@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import os
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, overload
+from typing import IO, overload
 
 from mbsvib import __version__
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, names
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description import VERSIONS, description
 from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.fmu_.plant import plant_of
+from mbsvib_export.fmu_.plant import Plant, plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
+from mbsvib_export.neutral import Source
 from mbsvib_export.templates_ import check_companion
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.selection import Names
-    from mbsvib_export.fmu_.plant import Plant
-    from mbsvib_export.neutral import Source
-
 
 # Bytes of a description in which its attributes are looked for.
 HEAD = 20_000

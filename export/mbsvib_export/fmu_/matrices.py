@@ -13,12 +13,10 @@ import hashlib
 import struct
 import zlib
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mbsvib_export.fmu_.plant import Plant
+from mbsvib_export.fmu_.plant import Plant
 
 MAGIC = b"MBSLTI02"
 

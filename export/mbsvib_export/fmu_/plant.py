@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.selection import Names
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.affine import physical_affine
 from mbsvib_export.neutral import check_finite, state_space_of, with_ports
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.state_space import StateSpace
-
-    Mask = NDArray[np.bool_]
+Mask = NDArray[np.bool_]
 
 
 # Importers take an absolute tolerance of the relative one times the nominal value. Errors of outputs add up over many

@@ -10,13 +10,15 @@ import hashlib
 import os
 import re
 import struct
+import zipfile
 import zlib
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, content_of, read_xml
 from mbsvib.common.number_text import real
@@ -25,12 +27,6 @@ from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.fmu_.matrices import MAGIC
 from mbsvib_export.fmu_.names import original_outputs
 from mbsvib_export.reading import archive_of, unpacked
-
-if TYPE_CHECKING:
-    import zipfile
-    from xml.etree.ElementTree import Element
-
-    from mbsvib.common.arrays import Array
 
 IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
 _DESCRIPTION, _NUMBERS = "modelDescription.xml", "resources/model.lti"

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from mbsvib_export.fmu_.names import base_unit, unique_names
-from mbsvib_export.fmu_.plant import patterns
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from mbsvib_export.fmu_.plant import Plant
+from mbsvib_export.fmu_.plant import Plant, patterns
 
 # What both standards say of each kind of variable.
 CAUSALITY: dict[str, dict[str, object]] = {

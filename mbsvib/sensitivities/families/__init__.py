@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.elements.beam import Beam
@@ -15,14 +15,12 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.hub import Hub
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.part import Part
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.sensitivities.families import bodies, connections, elastic, joints
 from mbsvib.sensitivities.families.rules import UNKNOWN, PartRules
-
-if TYPE_CHECKING:
-    from mbsvib.elements.part import Part
 
 _UNKNOWN = PartRules("", loaded=UNKNOWN)
 _RULES = {

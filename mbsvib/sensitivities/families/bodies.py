@@ -6,25 +6,30 @@ momentum h of a rotor adds x^T C y = h . (x x y), antisymmetric, of rotations of
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, cross_terms, in_axes, square_terms
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
-    from mbsvib.elements.load import Load
-    from mbsvib.elements.rotor import Rotor
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
-    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
-
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Body
+from mbsvib.elements.load import Load
+from mbsvib.elements.rotor import Rotor
+from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
+from mbsvib.sensitivities.families.rules import (
+    InternalRule,
+    LoadRules,
+    PartRules,
+    Rule,
+    RuleAndData,
+    Terms,
+    cross_terms,
+    in_axes,
+    square_terms,
+)
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network
 
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

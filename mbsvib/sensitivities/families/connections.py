@@ -12,21 +12,30 @@ Any other connection is made of the matrices of its rows, or of the connections 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Bushing, Maxwell
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.families import EXPANSIONS, connection_rows, has_rows
 from mbsvib.elements.roles import is_unsymmetric
+from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.linalg.rotations import quaternion, skew
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.families.pose_changes import holds_turns
+from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.families.pose_changes import ReferenceTerms, RowTerms, holds_turns
 from mbsvib.sensitivities.families.rules import (
     UNKNOWN,
     InternalRule,
     LoadRules,
     PartRules,
+    Rule,
+    RuleAndData,
+    Terms,
     along,
     among_springs,
     coefficient,
@@ -40,19 +49,8 @@ from mbsvib.sensitivities.families.rules import (
     square_terms,
     turned_axes,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing, Maxwell
-    from mbsvib.elements.connection import Connection
-    from mbsvib.elements.torsion_spring import TorsionSpring
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import ReferenceTerms, RowTerms
-    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network
 
 
 def _line(power: str) -> Rule:

@@ -7,37 +7,42 @@ wrenches there do work as on any other connection that is moved.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC
+from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.beam_prestress import per_tension
 from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import moved, transformed
+from mbsvib.linalg.vectors import Field, moved, transformed
+from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families.elastic_numbers import (
+    Entry,
+    Made,
     beam_slopes,
     element_names,
     loaded_forms,
     moved_as_rigid,
     weights_of,
 )
-from mbsvib.sensitivities.families.rules import InternalRule, LoadRules, PartRules, factors, form_terms
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam import Beam
-    from mbsvib.elements.superelement import Superelement
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.elastic_numbers import Entry, Made
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
-    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
+from mbsvib.sensitivities.families.rules import (
+    InternalRule,
+    LoadRules,
+    PartRules,
+    Rule,
+    RuleAndData,
+    Terms,
+    factors,
+    form_terms,
+)
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network
 
 # The field of the place and orientation of a part that keeps its shape, which are no parameters.
 MOTION = "motion"

@@ -8,30 +8,27 @@ w d F = [w]x F - F [w]x; forces and gravity stay, of which F is a linear functio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import beam_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC, EXPANSIONS
+from mbsvib.elements.shared_rows import SharedRows
+from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.batch_values import STEP
 from mbsvib.equations.beam_prestress import bent_lines
 from mbsvib.linalg.components import stacked
 from mbsvib.linalg.rotations import skew
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.shared_rows import SharedRows
-    from mbsvib.elements.superelement import Superelement
-
-    # Bodies of nodes, and those against which their displacements are taken, with the power of s of a form.
-    Nodes = tuple[str, tuple[tuple[str, str, bool], ...]]
-    Entry = tuple[str, tuple[int, ...]]  # a field and an index
+# Bodies of nodes, and those against which their displacements are taken, with the power of s of a form.
+Nodes = tuple[str, tuple[tuple[str, str, bool], ...]]
+Entry = tuple[str, tuple[int, ...]]  # a field and an index
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,33 +7,32 @@ x^T T y changes by -dc (mu_x q_y + q_x mu_y).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
+from mbsvib.elements import Joint
+from mbsvib.elements.coupler import Coupling
 from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.vectors import cross, wide
+from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
 from mbsvib.sensitivities.families.rules import (
     LoadRules,
     PartRules,
+    Rule,
+    RuleAndData,
+    Terms,
     along,
     joins_spinning_body,
     line_turn_rates,
     moved_point,
     turned_axes,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
-    from mbsvib.elements.coupler import Coupling
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
-    from mbsvib.sensitivities.families.rules import Rule, RuleAndData, Terms
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network
 
 
 def _pitch(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:

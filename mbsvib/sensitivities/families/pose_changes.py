@@ -7,26 +7,22 @@ that was found elsewhere.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Bushing
-from mbsvib.kinematics.pose import IDENTITY, start
+from mbsvib.elements.part import Part
+from mbsvib.kinematics.pose import IDENTITY, Pose, start
 from mbsvib.linalg.rank import ZERO_TURN
 from mbsvib.linalg.vectors import cross, wide
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Part
-    from mbsvib.kinematics.pose import Pose
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network
 
 
 def displaced(origin: Mechanism, parts: Iterable[Part]) -> Pose:

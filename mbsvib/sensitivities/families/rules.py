@@ -18,28 +18,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array, Index
+from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rank import AGREEING_SLOPES, ZERO_SLOPE
 from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import any_nonzero, transformed
+from mbsvib.linalg.vectors import Field, any_nonzero, transformed
+from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
+from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.network import Network, Spin
 
-if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
-    from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.network import Network, Spin
-
-    P = TypeVar("P", bound=Part)
-    Terms = list[tuple[Field, Field]]
+P = TypeVar("P", bound=Part)
+Terms = list[tuple[Field, Field]]
 
 
 # fields, numbers of the bodies or connections, and what is constant of each
