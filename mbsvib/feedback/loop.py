@@ -216,7 +216,22 @@ class Loop(Displayed, ABC):
     def delay_limit(
         self, actuator: int, by_phase: tuple[float, float], band: tuple[float, float]
     ) -> tuple[float, float]:  # fmt: skip
-        """Return the delay margin [s] of an actuator and its frequency [Hz], given that by phase over frequency."""
+        """Return the delay margin of an actuator, with the other loops closed.
+
+        Parameters
+        ----------
+        actuator : int
+            Its number.
+        by_phase : (float, float)
+            Phase margin over frequency [s], and that frequency [Hz].
+        band : (float, float)
+            First and last angular frequency [rad/s] at which the loop gain is known.
+
+        Returns
+        -------
+        tuple of float
+            Delay margin [s], and the frequency where it occurs [Hz].
+        """
         del actuator, band
         return by_phase
 

@@ -87,7 +87,6 @@ class SampledLoop(SampledEquations, FeedbackLoop):
     def delay_limit(
         self, actuator: int, by_phase: tuple[float, float], band: tuple[float, float]
     ) -> tuple[float, float]:  # fmt: skip
-        """Return the delay margin [s] of an actuator and its frequency [Hz], also of delays between samples."""
         low, high = band[0], min(band[1], 0.5 * self.rate)
         return sampled_delay_margin(self, actuator, low, high) if by_phase[0] and low < high else by_phase
 

@@ -135,7 +135,7 @@ def _add(forms: dict[Nodes, tuple[Array, Array]], key: Nodes, form: Array, point
 
 
 def weights_of(part: Any, gravity: Array) -> tuple[Any, ...]:
-    """The loads on bodies that are the weight of a part."""
+    """Return the loads on bodies that are the weight of a part."""
     if not gravity.any():
         return ()
     way = tuple(gravity.tolist())
@@ -143,7 +143,7 @@ def weights_of(part: Any, gravity: Array) -> tuple[Any, ...]:
 
 
 def loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, Array, Array]]:
-    """Forms of the stiffness under forces in elements (e, 3) and gravity, linear in both."""
+    """Return forms of the stiffness under forces in elements (e, 3) and gravity, linear in both."""
     if isinstance(part, Beam):
         axes = _stack([axes for _, axes in part.frames()], -3)
         local = (force[:, None] @ axes)[..., 0, :]
@@ -155,12 +155,13 @@ def loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, A
 
 
 def element_names(part: Any) -> tuple[str, ...]:
+    """Return the names of what carries forces at rest."""
     return part.element_names if isinstance(part, Beam) else ELASTIC[type(part)](part).names
 
 
 @lru_cache(maxsize=16)
 def beam_slopes(beam: Beam, force: Any, gravity: Any) -> tuple[Made, dict[Entry, dict[Any, Array]]]:
-    """What a beam is made of, and the slopes of these numbers to each of its own, by complex steps."""
+    """Return what a beam is made of, and the slopes of these numbers to each of its own, by complex steps."""
     made = _made(beam, *(rest := (np.array(force), np.array(gravity))))
     numbers = {item.name: item.value for item in beam.parameter_fields() if item.name in beam.batched_fields}
     # damping that it may have is stepped by itself, as other numbers do not act by it
@@ -201,8 +202,8 @@ def _slope(array: Array, count: int, shape: tuple[int, ...]) -> Array:
 
 @lru_cache(maxsize=64)
 def moved_as_rigid(part: Any, force: Any, gravity: Any, direction: int) -> tuple[Made, dict[Any, Array]]:
-    """What a part is made of, and its change as it shifts along x, y, z (0 to 2), or turns about these at its first
-    node.
+    """Return what a part is made of, and its change as it shifts along x, y, z (0 to 2), or turns about these at its
+    first node.
     """
     force, gravity = np.array(force), np.array(gravity)
     made, axis = _made(part, force, gravity), np.eye(3)[direction % 3]
