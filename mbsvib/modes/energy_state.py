@@ -32,7 +32,7 @@ from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gra
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED, Undamped, undamped
-from mbsvib.modes.zero_subspaces import damping_terms, long_chains, row_terms, unbraked, zero_subspaces
+from mbsvib.modes.zero_subspaces import UNMOVED, damping_terms, long_chains, row_terms, unbraked, zero_subspaces
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +101,10 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     position, rate = np.zeros((2 * p + n1, m)), np.zeros((2 * p + n1, m))
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
     null = _null_spaces(system, basis, back, stiffness, undamped_modes)
-    chains = _chains(system, basis, damping, null, free)
-    zeros = zero_subspaces(stiffness, damping, null, chains, scale)
-    if zeros is None:
-        zeros = long_chains(a)
+    zeros = zero_subspaces(stiffness, damping, null, _chains(system, basis, damping, null, free), scale)
+    if zeros is None:  # longer chains, or dampers that the free motions move by their own rounding
+        chains = _chains(system, basis, damping, null, free, unmoved=1.0)
+        zeros = zero_subspaces(stiffness, damping, null, chains, scale) or long_chains(a)
     right, left, nilpotent, count = zeros
     no_damping = not system.row_damping.any() and system.circulatory is None
     conservative = bool(no_damping and not n1 and (square >= 0.0).all())
@@ -252,10 +252,10 @@ def _null_spaces(
 
 
 def _chains(
-    system: Equations, basis: Array, damping: Array, null: tuple[Array, Array], free: int
+    system: Equations, basis: Array, damping: Array, null: tuple[Array, Array], free: int, unmoved: float = UNMOVED
 ) -> tuple[Array, Array]:
     """Combinations (r, n) of both null spaces of K that damping does not couple: they start chains."""
     z, y = null
     if _resists(system) and system.gyroscopic is None:
         return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
-    return null_pair(y.T @ damping @ z, damping_terms(system, basis @ y, basis @ z))
+    return null_pair(y.T @ damping @ z, damping_terms(system, basis @ y, basis @ z, unmoved))

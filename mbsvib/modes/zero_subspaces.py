@@ -101,23 +101,24 @@ def unbraked(system: Equations, rigid: Array) -> Array:
     return rigid @ null_pair(resistance, damping_terms(system, rigid, rigid))[0]
 
 
-def damping_terms(system: Equations, first: Array, second: Array) -> Array:
+def damping_terms(system: Equations, first: Array, second: Array, unmoved: float = UNMOVED) -> Array:
     """Return the sums of the magnitudes of all terms of Y^T C Z, see ``row_terms``."""
-    result = row_terms(system, system.row_damping, first, second)
+    result = row_terms(system, system.row_damping, first, second, unmoved)
     if system.gyroscopic is not None:
         spin, sizes = np.abs(system.gyroscopic), coordinate_sizes(system)
         (y, most_y), (z, most_z) = ((np.abs(part), rounding_scale(part, sizes)) for part in (first, second))
-        result += y.T @ spin @ (z + most_z) + most_y.T @ spin @ (z + UNMOVED * most_z)
+        result += y.T @ spin @ (z + most_z) + most_y.T @ spin @ (z + unmoved * most_z)
     return result
 
 
-def row_terms(system: Equations, values: Array, first: Array, second: Array) -> Array:
+def row_terms(system: Equations, values: Array, first: Array, second: Array, unmoved: float = UNMOVED) -> Array:
     """Return the sums of the magnitudes of all terms of Y^T D^T diag(values) D Z for motions Y (m, k) and Z (m, n).
 
-    Springs or dampers that one of them does not move count by a rounding, those that neither moves by its square.
+    Springs or dampers that one of them does not move count by a rounding, those that neither moves by its square, or by
+    the share ``unmoved``: 1 where the motions themselves may be off.
     """
     sizes, size = coordinate_sizes(system), np.abs(values)[:, None]
     (moved, reach), (moved_by, reach_of) = (
         (np.abs(product_with_zeros(system.elastic_rows, part)),
          np.abs(system.elastic_rows) @ rounding_scale(part, sizes)) for part in (first, second))  # fmt: skip
-    return np.asarray(moved.T @ (size * (moved_by + reach_of)) + reach.T @ (size * (moved_by + UNMOVED * reach_of)))
+    return np.asarray(moved.T @ (size * (moved_by + reach_of)) + reach.T @ (size * (moved_by + unmoved * reach_of)))

@@ -448,3 +448,14 @@ def test_responses_beside_a_free_motion_under_loads():
     dynamic = system.K + 1j * w * system.C - w * w * system.M
     exact = (system.Cq + 1j * w * system.Cv - w * w * system.Ca) @ np.linalg.solve(dynamic, system.B) + system.D
     assert np.abs(system.frequency_response([w])[:, :, 0] - exact).max() <= 1e-11 * np.abs(exact).max()
+
+
+@pytest.mark.slow
+def test_dampers_that_a_free_motion_moves_by_its_own_rounding():
+    """Springs 1e8 times stiffer than the loads leave the free motion off by 1e-11: its damper does not brake it."""
+    system = example(52057).scene.model().linearize()
+    lower = -np.linalg.solve(system.M, np.hstack((system.K, system.C)))
+    values = np.linalg.eigvals(np.vstack((np.eye(system.dof, 2 * system.dof, system.dof), lower)))
+    slow, expected = (np.sort(np.abs(part))[:6] for part in (system.modes().eigenvalues, values))
+    assert (slow[:2] == 0.0).all()
+    assert slow[2:] == pytest.approx(expected[2:], rel=1e-5)
