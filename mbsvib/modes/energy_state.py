@@ -220,12 +220,12 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _stiffness_terms(system: Equations, basis: Array, modes: Undamped) -> Array:
-    """Sums of the magnitudes of all terms of K in the basis. The undamped modes were found from the factors, so that
-    rounding of their stiffness is that of their own springs and not of the stiffest ones.
+def _stiffness_terms(system: Equations, basis: Array, modes: Undamped, unmoved: float) -> Array:
+    """Sums of the magnitudes of all terms of K in the basis, see ``row_terms``. The undamped modes were found from the
+    factors, so that rounding of their stiffness is that of their own springs and not of the stiffest ones.
     """
     p = len(modes.square)
-    result = row_terms(system, system.row_stiffness, basis, basis)
+    result = row_terms(system, system.row_stiffness, basis, basis, unmoved)
     result[:p, :p] = np.diag(np.abs(system.row_stiffness) @ product_with_zeros(system.elastic_rows, basis[:, :p]) ** 2)
     if system.circulatory is not None:
         most = rounding_scale(basis, coordinate_sizes(system))
@@ -242,7 +242,8 @@ def _null_spaces(
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
-        return null_pair(stiffness, _stiffness_terms(system, basis, modes))
+        coarse, fine = (null_pair(stiffness, _stiffness_terms(system, basis, modes, share)) for share in (1.0, UNMOVED))
+        return coarse if coarse[0].shape == fine[0].shape else fine  # of as many motions, those with less noise
     # motions that damping couples to massless ones are not among the undamped modes
     motions = product_with_zeros(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
