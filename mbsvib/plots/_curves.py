@@ -100,7 +100,9 @@ def columns_of(count: int) -> int:
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
-NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
+# Share of responses of the same units below which one is zero: as near to undamped poles as curves are drawn, rounding
+# of these poles is some 1e-10 of a response.
+NEGLIGIBLE = 1e-10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
