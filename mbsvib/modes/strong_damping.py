@@ -219,6 +219,7 @@ def _stationary(equations: DamperForces, s: Any) -> tuple[Any, Any, Any, Array]:
     x = np.cos(np.arange(len(equations.square) + equations.dampers.shape[-2], dtype=s.dtype)) * np.ones((len(s), 1))
     for k in range(QUOTIENTS):
         x, scale = _near(equations, s, partial(_solution, x))
+        x = x / np.abs(x).max(axis=1)[:, None]  # near an eigenvalue, squares of its entries may overflow
         x = x / np.linalg.norm(x, axis=1)[:, None]
         if k:  # s is more accurate than the first vector
             s = s - _quotient(equations, s, x * scale)[-1]

@@ -459,3 +459,9 @@ def test_dampers_that_a_free_motion_moves_by_its_own_rounding():
     slow, expected = (np.sort(np.abs(part))[:6] for part in (system.modes().eigenvalues, values))
     assert (slow[:2] == 0.0).all()
     assert slow[2:] == pytest.approx(expected[2:], rel=1e-5)
+
+
+@pytest.mark.slow
+def test_vectors_of_eigenvalues_that_are_all_but_exact_do_not_overflow():
+    """The sparse equations of a floating mechanism have a decay of 2e-34 1/s beside those that are meant."""
+    CHECKS["sparse"](Subject(example(54211)))
