@@ -20,7 +20,7 @@ from mbsvib.equations.statics import forces_along
 from mbsvib.equations.wrenches import with_values_at
 from mbsvib.kinematics.relative_motion import Triplets
 from mbsvib.kinematics.shared_rows import in_order, shared_rows
-from mbsvib.linalg.components import stacked
+from mbsvib.linalg.components import stacked_all
 from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -77,8 +77,7 @@ class Prestress:
         assert scene.shared.elastic is not None
         applied, elastic, count, names = scene.loads[0], scene.shared.elastic, values.count, self.elements
         at = np.array([applied.names.index(name) for name in names])
-        axes = np.stack(np.broadcast_arrays(*[
-            stacked(own) for beam in self.beams for _, own in values.beams.get(beam.name, beam).frames()]), axis=-3)
+        axes = stacked_all([own for beam in self.beams for _, own in values.beams.get(beam.name, beam).frames()])
         preload = self._forces(replace(scene, loads=(_with_wrenches(applied, at, np.zeros((count, len(at), 6))), {})),
                                relative, minimal, columns, values)  # fmt: skip
         lost: Bools = np.asarray(np.isnan(preload.imag).any(axis=(-1, -2)))

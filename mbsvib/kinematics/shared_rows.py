@@ -17,7 +17,7 @@ from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.rows import Rows
 from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
 from mbsvib.kinematics.pose import Pose
-from mbsvib.linalg.components import stacked
+from mbsvib.linalg.components import stacked_all
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import components_first, components_last
 
@@ -125,7 +125,7 @@ def stack(
     first = np.repeat(np.array([number[node.relative_to] for node in nodes], dtype=np.intp), 6)
     place = np.array([node.point for node in nodes], dtype=float)
     if points:
-        place = np.stack(np.broadcast_arrays(*[stacked(points.get(node, node.point)) for node in nodes]), axis=-2)
+        place = stacked_all([points.get(node, node.point) for node in nodes])
     point = np.repeat(components_first(place), 6, axis=-1)
     blocks = tuple([
         ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),

@@ -156,6 +156,15 @@ def stacked(components: Sequence[Component]) -> Array:
     return np.stack(np.broadcast_arrays(*components), axis=-1)
 
 
+def stacked_all(values: Sequence[Any]) -> Array:
+    """Return vectors (..., n, 3) or rotations (..., n, 3, 3) as one array with the axes of their components in front;
+    (0, 3) without any.
+    """
+    if not values:
+        return np.zeros((0, 3))
+    return np.stack(np.broadcast_arrays(*map(stacked, values)), axis=-3 if isinstance(values[0][0], tuple) else -2)
+
+
 def _is_numeric(x: Component) -> bool:
     return isinstance(x, (float, int, complex, np.generic, np.ndarray))
 

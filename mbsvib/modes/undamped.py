@@ -22,11 +22,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.equations import Equations
@@ -81,7 +80,7 @@ class Undamped:
     uncertainty: float
     mixed: float = 0.0
     coupling: float = 0.0
-    cancelled: NDArray[np.bool_] | None = None
+    cancelled: Bools | None = None
 
     @property
     def omega(self) -> Array:

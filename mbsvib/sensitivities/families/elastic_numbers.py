@@ -23,8 +23,8 @@ from mbsvib.elements.shared_rows import SharedRows
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.batch_values import STEP
 from mbsvib.equations.beam_prestress import bent_lines
-from mbsvib.linalg.components import stacked
-from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.components import stacked_all
+from mbsvib.linalg.rotations import axial, skew
 
 # Bodies of nodes, and those against which their displacements are taken, with the power of s of a form.
 Nodes = tuple[str, tuple[tuple[str, str, bool], ...]]
@@ -62,13 +62,13 @@ def _of_beam(beam: Beam, force: Array, gravity: Array) -> Made:
     if heavy or force.any():
         for key, form, points in loaded_forms(beam, force, gravity):
             _add(forms, key, form, points)
-    middles = _stack([beam.middle(i) for i in range(len(names))])
-    axes = _stack([axes for _, axes in beam.frames()], -3)
-    stiffness = _stack([element.stiffness() for element in beam.parts()])[..., None] * np.eye(6)
+    middles = stacked_all([beam.middle(i) for i in range(len(names))])
+    axes = stacked_all([axes for _, axes in beam.frames()])
+    stiffness = stacked_all([element.stiffness() for element in beam.parts()])[..., None] * np.eye(6)
     masses, centres = beam.node_weights()
     held = [i for i in range(masses.shape[-1]) if heavy and beam.body_of(i) != "ground"]
     numbers: dict[str, Array] = {
-        "nodes": _stack(list(beam.node_names.values())), "joints": middles, "elements": middles,
+        "nodes": stacked_all(list(beam.node_names.values())), "joints": middles, "elements": middles,
         "axes": np.concatenate((axes, axes), axis=-3), "stiffness": stiffness,
         "damping": np.asarray(beam.beta)[..., None, None, None] * stiffness,
         "weight": masses[..., held, None] * gravity, "centres": centres[..., held, :],
@@ -108,13 +108,6 @@ def _matrices(values: Sequence[Any]) -> Array:
     return np.array([np.diag(value) if np.ndim(value) == 1 else value for value in values]).reshape(-1, 6, 6)
 
 
-def _stack(values: Sequence[Any], axis: int = -2) -> Array:
-    """Vectors or matrices of components, which may be arrays of variants, one after the other."""
-    if not values:
-        return np.zeros((0, 3))
-    return np.stack(np.broadcast_arrays(*[stacked(value) for value in values]), axis=axis)
-
-
 def _forms(every: Sequence[SharedRows]) -> dict[Nodes, tuple[Array, Array]]:
     """Forms and points of nodes of all rows."""
     result: dict[Nodes, tuple[Array, Array]] = {}
@@ -126,7 +119,7 @@ def _forms(every: Sequence[SharedRows]) -> dict[Nodes, tuple[Array, Array]]:
         for power, weight in weights:
             if weight is not None:
                 form = rows.matrix.swapaxes(-1, -2) @ (weight[..., None] * rows.matrix)
-                _add(result, (power, nodes), form, _stack([node.point for node in rows.nodes]))
+                _add(result, (power, nodes), form, stacked_all([node.point for node in rows.nodes]))
     return result
 
 
@@ -145,7 +138,7 @@ def weights_of(part: Any, gravity: Array) -> tuple[Any, ...]:
 def loaded_forms(part: Any, force: Array, gravity: Array) -> list[tuple[Nodes, Array, Array]]:
     """Return forms of the stiffness under forces in elements (e, 3) and gravity, linear in both."""
     if isinstance(part, Beam):
-        axes = _stack([axes for _, axes in part.frames()], -3)
+        axes = stacked_all([axes for _, axes in part.frames()])
         local = (force[:, None] @ axes)[..., 0, :]
         rows: Sequence[SharedRows] = bent_lines(part, np.concatenate((local, np.zeros_like(local)), axis=-1),
                                                 np.broadcast_to(gravity, local.shape), every=True)  # fmt: skip
@@ -178,9 +171,7 @@ def beam_slopes(beam: Beam, force: Any, gravity: Any) -> tuple[Made, dict[Entry,
         forms |= varied.forms
         change: dict[Any, Array] = {key: _slope(array, len(entries), made.numbers[key].shape)
                                     for key, array in varied.numbers.items()}  # fmt: skip
-        spin = change.pop("axes") @ made.numbers["axes"].swapaxes(-1, -2)
-        change["turns"] = 0.5 * np.stack((spin[..., 2, 1] - spin[..., 1, 2], spin[..., 0, 2] - spin[..., 2, 0],
-                                          spin[..., 1, 0] - spin[..., 0, 1]), axis=-1)  # fmt: skip
+        change["turns"] = axial(change.pop("axes") @ made.numbers["axes"].swapaxes(-1, -2))
         for key, pair in varied.forms.items():
             for i, array in enumerate(pair):
                 change[key, i] = _slope(array, len(entries), array.shape[-2:])
