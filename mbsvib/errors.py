@@ -21,6 +21,7 @@ __all__ = [
     "UndeterminedForceWarning",
     "UnstableWarning",
 ]
+__dir__ = __all__.copy
 
 
 # Characters of a message, and how many of them are its beginning, which says where; the end says what to do.
@@ -120,7 +121,8 @@ class UndeterminedForceWarning(UserWarning):
 
 class UnstableWarning(UserWarning):
     """A frequency response of a loop that is not stable, which no steady vibration shows, though Nyquist plots need it;
-    or modes of sparse matrices that grow and may not be among those asked for.
+    or modes of sparse matrices that grow and may not be among those asked for; or frequencies of a sweep where modes
+    grow; or an isolation study or an optimum of a mechanism that is not stable.
     """
 
 
@@ -162,8 +164,3 @@ def nearest(word: str, known: Iterable[str]) -> str:
         return " Did you mean 'ground'?"
     match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f" Did you mean '{by_lower[match[0]]}'?" if match else ""
-
-
-def __dir__() -> list[str]:
-    """The exceptions and warnings."""
-    return __all__

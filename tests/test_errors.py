@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.common.arguments import known
+from mbsvib.common.expected import ascending, reals
 from tests.support.arm import arm
 
 NAN, INF = float("nan"), float("inf")
@@ -155,6 +157,7 @@ CASES = {
     "spring without effect": (spring(stiffness=0.0), ["neither stiffness nor damping"]),
     "bushing without effect": (bushing(stiffness=(0,) * 6), ["neither stiffness nor damping"]),
     "bushing 6x6 without effect": (bushing(stiffness=np.zeros((6, 6))), ["neither stiffness nor damping"]),
+    "bushing without position": (bushing(position=(1e3,) * 6), ["position = (1000.0, 1000.0,", "(x, y, z)"]),
     # names
     "body unknown to a joint": (joint(second="hnad"), ["second", "'hnad'", "Did you mean 'hand'?"]),
     "ground misspelt": (joint(first="Ground"), ["first", "'Ground'", "Did you mean 'ground'?"]),
@@ -320,3 +323,38 @@ def test_messages_of_names_without_end_are_short():
     short = mv.EquilibriumError("x" * 4000, body="b")
     assert str(short) == "x" * 4000
     assert str(pickle.loads(pickle.dumps(mv.ExportError("a" * 3000 + "b" * 3000 + "end")))).endswith("bend")
+
+
+@pytest.mark.parametrize(("given", "names", "told"), [
+    ("Legs", ["leg"], " Did you mean 'leg'? It has leg."),
+    ("z", [], " It has none."),
+    (["leg"], {"axle": 1}, " It has axle."),
+    ("q", [f"p{i:02}" for i in range(99)], f" It has {', '.join(f'p{i:02}' for i in range(12))}, ... (99 in all)."),
+])  # fmt: skip
+def test_names_that_are_none_of_those_known_are_told_the_nearest_and_which_there_are(given, names, told):
+    with pytest.raises(mv.ModelError) as caught:
+        known(given, names, "no such part", "parts")
+    error = caught.value
+    assert (str(error), error.element, error.field) == (f"no such part.{told}", str(given), "parts")
+    with pytest.raises(mv.ResponseError):
+        known(given, names, "no such part", error=mv.ResponseError)
+    known("leg", ["leg"], "no such part")
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ([0.0, 2.0, 1.0], "1 behind 2 at index 2"), ([-1.0, 2.0], "-1 at index 0"), ([0.0, NAN], "nan behind 0 at index 1"),
+    ([INF, INF], "inf at index 0"), (1.0, r"the shape \(\)"), ([], r"the shape \(0,\)"),
+    ([[0.0, 1.0]], r"the shape \(1, 2\)"),
+])  # fmt: skip
+def test_numbers_that_do_not_ascend_are_told_by_the_first_that_does_not(given, told):
+    with pytest.raises(mv.ResponseError, match=f"^step: t with {told}; expected times.$"):
+        ascending(given, "step", "t", "times", least=0.0, count=2)
+    rising = np.array([0.0, 1.0])
+    result = ascending(rising, "step", "t", "times", least=0.0, count=2)
+    assert result is not rising
+    assert np.array_equal(result, rising)
+
+
+def test_complex_numbers_without_imaginary_parts_are_real():
+    gain = np.array([1.0 + 2.0j, 3.0j])
+    assert reals(gain * gain.conj(), "noise", "values", "densities").tolist() == [5.0, 9.0]

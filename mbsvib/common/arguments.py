@@ -7,12 +7,15 @@ hundreds.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping
 from math import hypot, inf, isfinite, pi, sin, sqrt
 from numbers import Integral
 from operator import mul
 from typing import Any
 
-from mbsvib.errors import AccuracyWarning, ModelError, nearest
+from mbsvib.common.number_text import real
+from mbsvib.common.tables import listed as row
+from mbsvib.errors import AccuracyWarning, MbsvibError, ModelError, nearest
 
 Vector = tuple[float, float, float]
 Matrix3 = tuple[Vector, Vector, Vector]
@@ -41,7 +44,32 @@ ONCE_AROUND = 2.0 * pi * (1.0 + 1e-9)
 def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> ModelError:
     """Build the error "WHO: FIELD = GIVEN; expected EXPECTED. HINT"."""
     text = f"{who}: {field} = {shown(value)}; expected {expected}."
-    return ModelError(f"{text} {hint}".rstrip(), element=who, field=field)
+    quoted = "It is a text: write it without quotes." if "number" in expected and _is_number(value) else ""
+    return ModelError(" ".join(filter(None, (text, quoted, hint))), element=who, field=field)
+
+
+def _is_number(text: Any) -> bool:
+    """Whether a text is that of a number."""
+    try:
+        return isinstance(text, str) and real(text) == float(text)
+    except ValueError:
+        return False
+
+
+def unknown(
+    name: Any, known: Iterable[str], text: str, field: str | None = None, told: str = "It has",
+    error: Callable[..., MbsvibError] = ModelError, element: str | None = None,
+) -> MbsvibError:  # fmt: skip
+    """Build the error "TEXT. Did you mean 'x'? It has x, y." for a name that is none of those known."""
+    names = list(known)
+    text += f".{nearest(str(name), names)}" + (f" {told} {row(names) or 'none'}." if told else "")
+    return error(text, element=element or str(name), field=field) if error is ModelError else error(text)
+
+
+def known(name: Any, known: Collection[str], text: str, *where: Any, **words: Any) -> None:
+    """Refuse a name that is none of those known, by the error of ``unknown``."""
+    if not isinstance(name, str) or name not in known:
+        raise unknown(name, known, text, *where, **words)
 
 
 def names_in(items: Any) -> list[str] | None:
@@ -73,11 +101,25 @@ def number(value: Any, who: str, field: str, expected: str = "a finite number") 
     return value  # type: ignore[no-any-return]
 
 
-def count(value: Any, who: str, field: str, least: int) -> int:
+def positive(value: Any, who: str, field: str, unit: str = "") -> float:
+    """Return ``value`` as a finite float above 0."""
+    expected = f"a positive number [{unit}]" if unit else "a positive number"
+    if (result := number(value, who, field, expected)) <= 0.0:
+        raise refuse(who, field, value, expected)
+    return result
+
+
+def count(value: Any, who: str, field: str, least: int = 1) -> int:
     """Return ``value`` as an integer that is ``least`` or more."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise refuse(who, field, value, f"a whole number, at least {least}")
     return int(value)
+
+
+def mapping(who: str, field: str, value: Any, expected: str, empty: bool = False) -> None:
+    """Refuse what is no mapping, or an empty one unless it may be ``empty``."""
+    if not isinstance(value, Mapping) or not (value or empty):
+        raise refuse(who, field, value, expected)
 
 
 def listed(value: Any, who: str, field: str, expected: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.common.arguments import names_in, shown
 from mbsvib.common.arrays import Array
-from mbsvib.errors import MbsvibError, ModelError, ResponseError
+from mbsvib.errors import MbsvibError, ModelError, ResponseError, nearest
 
 T = TypeVar("T")
 
@@ -45,6 +45,13 @@ def a_linear(value: T, caller: str, field: str = "system") -> T:
         return value
     hint = f"{way_to_system(value)} Closed loops and state spaces will do as well."
     raise _refuse(ResponseError, value, caller, field, "a System", hint)
+
+
+def a_result(value: T, attribute: str, caller: str, field: str, expected: str) -> T:
+    """Return ``value`` if it has the attribute that tells the ``expected`` result from others."""
+    if hasattr(value, attribute):
+        return value
+    raise _refuse(ResponseError, value, caller, field, expected, "")
 
 
 def way_to_system(value: Any) -> str:
@@ -84,13 +91,26 @@ def names(value: Any, caller: str, field: str, error: Callable[..., MbsvibError]
     return listed
 
 
-def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[str], MbsvibError] = ResponseError) -> \
+def one_of(
+    value: Any, known: Collection[str], caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError
+) -> str:
+    """Return a word that is one of those known."""
+    if isinstance(value, str) and value in known:
+        return value
+    *others, last = map(repr, known)
+    text = f"{caller}: {field} = {shown(value)}; expected {', '.join(others)} or {last}.{nearest(str(value), known)}"
+    raise error(text, element=caller, field=field) if error is ModelError else error(text)
+
+
+def reals(value: Any, caller: str, field: str, expected: str, error: Callable[..., MbsvibError] = ResponseError) -> \
         Array:  # fmt: skip
-    """Return ``value`` as an array of floats; numpy alone drops imaginary parts, so that i omega would become 0."""
+    """Return ``value`` as an array of floats; numpy drops imaginary parts also where they are not 0, as of i omega."""
     try:
         array = np.asarray(value)
         if array.dtype.kind == "c":
-            raise TypeError("complex")
+            if array.imag.any():
+                raise TypeError("complex")
+            array = array.real
         if array.dtype.kind in "mM":
             raise TypeError("dates, of which numpy makes counts of nanoseconds")
         if array.dtype.kind in "SU" or (array.dtype == object and any(isinstance(x, (str, bytes)) for x in array.flat)):
@@ -98,8 +118,26 @@ def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[s
         return np.asarray(array, dtype=float)
     except (TypeError, ValueError, OverflowError) as reason:
         hint = " They are real: give omega, not 1j * omega." if "omega" in field else " Complex ones are refused."
-        hint = hint if str(reason) == "complex" else ""
-        raise error(f"{caller}: {field} = {shown(value)}; expected {expected}.{hint}") from reason
+        text = f"{caller}: {field} = {shown(value)}; expected {expected}.{hint if str(reason) == 'complex' else ''}"
+        raise (error(text, element=caller, field=field) if error is ModelError else error(text)) from reason
+
+
+def ascending(
+    value: Any, caller: str, field: str, expected: str, error: Callable[..., MbsvibError] = ResponseError,
+    least: float = -np.inf, count: int = 1, ndmin: int = 0,
+) -> Array:  # fmt: skip
+    """Return a copy of ``count`` or more finite numbers (n,) from ``least`` on, each above the one before."""
+    x = np.array(reals(value, caller, field, expected, error), ndmin=ndmin)
+    given = f"the shape {x.shape}"
+    if x.ndim == 1 and len(x) >= count:
+        bad = ~(np.isfinite(x) & (x >= least))
+        bad[1:] |= x[1:] <= x[:-1]
+        if not bad.any():
+            return x
+        at = int(bad.argmax())
+        given = f"{x[at]:g}{f' behind {x[at - 1]:g}' if at else ''} at index {at}"
+    text = f"{caller}: {field} with {given}; expected {expected}."
+    raise error(text, element=caller, field=field) if error is ModelError else error(text)
 
 
 def real(value: Any, caller: str, field: str, expected: str, least: float = -np.inf) -> float:
@@ -117,6 +155,19 @@ def limits(low: Any, high: Any, caller: str) -> tuple[float, float]:
     ends = reals([low, high], caller, "limits", expected)
     if ends.shape != (2,) or not ends[0] <= ends[1]:
         raise ResponseError(f"{caller}: limits = {shown([low, high])}; expected {expected}.")
+    return float(ends[0]), float(ends[1])
+
+
+def band_of(value: Any, caller: str, above: bool = False) -> tuple[float, float] | None:
+    """Return the first and the last frequency [Hz] of a band; None: no band. ``above``: whether 0 Hz is refused."""
+    if value is None:
+        return None
+    ends = reals(list(value) if hasattr(value, "__iter__") else value, caller, "band", "two frequencies [Hz]")
+    if ends.shape != (2,):
+        raise ResponseError(f"{caller}: band = {shown(value)}; expected two frequencies [Hz].")
+    if not (np.nextafter(0.0, 1.0) if above else 0.0) <= ends[0] < ends[1] < np.inf:
+        raise ResponseError(f"{caller}: band = {shown(value)} Hz; expected two finite frequencies, ascending from "
+                            f"{'above ' if above else ''}0 Hz.")  # fmt: skip
     return float(ends[0]), float(ends[1])
 
 
@@ -151,29 +202,22 @@ def mode_index(
     return int(number) - 1
 
 
-def angular(omega: Any) -> Array:
+def angular(omega: Any, caller: str = "frequency_response") -> Array:
     """Return angular frequencies [rad/s] as a vector whose squares neither overflow nor underflow."""
-    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
+    w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
-        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+        raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
     beyond = w[(w != 0.0) & ((np.abs(w) < 1.0 / HIGHEST) | (np.abs(w) > HIGHEST))]
     if len(beyond):
-        raise ResponseError(f"frequency_response: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} "
+        raise ResponseError(f"{caller}: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} "
                             f"to {HIGHEST:g} rad/s.")  # fmt: skip
     return w
 
 
 def hertz(frequencies: Any) -> Array:
     """Return a copy of ascending ``frequencies`` (n,) [Hz], from 0 Hz on."""
-    try:
-        f = np.array(frequencies, dtype=float, ndmin=1)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"frequencies = {frequencies!r}; expected numbers [Hz].") from error
-    if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
-        reason = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
-        raise ResponseError(f"frequencies: {reason}; expected at least one frequency from 0 Hz on, each "
-                            f"higher than the one before.")  # fmt: skip
-    return f
+    expected = "at least one frequency [Hz] from 0 on, each higher than the one before"
+    return ascending(frequencies, "frequencies", "values", expected, least=0.0, ndmin=1)
 
 
 def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:

@@ -88,7 +88,9 @@ def _unknown(name: str, known: Sequence[str], kind: str, owner: str, others: Seq
                 f"keywords as well: outputs=..., inputs=.... The {kind}s are {listed}.")  # fmt: skip
     if PATTERN.intersection(name):
         return f"system '{owner}': the pattern {name!r} picks no {kind}. It has {listed}."
-    return f"{kind} {name!r}: system '{owner}' has no such {kind}.{nearest(name, known)} It has {listed}."
+    hint = " Loops have noise of sensors and actuators as inputs by feedback(controller, noise=True)." \
+        if kind == "input" and name.endswith(".noise") else nearest(name, known)  # fmt: skip
+    return f"{kind} {name!r}: system '{owner}' has no such {kind}.{hint} It has {listed}."
 
 
 def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:

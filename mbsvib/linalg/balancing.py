@@ -30,9 +30,10 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
     """
     power = exponents(a, b, c)
     while True:
-        result, scaled_transform = scaled_by(power, a, b, c), np.ldexp(transform, power)
-        back = (*scaled_by(-power, *result), np.ldexp(scaled_transform, -power))
-        if all(map(np.array_equal, back, (a, b, c, transform))):
+        with np.errstate(over="ignore"):
+            result, scaled_transform = scaled_by(power, a, b, c), np.ldexp(transform, power)
+            back = (*scaled_by(-power, *result), np.ldexp(scaled_transform, -power))
+        if not power.any() or all(map(np.array_equal, back, (a, b, c, transform))):
             return *result, scaled_transform, power
         power = np.trunc(power / 2).astype(np.int64)  # less scaling where numbers leave the range of floating point
 

@@ -59,7 +59,7 @@ class Lyapunov:
                 left = step
                 break
             result = result + step
-        return 0.5 * (result + result.T), left
+        return result, left
 
     def _once(self, w: Array, transposed: bool) -> Array:
         from scipy.linalg import lapack
@@ -67,7 +67,8 @@ class Lyapunov:
         triangle, z = self._schur
         inside, scale, _ = lapack.dtrsyl(triangle, triangle, -(z.T @ w @ z), trana="T" if transposed else "N",
                                          tranb="N" if transposed else "T")  # fmt: skip
-        return np.asarray(z @ (inside / scale) @ z.T)
+        result = z @ (inside / scale) @ z.T
+        return np.asarray(0.5 * (result + result.T))  # what rounding adds to it is not symmetric
 
 
 # Lengths that so many vectors share have an exponential of their own.
