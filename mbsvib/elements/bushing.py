@@ -118,6 +118,7 @@ def make(
     """Check the values of a bushing and build it."""
     who = f"bushing '{name}'"
     check_ends(who, first, second)
+    at = check.vector(position, who, "position")
     k = coefficients(stiffness, who, "stiffness")
     c = coefficients(damping, who, "damping")
     if preload is not None:
@@ -126,8 +127,7 @@ def make(
     if not _is_nonzero(k) and not _is_nonzero(c) and not (preload and any(preload)):
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the bushing out.",
                          element=who, field="stiffness")  # fmt: skip
-    return Bushing(name, first, second, check.vector(position, who, "position"), k, c,
-                   check.orientation(orientation, who), preload)  # fmt: skip
+    return Bushing(name, first, second, at, k, c, check.orientation(orientation, who), preload)
 
 
 def deflections(bushings: Sequence[Bushing], pose: Pose) -> tuple[Array, Array]:

@@ -32,8 +32,8 @@ class Law:
     with ``stiffness`` k, ``damping`` c, ``inertance`` b and the force f at rest: ``preload``, times -1 if it is the
     ``wrench`` on the second body, or k (x_0 - ``free``) with the described value x_0. ``series`` are the stiffness and
     the damping of a spring and a damper in series. ``rotations`` are the components of x that are rotations, which must
-    stay below a limit where they have a moment. ``relaxations`` are pairs of a stiffness (d, d) and a time constant: of
-    springs in series with dampers along all of the deformation.
+    stay below a limit where they have a moment, and ``across`` is an angle that must always do so. ``relaxations`` are
+    pairs of a stiffness (d, d) and a time constant: of springs in series with dampers along all of the deformation.
 
     With an ``energy`` V = energy(d, fields) [J] of the deformation d itself, from components of d and the fields of the
     part by name, the force is -dV/dd in every pose, and stiffness and force at rest have no fields. Then d in a pose is
@@ -49,6 +49,7 @@ class Law:
     inertance: str | None = None
     series: tuple[str, str] | None = None
     rotations: slice | None = None
+    across: Callable[[Displacement, Any], Component] | None = None
     relaxations: str | None = None
     energy: Callable[[list[Component], Any], Component] | None = None
 
@@ -116,3 +117,9 @@ def twist(x: Displacement, j: Any) -> list[Component]:
     across, third = normals(j.axis)
     a, b = x.vector(across), x.vector(third)
     return [c.arctan2(c.dot(third, a) - c.dot(across, b), c.dot(across, a) + c.dot(third, b))]
+
+
+def swing(x: Displacement, j: Any) -> Component:
+    """Return the angle [rad] by which the second body swings across ``axis``; at half a turn its twist is undefined."""
+    axis = x.vector(j.axis)
+    return c.arctan2(c.norm(c.cross(j.axis, axis)), c.dot(j.axis, axis))

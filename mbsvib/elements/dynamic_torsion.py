@@ -13,7 +13,7 @@ from mbsvib.common.arguments import Vector
 from mbsvib.common.arrays import Array
 from mbsvib.elements import dynamic_bushing, torsion_spring
 from mbsvib.elements.bushing import Bushing, matrix6
-from mbsvib.elements.deformations import Law, twist
+from mbsvib.elements.deformations import Law, swing, twist
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.elements.dynamic_bushing import DynamicBushing
 from mbsvib.elements.part import Part
@@ -28,7 +28,7 @@ class DynamicTorsionSpring(RelaxingAxis):
     """A torsion spring as ``TorsionSpring`` is one, whose stiffness ``dynamic`` lets depend on frequency."""
 
     law = Law(twist, "rest_stiffness", "rest_damping", preload="preload", wrench=True, rotations=slice(0, 1),
-              relaxations="relaxations")  # fmt: skip
+              across=swing, relaxations="relaxations")  # fmt: skip
 
     roles = TorsionSpring.roles
     made_at_rest = TorsionSpring

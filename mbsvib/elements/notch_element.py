@@ -143,8 +143,9 @@ class NotchElement:
         more = slope - 1.0 / length
         line = BentLine(2.0 * _over_half(weight, more**2), 2.0 * _over_half(weight, about_r**2),
                         -2.0 * _over_half(weight, self._heavier * about_r * slope))  # fmt: skip
-        across_d, across_r = np.broadcast_arrays(_up_to(running, slope), across_r)
-        return Plane((deflected, turned), np.array((across_d, across_r)), np.array((about_d, about_r)), line)
+        across, about = (np.array(np.broadcast_arrays(*pair)) for pair in (
+            (_up_to(running, slope), across_r), (about_d, about_r)))  # fmt: skip
+        return Plane((deflected, turned), across, about, line)
 
     def stiffness(self) -> tuple[Any, ...]:
         """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""

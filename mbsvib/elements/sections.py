@@ -218,6 +218,12 @@ def make(value: Any, who: str) -> Shape:
     if kind not in SHAPES:
         expected = f"type: one of {', '.join(SHAPES)}"
         raise check.refuse(who, "section", value, expected, nearest(str(kind), SHAPES).strip())
+    known = {name: {item.name for item in fields(other)} for name, other in SHAPES.items()}
+    if "type" not in value and not kwargs.keys() <= known[kind]:
+        fitting = sorted((len(names), name) for name, names in known.items() if kwargs.keys() <= names)
+        if fitting:
+            raise ModelError(f"{who}: section = {check.shown(kwargs)} has no type; expected 'type': "
+                             f"'{fitting[0][1]}' beside it.", element=who, field="section")  # fmt: skip
     result: Shape = built(SHAPES[kind], kwargs, who, "section")
     return result
 

@@ -128,7 +128,7 @@ def _mesh(who: str, rho: float, file: Any, scale: Any = 1.0) -> Solid:
     try:
         import trimesh
     except ImportError:
-        raise ModelError(f"{who}: shape: meshes are read by trimesh; pip install mbsvib[mesh]", element=who,
+        raise ModelError(f'{who}: shape: meshes are read by trimesh; pip install "mbsvib[mesh]"', element=who,
                          field="shape") from None  # fmt: skip
     factor = _positive(scale, who, "shape.scale", "m per unit of the file")
     path = Path(str(file))

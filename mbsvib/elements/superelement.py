@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import reals
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved, refuse_other_root
 from mbsvib.elements.part import Composed, derived
 from mbsvib.elements.placement import Placement, Pose
@@ -283,11 +284,7 @@ def _nodes(who: str, nodes: Any) -> tuple[tuple[str, Vector], ...]:
 
 def _matrix(who: str, field: str, value: Any, size: int | None) -> Array:
     expected = f"a symmetric {'square' if size is None else f'{size} x {size}'} matrix"
-    try:
-        dense = value.toarray() if hasattr(value, "toarray") else value
-        matrix = np.array(dense, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise check.refuse(who, field, value, expected) from error
+    matrix = reals(value.toarray() if hasattr(value, "toarray") else value, who, field, expected, ModelError)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or (size is not None and len(matrix) != size):
         raise ModelError(f"{who}: {field} has shape {matrix.shape}; expected {expected}.", element=who, field=field)
     if not np.isfinite(matrix).all():

@@ -25,7 +25,7 @@ from mbsvib.common.arguments import Vector
 from mbsvib.common.arrays import Array
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import ENDS, Connection, PreloadForm, along, check_ends
-from mbsvib.elements.deformations import Law, twist
+from mbsvib.elements.deformations import Law, swing, twist
 from mbsvib.elements.part import Part
 from mbsvib.elements.placement import Pose
 from mbsvib.elements.roles import axis as line
@@ -47,7 +47,7 @@ class TorsionSpring(Connection):
     ``preload`` [N m] is the moment about the axis on the second body in the reference pose.
     """
 
-    law = Law(twist, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(0, 1))
+    law = Law(twist, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(0, 1), across=swing)
 
     roles = batched(**ENDS, stiffness=number("N m/rad"), damping=number("N m s/rad"), preload=number("N m"),
                    axis=line("first"))  # fmt: skip

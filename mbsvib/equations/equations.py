@@ -143,6 +143,15 @@ class Provenance:
     from_matrices: bool = False
     connections: tuple[Connection, ...] = ()
 
+    @property
+    def rest(self) -> str:
+        """Why a system without coordinates has no motion."""
+        if self.removed is not None:
+            return "No part is controllable and observable with the given inputs and outputs: y = D u."
+        if self.separation is not None:
+            return "No motion has mass or damping: outputs follow inputs without dynamics."
+        return "The mechanism is fully locked: its joints leave no motion."
+
     def check_mechanism(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism."""
         if self.from_matrices:

@@ -37,15 +37,15 @@ def minimal_rows(
 
     ``relative``: its relative displacements. ``used`` (elastic rows,): those to take; default: all, also zero ones.
     """
-    locked, count = scene.locked, len(scene.springs.owner)
+    locked = scene.locked
     motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
     # elastic rows, those of ports, and base rows of shared mass and stiffness
-    end = count + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
+    end = len(scene.springs.owner) + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
     mask = None
     if used is not None:
-        mask, count = np.empty(end, dtype=bool), int(np.count_nonzero(used))
+        mask = np.empty(end, dtype=bool)
         mask[: len(used)], mask[len(used) :] = used, True
-    return MinimalRows(motion, reduction.apply_exactly(relative.dense(locked, locked + end, mask), count), used)
+    return MinimalRows(motion, reduction.apply_exactly(relative.dense(locked, locked + end, mask)), used)
 
 
 def matrices(scene: Scene, minimal: MinimalRows, closed: bool) -> Terms:

@@ -81,7 +81,8 @@ def with_antisymmetric_terms(
     changed = [(row, wrench, force_of[scene.elements[owner].name]) for row, owner, wrench in scene.port.force_outputs
                if scene.elements[owner].name in force_of]  # fmt: skip
     if changed:
-        outputs = widened(np.stack((terms.Cq, terms.Cv), axis=-3), *[forces for *_, forces in changed])
+        rates = np.stack(np.broadcast_arrays(terms.Cq, terms.Cv), axis=-3)
+        outputs = widened(rates, *[forces for *_, forces in changed])
         for row, wrench, forces in changed:
             outputs[..., row, :] -= wrench @ forces
         terms = replace(terms, Cq=outputs[..., 0, :, :], Cv=outputs[..., 1, :, :])

@@ -53,13 +53,12 @@ class Reduction:
         result = motion.reshape(*lead, 6 * bodies, n) @ self.matrix
         return result.reshape(*result.shape[:-2], bodies, 6, result.shape[-1])
 
-    def apply_exactly(self, rows: Array, count: int | None = None) -> Array:
-        """Return rows in minimal coordinates; rounding in the first ``count`` rows (default: all) becomes exact 0."""
+    def apply_exactly(self, rows: Array) -> Array:
+        """Return rows in minimal coordinates; rounding becomes exact 0."""
         result = self.apply(rows)
         if self.matrix is not None:
-            exact = result[..., :count, :]
-            noise = np.abs(rows[..., :count, :]) @ np.abs(self.matrix)
-            exact.real[np.abs(exact) <= ZERO_PRODUCT * rows.shape[-1] * noise] = 0.0
+            noise = np.abs(rows) @ np.abs(self.matrix)
+            result.real[np.abs(result) <= ZERO_PRODUCT * rows.shape[-1] * noise] = 0.0
         return result
 
 

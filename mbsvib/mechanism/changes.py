@@ -45,8 +45,7 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
 
     A name has precedence over patterns that match it; values are not checked.
     """
-    if not isinstance(values, Mapping):
-        raise check.refuse("values", "values", values, "a mapping of parameters to values, {'body.mass': 1.0}")
+    check.mapping("values", "values", values, "a mapping of parameters to values, {'body.mass': 1.0}", empty=True)
     result: dict[str, Any] = {}
     pattern_of: dict[str, str] = {}
     for pattern, value in values.items():

@@ -13,9 +13,10 @@ from functools import lru_cache
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
+from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.elements import Joint
@@ -195,10 +196,7 @@ def _tree(ground: int, joints: tuple[Edge, ...], omitted: frozenset[int] = NONE)
 def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
     requested = names(cut, "linearize", "cut", ModelError)
     for name in requested:
-        if name not in model.joints:
-            hint = nearest(str(name), model.joints)
-            raise ModelError(f"cut = {name!r} is not a joint of model '{model.name}'.{hint}",
-                             element=str(name), field="cut")  # fmt: skip
+        check.known(name, model.joints, f"cut = {name!r} is not a joint of model '{model.name}'", "cut")
     return tuple(requested)
 
 

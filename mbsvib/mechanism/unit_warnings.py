@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import dist, pi, sqrt
 from typing import Any, TypeVar
 
 import numpy as np
 
 from mbsvib.elements.body import principal
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 
 M = TypeVar("M", bound="Mechanism")
@@ -30,6 +32,16 @@ def with_angles(model: M, displacements: Mapping[str, Any], turns: int = TURNS) 
     """Return the model with the doubts of ``angle_warnings``."""
     doubts = angle_warnings(displacements, turns)
     return model.with_doubts(doubts) if doubts else model
+
+
+@contextmanager
+def angles_doubted(displacements: Mapping[str, float]) -> Iterator[None]:
+    """Add the doubts of ``angle_warnings`` to refusals, which a joint turned by 90 rad in place of degrees leads to."""
+    try:
+        yield
+    except ModelError as error:
+        error.args = (" ".join([str(error), *angle_warnings(displacements)]),)
+        raise
 
 
 def angle_warnings(displacements: Mapping[str, Any], turns: int = TURNS) -> list[str]:

@@ -134,6 +134,26 @@ class Modes(Columnar, Displayed):
         if self._provenance is not None:
             self._provenance.check_mechanism(self.name, caller)
 
+    @property
+    def _none(self) -> str:
+        return "It is locked, or no motion has mass." if self._provenance is None else self._provenance.rest
+
+    def check_any(self, task: str) -> None:
+        """Refuse a task where there are no modes.
+
+        Parameters
+        ----------
+        task : str
+            What needs modes, such as "draw".
+
+        Raises
+        ------
+        ResponseError
+            If there are none.
+        """
+        if not len(self):
+            raise ResponseError(f"system '{self.name}' has no modes to {task}. {self._none}")
+
     @cached_property
     def stable(self) -> bool:
         """Whether no mode is unstable."""
@@ -301,14 +321,13 @@ class Modes(Columnar, Displayed):
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy."""
         if not len(self):
-            return ("No modes: the mechanism is locked, or what its joints leave free has neither mass nor damping.",)
+            return (f"No modes. {self._none}",)
         result = []
         if self.rigid:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
         diverging = np.nonzero(self.growing)[0]
         if len(diverging):
-            many = len(diverging) > 1
-            result.append(f"Unstable: mode{'s' if many else ''} {', '.join(str(i + 1) for i in diverging)}.")
+            result.append(f"Unstable: mode{'s' if len(diverging) > 1 else ''} {', '.join(map(str, diverging + 1))}.")
         if self.first_order is not None and self.first_order.any():
             result.append(f"{counted(int(self.first_order.sum()), 'mode')} of first order: motions without mass "
                           f"but with dampers, one eigenvalue each.")  # fmt: skip

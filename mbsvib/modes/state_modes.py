@@ -26,7 +26,8 @@ class StateModes(Modes):
     ``shapes`` (states, n) are the eigenvectors, one of each pair; ``first_order`` marks modes with a real eigenvalue.
     ``errors`` bounds the rounding of each eigenvalue, relative, by its condition number. ``participation`` (states, n)
     is the product of each state's entries in the left and right eigenvectors, abs(l_i r_i) / abs(l^H r), which does
-    not depend on units and scales of the states; NaN where a mode is defective.
+    not depend on units and scales of the states; NaN where a mode is defective. Eigenvalues of at most ``zero_bound``
+    [1/s] are given as 0, as rounding does not tell them from it.
 
     Source: Perez-Arriaga, Verghese & Schweppe (1982), Selective modal analysis, IEEE Trans. PAS 101(9).
     """
@@ -34,6 +35,7 @@ class StateModes(Modes):
     MOST: ClassVar[str] = "largest participation"
 
     participation: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    zero_bound: float = 0.0
 
     def strongest(self) -> tuple[tuple[str, ...], ...]:
         """Return for each mode the state with the largest participation.
@@ -58,7 +60,8 @@ class StateModes(Modes):
             return ("There are no states.",)
         growing = np.flatnonzero(self.growing)
         unstable = [f"Unstable: mode{'s' if len(growing) > 1 else ''} {', '.join(str(i + 1) for i in growing)}."]
-        return (*(unstable if len(growing) else ()),
+        at_rest = [f"At 0 Hz are eigenvalues up to {self.zero_bound:.1e} 1/s, which rounding does not tell from 0."]
+        return (*(at_rest if self.zero_bound > 0.0 and self.rigid else ()), *(unstable if len(growing) else ()),
                 f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")  # fmt: skip
 
     def _shown(self) -> str:
@@ -80,7 +83,9 @@ def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None
             kept = np.abs(values) > FORGOTTEN
             change, values = rate * change[kept] / np.abs(values[kept]), rate * np.log(values[kept])
             right, participation = right[:, kept], participation[:, kept]
-        values = np.where(np.abs(values) <= change, 0.0, values)
+        zero = np.abs(values) <= change
+        zero_bound = float(change[zero].max(initial=0.0))
+        values = np.where(zero, 0.0, values)
         errors = np.where(values == 0.0, 0.0, change / np.abs(values))
     order = np.lexsort((-values.imag, np.abs(values)))
     values, errors, right = values[order], errors[order], right[:, order]
@@ -94,7 +99,7 @@ def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None
     return StateModes(name, states, (), _together(values, first), np.repeat(errors[first], 2 - single),
                       right[:, first].reshape(len(a), n), "", at_rest, none,
                       np.zeros((0, len(a))), nothing, single if single.any() else None,
-                      participation=participation[:, first].reshape(len(a), n))  # fmt: skip
+                      participation=participation[:, first].reshape(len(a), n), zero_bound=zero_bound)  # fmt: skip
 
 
 def _together(values: Complex, first: Bools) -> Complex:

@@ -301,7 +301,7 @@ def reduced_equations(
 
 
 def _smallest(system: Equations, family: CraigBampton | ModalTruncation, error: float) -> tuple[Equations, float]:
-    """The smallest model within an error, found by bisection."""
+    """A model within an error, found by bisection: the smallest where errors fall with the order."""
     low, high = family.least, family.most
     models = {}
     while low < high:

@@ -26,6 +26,7 @@ import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import AnyArray, Array, Complex
+from mbsvib.common.expected import reals
 from mbsvib.equations.equations import Equations, Truncation
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.multifrontal import SymmetricFactor
@@ -91,10 +92,10 @@ def _rotated(z: Array, stiffness: Any, free: Array) -> Array:
 
 
 def _frequencies(near: Any) -> list[float]:
-    values = np.atleast_1d(np.asarray(near, dtype=float)) if np.ndim(near) < 2 else np.zeros(0)
-    if not len(values) or not np.isfinite(values).all() or (values < 0.0).any():
-        raise ResponseError(f"reduced: near = {shown(near)} with method = 'krylov'; expected one or several "
-                            f"frequencies [Hz], 0 or more.")  # fmt: skip
+    expected = "one or several frequencies [Hz], 0 or more, with method = 'krylov'"
+    values = np.atleast_1d(reals(near, "reduced", "near", expected))
+    if values.ndim > 1 or not len(values) or not np.isfinite(values).all() or (values < 0.0).any():
+        raise ResponseError(f"reduced: near = {shown(near)}; expected {expected}.")
     return list(dict.fromkeys(values.tolist()))
 
 

@@ -3,7 +3,8 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import eigh, expm
+from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle, Section
@@ -105,3 +106,27 @@ def test_supported_timoshenko_beam_converges_to_the_frequency_equation():
     share = bend * b**2 / (shear + bend * b**2)
     assert errors[2] == pytest.approx(share * (b * length / 32) ** 2 / 24, rel=0.15)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.03)
+
+
+def test_frequencies_of_short_beams_converge_with_the_square_of_the_length_of_elements():
+    """The second one of a clamped beam, five times as long as high, by Timoshenko's equations."""
+    E, G, rho, A, Iy, shear = 2e11, 8e10, 7800.0, 0.01, 0.05 * 0.2**3 / 12, 5 / 6
+
+    def free_end(w):
+        """Determinant of moment and shear force at the end, of (deflection, slope, moment, shear force) along x."""
+        slopes = np.array([[0, 1, 0, 1 / (shear * G * A)], [0, 0, 1 / (E * Iy), 0], [0, -rho * Iy * w**2, 0, -1],
+                           [-rho * A * w**2, 0, 0, 0]])  # fmt: skip
+        return np.linalg.det(expm(slopes)[2:, 2:])
+
+    def second(elements):
+        model = mv.Model("short")
+        section = {"A": A, "Iy": Iy, "Iz": 9 * Iy, "J": Iy, "ky": shear, "kz": shear}
+        model.add_beam("beam", "ground", None, section, {"E": E, "G": G, "rho": rho}, start=(0, 0, 0), end=(1, 0, 0),
+                       elements=elements, shear=True, y_axis=(0, 1, 0))  # fmt: skip
+        frequencies = 2 * np.pi * model.linearize().modes().frequencies
+        return min(frequencies, key=lambda w: abs(w - 5400.0))
+
+    exact = brentq(free_end, 5000.0, 6000.0, xtol=1e-8)
+    errors = [second(count) / exact - 1 for count in (8, 16)]
+    assert errors[1] == pytest.approx(5.3e-4, rel=0.01)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)

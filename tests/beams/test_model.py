@@ -212,6 +212,8 @@ LINE = {"start": (0, 0, 0), "end": (1, 0, 0)}
         ({**LINE, "section": {"type": "circle", "radius": -0.1}}, r"beam 'rod': section: circle: radius = -0.1"),
         ({**LINE, "section": {"type": "circle", "diameter": 0.1}}, r"no 'diameter'"),
         ({**LINE, "section": 3}, r"section = 3"),
+        ({**LINE, "section": {"radius": 0.1}}, r"has no type; expected 'type': 'circle' beside it"),
+        ({**LINE, "section": {"radius": 0.1, "wall": 0.01}}, r"has no type; expected 'type': 'tube' beside it"),
         ({**LINE, "material": {"E": 1e9, "rho": 1}}, r"one of nu"),
         ({**LINE, "material": {"E": 0.0, "nu": 0.3, "rho": 1}}, r"material: E = 0.0; expected a positive"),
         ({**LINE, "material": {"E": 1e9, "nu": 0.6, "rho": 1}}, r"nu = 0.6"),

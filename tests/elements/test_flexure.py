@@ -371,13 +371,17 @@ def test_shapes_may_be_given_as_objects():
         assert held(part).beams["f"] == held(shape).beams["f"]
 
 
-def test_variants_and_compiled_plants():
-    model = held(LEAF)
-    values = np.array([4e-4, 5e-4, 6e-4])
-    batch = model.linearize(values={"f.thickness": values})
+@pytest.mark.parametrize(("shape", "parameter", "values"), [
+    (LEAF, "f.thickness", [4e-4, 5e-4, 6e-4]), (NOTCH, "f.nu", [0.25, 0.3, 0.35]), (FILLETED, "f.nu", [0.25, 0.3]),
+])  # fmt: skip
+def test_variants_and_compiled_plants(shape, parameter, values):
+    model = held(shape)
+    batch = model.linearize(values={parameter: values})
+    plant = model.compile(parameter)(np.array(values)[:, None])
     for i, value in enumerate(values):
-        expected = model.with_values({"f.thickness": value}).linearize().modes().frequencies
-        assert_allclose(batch.modes().frequencies[i], expected, rtol=1e-12)
+        expected = model.with_values({parameter: value}).linearize()
+        assert_allclose(batch.modes().frequencies[i], expected.modes().frequencies, rtol=1e-12)
+        assert_allclose(plant.K[i], expected.K, rtol=1e-12)
 
 
 @pytest.mark.slow

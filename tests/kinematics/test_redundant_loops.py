@@ -267,3 +267,25 @@ def test_all_pairs_about_ten_axes():
         for pair in some(seed):
             check_as_drawn(pair)
             check_elsewhere(pair)
+
+
+@pytest.mark.parametrize("values", [None, {"rod.position.x": [0.1, 0.2]}])
+def test_what_loops_lock_moves_by_exactly_0(values):
+    """Two bodies that loops hold together: 1e-16 in B and Cq made norms of an undamped mechanism infinite."""
+    rng, model = np.random.default_rng(0), mv.Model()
+    for body in ("a", "b"):
+        model.add_body(body, 1.0, (0.1, 0.1, 0.1), position=rng.normal(size=3))
+    model.add_joint("plane", "point_on_plane", "ground", "a", position=rng.normal(size=3), axis=rng.normal(size=3))
+    model.add_joint("rod", "distance", "ground", "b", position=rng.normal(size=3), end=rng.normal(size=3))
+    model.add_joint("hinge", "revolute", "a", "b", position=rng.normal(size=3), axis=rng.normal(size=3))
+    model.add_joint("ball", "spherical", "a", "b", position=rng.normal(size=3))
+    model.add_bushing("k", "ground", "b", rng.normal(size=3), (1e3, 1e3, 1e3, 10, 10, 10))
+    model.add_input("t", "b", "y", relative_to="a")
+    model.add_output("r", "b", "ry", relative_to="a")
+    model.add_output("z", "b", "z")
+    system = model.linearize(values=values)
+    assert not np.any(system.B)
+    assert not np.any(system.Cq[..., 0, :])
+    if values is None:
+        assert system.dof == 4
+        assert system.h2_norm("z", "t").value == 0.0

@@ -79,6 +79,13 @@ def test_angles_in_degrees_are_doubted_where_modes_are_read():
         assert "Doubtful" not in str(fine.linearize().modes())
 
 
+def test_angles_in_degrees_are_doubted_where_the_pose_is_refused():
+    model = in_metres(1.0)
+    model.add_torsion_spring("t", "ground", "b", axis=(0, 0, 1), stiffness=10.0)
+    with pytest.raises(mv.ModelError, match=r"angle is not unique.* 14.3 turns; is it in rad, not in degrees\?$"):
+        model.moved({"r.rz": 90.0})
+
+
 def test_displacements_are_not_angles():
     model = mv.Model("slide")
     model.add_body("b", 1.0, (0.1, 0.1, 0.1), position=(0, 0, 1))

@@ -53,3 +53,16 @@ def test_poles_at_zero_are_zero_in_turned_states():
     assert turned.poles()[0] == 0.0
     np.testing.assert_allclose(turned.poles(), -np.arange(8.0), rtol=1e-13)
     assert turned.modes().frequencies[0] == 0.0
+
+
+def test_slow_poles_beside_fast_ones_are_told_from_rigid_modes():
+    """-1e-10 beside -1e8 1/s is lost in rounding; integrators in states of their own are not."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    lost = mv.StateSpace.from_arrays(turn.T @ np.diag([-1e-10, -1e8]) @ turn, [[1.0], [1.0]], [[1.0, 1.0]], 0.0).modes()
+    assert lost.eigenvalues[0] == 0.0
+    assert 1e-10 < lost.zero_bound < 1e-6
+    told = f"At 0 Hz are eigenvalues up to {lost.zero_bound:.1e} 1/s, which rounding does not tell from 0."
+    assert lost.remarks()[0] == told
+    exact = mv.StateSpace.from_arrays(np.diag([0.0, -1e8]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0).modes()
+    assert exact.zero_bound == 0.0
+    assert "At 0 Hz" not in str(exact)

@@ -74,6 +74,56 @@ def test_jeffcott():
     np.testing.assert_allclose(critical, [10.0, 10.0, np.sqrt(50.0 / 0.06)], rtol=1e-11)
 
 
+def disk_on_two_bearings(polar):
+    """A disk off the middle between bearings that are softer along y, and its eigenvalues at a speed by matrices."""
+    model = mv.Model("disk")
+    model.add_body("disk", 1.0, (0.01, 0.01, polar))
+    stiffness, damping = np.zeros((6, 6)), np.zeros((6, 6))
+    for name, z, k in (("left", -0.2, 3e3), ("right", 0.1, 5e3)):
+        springs = k * np.array([1.0, 0.7, 1.5, 0.0, 0.0, 1e-3])
+        model.add_bushing(name, "ground", "disk", (0, 0, z), springs, 2e-3 * springs)
+        at = np.eye(6)
+        at[0, 4], at[1, 3] = z, -z
+        stiffness, damping = (total + at.T @ np.diag(part * springs) @ at for total, part in
+                              ((stiffness, 1.0), (damping, 2e-3)))  # fmt: skip
+    model.add_rotor("spin", "disk", 0.0, (0, 0, 1), inertia=polar)
+    mass, spin = np.diag([1.0, 1.0, 1.0, 0.01, 0.01, polar]), np.zeros((6, 6))
+    spin[3, 4], spin[4, 3] = polar, -polar
+
+    def frequencies(speed):
+        changes = np.linalg.solve(mass, np.hstack((-stiffness, -damping - speed * spin)))
+        values = np.linalg.eigvals(np.vstack((np.eye(6, 12, k=6), changes)))
+        return np.sort(values.imag[values.imag > 0.0])
+
+    return model, frequencies
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("polar", [0.004, 0.0095, 0.019])
+@pytest.mark.parametrize("speeds", [(0.0, 400.0), (-150.0, 400.0), (-400.0, 10.0, 390.0)])
+def test_critical_speeds_do_not_depend_on_the_steps(polar, speeds):
+    """All of them are found between few speeds, also where these lie on both sides of standstill, and none besides."""
+    model, frequencies = disk_on_two_bearings(polar)
+    data = campbell(model, speeds, orders=(0.5, 1.0, 1.9))
+    fine = np.linspace(speeds[0], speeds[-1], 4000)
+    table = np.array([frequencies(speed) for speed in fine])
+    for order in (0.5, 1.0, 1.9):
+        found = sorted(point.speed for point in data.critical if point.order == order)
+        where, _ = np.nonzero(np.diff(np.sign(table - order * np.abs(fine)[:, None]), axis=0))
+        np.testing.assert_allclose(found, 0.5 * (fine[where] + fine[where + 1]), atol=fine[1] - fine[0])
+        assert max(np.abs(frequencies(speed) - order * abs(speed)).min() for speed in found) < 1e-9
+    assert {point.mode for point in data.critical} <= set(range(1, 7))
+
+
+@pytest.mark.slow
+def test_limits_of_several_modes():
+    """Two shafts with other dampers: each has a limit of its own, 10 (1 + d / d_i), between the same two speeds."""
+    model = mv.Model("two")
+    for name, external in (("first", 0.5), ("second", 1.5)):
+        model.add_model(name, shaft(1.0, external=external))
+    assert campbell(model, [5.0, 60.0]).limits == pytest.approx([12.5, 17.5], rel=1e-12)
+
+
 @pytest.mark.slow
 def test_rounding_of_undamped_modes_is_no_limit():
     """Bearings damp what bends the shaft; it turns and slides undamped, by real parts that are rounding."""

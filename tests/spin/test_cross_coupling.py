@@ -127,6 +127,18 @@ def test_variants_and_files_keep_both_entries(tmp_path):
         assert mv.load(tmp_path / f"bearing{suffix}").springs["oil"] == model.springs["oil"]
 
 
+def test_speeds_vary_beside_the_force_of_a_bearing():
+    """Moments on the ground change with the speed, forces of bearings do not; a batch ended in an error of numpy."""
+    model, *_ = bearing()
+    model.add_rotor("spin", "shaft", 100.0, (0, 0, 1), inertia=0.2)
+    model.add_force_output("below", "ground", "rx")
+    batch = model.linearize(values={"spin.speed": [100.0, 150.0]})
+    single = model.with_values({"spin.speed": 150.0}).linearize()
+    np.testing.assert_array_equal(batch[1].Cv, single.Cv)
+    np.testing.assert_array_equal(batch[1].Cq, single.Cq)
+    assert batch[0].Cv[3].any()
+
+
 def test_matrices_that_are_symmetric_but_for_rounding_have_no_cross_coupling():
     """Also where stiffness in other units is so small that a share of the largest entry would hide it."""
     model = mv.Model("two")

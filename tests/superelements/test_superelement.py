@@ -8,6 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.files import schema
+from mbsvib.finite_motion.statement import finite_motion
 from tests.superelements.craig_bampton import NODES, beam, reduced
 
 ENDS = {"left": NODES[0], "right": NODES[-1]}
@@ -39,6 +40,14 @@ def test_with_all_modes_it_is_the_beam():
     assert result == pytest.approx(expected, rel=1e-9)
     assert {"pipe.right.x", "pipe.mode1", "pipe.mode18"} < set(system.coordinates)
     assert model.superelements["pipe"].rank == (30, 24)
+
+
+def test_coordinates_of_runs_that_are_others_have_other_names():
+    """Internal coordinates of the matrices, and modes with the nodes held; of these even the sign is free."""
+    model = with_hub()
+    names = set(finite_motion(model).motion.names)
+    assert "pipe.fixed_mode18" in names
+    assert not {name for name in model.linearize().coordinates if name.startswith("pipe.mode")} & names
 
 
 def test_held_at_both_ends_and_in_turned_axes():
@@ -135,6 +144,7 @@ def test_refusals():
     add(r"K has shape \(13, 13\); expected a symmetric 14 x 14", k=k[:13, :13])
     add(r"K has shape \(14,\)", k=k[0])
     add(r"K = 'stiff'", k="stiff")
+    add(r"K = .*expected a symmetric 14 x 14 matrix. Complex ones are refused", k=k * (1 + 0.02j))
     add(r"entries that are not finite", m=np.full((14, 14), np.nan))
     add(r"M has 14 rows; expected 6 for each of the 3 nodes", nodes={**ENDS, "more": (0, 0, 0)})
     add(r"K resists a motion of all nodes as one rigid body along 'r[xyz]'", nodes={**ENDS, "right": (0.6, 0.25, 0.9)})
