@@ -104,7 +104,9 @@ class DecayingSum:
 
     def _open(self, a: Array, b: Array, top: Array, limit: float) -> Bools:
         """Whether f may exceed a limit on intervals, the larger of whose ends is ``top`` (n,)."""
-        first, longest = a.min(initial=np.inf, keepdims=True), (b - a).max(initial=0.0, keepdims=True)
+        if not len(a):
+            return np.zeros(0, dtype=bool)
+        first, longest = a.min(keepdims=True), (b - a).max(keepdims=True)
         result = top + self._off_chord(first, longest) > limit
         result[result] = top[result] + self._off_chord(a[result], (b - a)[result]) > limit
         return result

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import real, reals
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import DECAYS
 from mbsvib.responses.from_control import realized
@@ -66,7 +66,7 @@ class Spectrum(Displayed):
         ResponseError
             If a function returns another shape, or what no density is.
         """
-        return self._values(np.asarray(frequencies, dtype=float))
+        return self._values(reals(frequencies, "density", "frequencies", "numbers [Hz]"))
 
     @abstractmethod
     def _values(self, f: Array) -> Array:
@@ -168,7 +168,7 @@ class Density(Spectrum):
     unit: str = ""
 
     def _values(self, f: Array) -> Array:
-        result = np.asarray(self.function(f), dtype=float)
+        result = reals(self.function(f), self.name, "values of the function", "one real density for each frequency")
         if result.shape != f.shape:
             raise ResponseError(f"{self.name}: the function returns the shape {result.shape} for {len(f)} frequencies; "
                                 f"expected one density for each, ({len(f)},).")  # fmt: skip
@@ -279,10 +279,7 @@ def table(points: ArrayLike, name: str = "spectrum") -> Table:
         If there are fewer than two points, frequencies do not ascend from above 0, or a density is not positive.
     """
     expected = "at least two pairs (frequency [Hz], density)"
-    try:
-        rows = np.asarray(points, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"{name}: {check.shown(points)}; expected {expected}.") from error
+    rows = reals(points, name, "points", expected)
     if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 2 or not np.isfinite(rows).all():
         raise ResponseError(f"{name}: {check.shown(points)}; expected {expected}, all finite.")
     f, values = rows.T.copy()
@@ -301,10 +298,4 @@ def table(points: ArrayLike, name: str = "spectrum") -> Table:
 
 def density_level(value: Any, name: str = "white noise") -> float:
     """Return a level of white noise as a float, refused if it is negative or not finite."""
-    try:
-        level = float(value)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"{name}: level = {value!r}; expected a density, no less than 0.") from error
-    if not 0.0 <= level < np.inf:
-        raise ResponseError(f"{name}: level = {level:g}; expected a density, no less than 0.")
-    return level
+    return real(value, name, "level", "a density, no less than 0", 0.0)

@@ -12,6 +12,7 @@ not decay, or outputs show them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,6 @@ from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
 
 BLOCK = 32
@@ -87,30 +87,35 @@ def energy_matrix(modal: Damped) -> tuple[Array, Array]:
     return scale, a
 
 
-def zeros_of_lasting_states(
-    system: Equations, modal: Damped, transform: Array, b: Array, c: Array
-) -> tuple[Array, Array]:
-    """Return B (2m, inputs) and C (outputs, 2m) of modal states with zeros for what is rounding in modes that last.
-
-    ``transform`` (2m, 2m): q and q' by the states, two of each mode.
+@dataclass(frozen=True, slots=True)
+class ModalStates:
+    """Modal states in energy coordinates: ``columns`` T (n, n), the ``forces`` F = T B there, and the states of modes
+    that do not decay, ``lasting`` (n,).
     """
-    lasting = np.repeat(last(modal.pairs).any(axis=1), 2)
+
+    columns: Array
+    forces: Array
+    lasting: Bools
+
+
+def zeros_of_lasting_states(
+    states: ModalStates, b: Array, c: Array, seen: Sequence[tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Return B (n, inputs) and C (outputs, n) of modal states with zeros for what is rounding in modes that last.
+
+    ``seen``: rows, and columns of the states or their rates, whose products add up to C; rounding of a part of a column
+    is that of its whole length.
+    """
+    lasting = states.lasting
     if not lasting.any():
         return b, c
-    m = len(modal.square)
-    scale, a = energy_matrix(modal)
-    into = modal.shapes.T @ system.M
-    energy = np.concatenate((scale[:, None] * (into @ transform[:m]), into @ transform[m:]))
-    left = np.linalg.norm(np.linalg.inv(energy)[lasting], axis=1)
-    small = np.abs(b[lasting]) <= ZERO_SUM * np.outer(left, np.linalg.norm(modal.shapes.T @ system.B, axis=0))
-    moving = energy[:, lasting]
-    rates = [rows @ modal.shapes for rows in (system.Cq, system.Cv, system.Ca)]
-    seen = sum((np.outer(np.linalg.norm(rows, axis=1), np.linalg.norm(part, axis=0)) for rows, part in
-                ((rates[0] / scale, moving[:m]), (rates[1], moving[m:]), (rates[2], (a @ moving)[m:]))),
-               np.zeros((len(c), moving.shape[1])))  # fmt: skip
+    left = np.linalg.norm(np.linalg.inv(states.columns)[lasting], axis=1)
     b, c = b.copy(), c.copy()
+    small = np.abs(b[lasting]) <= ZERO_SUM * np.outer(left, np.linalg.norm(states.forces, axis=0))
     b[lasting] = np.where(small, 0.0, b[lasting])
-    c[:, lasting] = np.where(np.abs(c[:, lasting]) <= ZERO_SUM * seen, 0.0, c[:, lasting])
+    limit = np.sum([np.outer(np.linalg.norm(rows, axis=1), np.linalg.norm(part[:, lasting], axis=0))
+                    for rows, part in seen], axis=0)  # fmt: skip
+    c[:, lasting] = np.where(np.abs(c[:, lasting]) <= ZERO_SUM * limit, 0.0, c[:, lasting])
     return b, c
 
 

@@ -30,6 +30,7 @@ UNDAMPED, NEAREST = 1e-12, 1e-7
 # If an undamped mode is excited, a response grows tenfold from ten of these distances, in parts of the frequency, to
 # one. A smaller growth than the second number means that the mode is not excited.
 CLOSE, GROWTH = 1e-9, 5.0
+BEYOND = 4.0  # times the error of a pole: where its response is known
 SHORTEST = 1e-13  # in parts of the frequency: rounding leaves no panel shorter than that
 MOST_PANELS = 100_000
 BATCH, BLOCK = 2048, 4_000_000  # frequencies and interpolated numbers at a time
@@ -74,17 +75,21 @@ def panels(
     return np.sort(result)
 
 
-def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: float) -> Array:
+def excited(
+    size: Callable[[Array], Array], poles: Complex, low: float, high: float, errors: Array | float = 0.0
+) -> Array:  # fmt: skip
     """Return the frequencies of undamped poles in a band at which a response has no bound, ascending.
 
-    ``size`` takes frequencies (n,), and returns how large the response is, (n,). ``poles``: in units of the
-    frequencies.
+    ``size`` takes frequencies (n,), and returns how large the response is, (n,). ``poles``, and bounds of the
+    ``errors`` within which rounding leaves them: in units of the frequencies.
     """
-    undamped = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
-    undamped = undamped[(undamped >= low) & (undamped <= high) & (undamped > 0.0)]
+    errors = np.maximum(UNDAMPED * np.abs(poles), errors)
+    undamped, at = np.unique(np.abs(poles), return_index=True)
+    inside = (np.abs(poles.real) <= errors)[at] & (undamped >= low) & (undamped <= high) & (undamped > 0.0)
+    undamped, distance = undamped[inside], np.maximum(CLOSE * undamped, BEYOND * errors[at])[inside]
     if not len(undamped):
         return undamped
-    near, farther = (size(undamped * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
+    near, farther = (size(undamped + factor * distance) for factor in (1.0, 10.0))
     return np.asarray(undamped[near > GROWTH * farther])
 
 

@@ -10,11 +10,13 @@ from mbsvib.common.arrays import Array
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import EPS, ZERO_MARKOV
+from mbsvib.responses.first_order import FirstOrder, physical
+from mbsvib.responses.general_terms import cleaned
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
-# An entry of D below this share of what M^-1 makes of rounding of its terms is 0.
+# An entry of D below this share of its terms is 0.
 ROUNDING = 32 * EPS
 
 
@@ -34,18 +36,21 @@ def feedthrough(system: Equations) -> Array:
     """Return D + Ca M^-1 B (outputs, inputs) of regular M, 0 where it is rounding."""
     if not system.Ca.any():
         return np.array(system.D)
-    result = system.D + system.Ca @ accelerations(system, system.B)
-    result[np.abs(result) <= ROUNDING * _terms(system)] = 0.0
+    moved = accelerations(system, system.B)
+    result = system.D + system.Ca @ moved
+    result[np.abs(result) <= ROUNDING * (np.abs(system.D) + _terms(system, moved))] = 0.0
     return np.asarray(result)
 
 
-def _terms(system: Equations) -> Array:
-    """Sizes (outputs, inputs) of the terms of D + Ca M^-1 B, each entry of Ca, M and B as large as rounding takes it.
+def _terms(system: Equations, moved: Array) -> Array:
+    """Sizes (outputs, inputs) of the terms of Ca M^-1 B, each entry of Ca, M and B as large as rounding takes it.
+
+    dCa (M^-1 B) + (Ca M^-1) dB + (Ca M^-1) dM (M^-1 B); ``moved`` is M^-1 B.
     """
     scale = np.sqrt(system.M.diagonal())
-    inverse = np.abs(accelerations(system, np.diag(scale))) * scale[:, None]
-    seen, moved = entry_sizes(system.Ca, 1.0 / scale), entry_sizes(system.B.T, 1.0 / scale).T
-    return np.asarray(np.abs(system.D) + seen @ (inverse @ ((system.M != 0.0) @ (inverse @ moved))))
+    seeing, moved = (np.abs(x) * scale[:, None] for x in (accelerations(system, system.Ca.T), moved))
+    seen, pushed = entry_sizes(system.Ca, 1.0 / scale), entry_sizes(system.B.T, 1.0 / scale)
+    return np.asarray(seen @ moved + seeing.T @ (pushed.T + (system.M != 0.0) @ moved))
 
 
 def entry_sizes(rows: Array, scale: Array) -> Array:
@@ -66,7 +71,7 @@ def direct(linear: Any) -> Array:
     """Return the feedthrough H0 (outputs, inputs) of a system, a state space or a loop, D of its first-order equations.
     """
     if linear.kind == "system":
-        return _of_system(linear)
+        return of_first_order(linear)
     if linear.kind != "closed loop":
         return np.asarray(linear.D)
     plant, gain, (y, u), (o, i) = direct(linear.open_loop), linear.law.D, linear.ports, linear.selected_ports
@@ -76,15 +81,19 @@ def direct(linear: Any) -> Array:
     return value[np.ix_(o, i)]
 
 
-def _of_system(system: Any) -> Array:
+def of_first_order(system: Equations, states: FirstOrder | None = None) -> Array:
+    """Return D of the first-order equations of a system, 0 where it is rounding.
+
+    ``states``: its physical ones, where it has massless motions and these are known.
+    """
     if not system.massless:
         return feedthrough(system)
-    space, m = system.state_space(), system.dof
-    rate = space.transform[m:]
-    scale = np.sqrt(np.einsum("ik,ij,jk->k", rate, system.M, rate))  # states of one kinetic energy
+    states = physical(system) if states is None else states
+    rate, through = states.transform[system.dof :], states.through[system.dof :]
+    seen, rates = states.accelerations(system)
+    value = cleaned(seen, rates, states.b, direct=system.D + system.Cv @ through)
+    scale = np.linalg.norm(system.inertia_factor @ rate, axis=0)  # states of one kinetic energy
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
-    terms = np.abs(system.D) + np.abs(system.Ca) @ (np.abs(rate) @ np.abs(space.B))
-    terms += entry_sizes(system.Ca @ rate, inverse) @ entry_sizes(space.B.T, scale).T
-    if space.through is not None:
-        terms += np.abs(system.Cv) @ np.abs(space.through[m:])
-    return without_rounding(space.D, terms)
+    terms = np.abs(system.D) + np.abs(system.Ca) @ (np.abs(rate) @ np.abs(states.b))
+    terms += entry_sizes(system.Ca @ rate, inverse) @ entry_sizes(states.b.T, scale).T
+    return without_rounding(value, terms + np.abs(system.Cv) @ np.abs(through))

@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib.common.arrays import Array
 from mbsvib.equations.unresisted_motion import independent_coordinates
 from mbsvib.linalg.qr import gram_solution
+from mbsvib.responses.energy_schur import ModalStates
 from mbsvib.responses.general_terms import cleaned
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ RATE_UNITS = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 class FirstOrder:
     """x' = A x + B u,  (q, q') = T x + U u: ``a`` (n, n), ``b`` (n, inputs), ``transform`` T (2m, n) and ``through`` U
     (2m, inputs), with names and units of the states. ``mass_rates`` (m - massless, n) are the rates w that move mass;
-    None stands for all rates.
+    None stands for all rates. ``modal`` are modal states in energy coordinates, None of physical states.
     """
 
     a: Array
@@ -39,6 +40,7 @@ class FirstOrder:
     names: tuple[str, ...]
     units: tuple[str, ...]
     mass_rates: Array | None = None
+    modal: ModalStates | None = None
 
     def accelerations(self, system: Equations) -> tuple[Array, Array]:
         """Return factors of the accelerations that outputs see, Ca q'' = L R x': L (outputs, m) and R (m, n).

@@ -28,6 +28,7 @@ from mbsvib.modes.general import General
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.refined import recomputed, vanishing
+from mbsvib.responses.rounding import differentiated
 
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
@@ -36,6 +37,10 @@ REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 # Where zero responses are looked for: natural frequencies at most, and times which, as undamped ones have no response.
 PROBES, NEAR_POLE = 16, 0.97
+# Points at which they are looked for without symmetry, times a pole's size: right of the imaginary axis, on no pole.
+ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
+# A response below this share of what it were if nothing cancelled is 0.
+NOTHING = 1e-12
 
 
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
@@ -73,19 +78,38 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
 def zero_responses(basis: Basis) -> Bools:
     """Return which responses (outputs, inputs) are zero but for rounding of the model's own numbers.
 
-    They are so next to natural frequencies, at which any mode shows. Systems without symmetry have no such bound.
+    They are so next to natural frequencies, at which any mode shows; of systems without symmetry beside these.
     """
     system, modal = basis.equations, basis.modal
+    if not differentiated(system):  # no output moves
+        return np.asarray(system.D == 0.0)
     result = np.zeros((len(system.outputs), len(system.inputs)), dtype=bool)
     poles = np.unique(np.abs(basis.poles))
-    if not (isinstance(modal, Damped) and result.size and poles.any()):
+    if not (result.size and poles.any()):
         return result
+    if not isinstance(modal, Damped):
+        return silent(basis)
     poles = poles[poles > 0.0]
     w = NEAR_POLE * poles[np.unique(np.linspace(0, len(poles) - 1, PROBES).astype(int))]
     by_modes = _by_modes(basis, modal, w)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return vanishing(basis, modal, w, frequency_response(basis, w),
                          lambda part: _solver(basis, modal, part, by_modes))  # fmt: skip
+
+
+def silent(basis: Basis) -> Bools:
+    """Return which responses (outputs, inputs) are rounding at points between the slowest and the fastest pole."""
+    system, speeds = basis.equations, np.abs(basis.poles)
+    slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
+    result = np.ones(system.D.shape, dtype=bool)
+    for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
+        square = system.K + s * (system.C + s * system.M)
+        unit = 1.0 / np.sqrt(np.abs(square.diagonal()))
+        motion = np.linalg.solve(unit[:, None] * square * unit, unit[:, None] * system.B)
+        rows = (system.Cq + s * (system.Cv + s * system.Ca)) * unit
+        terms = np.abs(rows).sum(axis=1)[:, None] * np.abs(motion).max(axis=0, initial=0.0) + np.abs(system.D)
+        result &= np.abs(rows @ motion + system.D) <= NOTHING * terms
+    return result
 
 
 def _by_modes(basis: Basis, modal: Damped, w: Array) -> bool:

@@ -20,6 +20,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.energy_state import EnergyState
 from mbsvib.modes.general import General, rigid_shapes
+from mbsvib.responses.energy_schur import ModalStates, last
 from mbsvib.responses.first_order import FirstOrder
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
@@ -200,15 +201,17 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     eigenvalues, which are paired as a mode, have [[l1, 0], [0, l2]].
     """
     state = modal.state
-    blocks, columns, names = [], [], []
+    blocks, columns, names, lasting = [], [], [], []
     if state.long:
         blocks.append(state.nilpotent)
         columns.append(state.right)
         names += [f"rigid{i + 1}" for i in range(len(state.nilpotent))]
+        lasting += [True] * len(state.nilpotent)
     for i, block, pair in _blocks(modal, system.name):
         blocks.append(block)
         columns.append(pair)
         names += [f"mode{i + 1}{rate}" for rate in ("", "'")[: len(block)]]
+        lasting += [bool(last(modal.pairs[i]).any())] * len(block)
     n = len(state.a)
     a, right = np.zeros((n, n)), np.concatenate(columns, axis=1) if columns else np.zeros((n, n))
     start = 0
@@ -225,7 +228,8 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
         independent, dependent = independent_coordinates(system.null_inertia)
         rate = transform[system.dof :]
         carried = cleaned(-system.null_inertia[dependent], rate[independent], direct=rate[dependent])
-    return FirstOrder(a, b, transform, through, tuple(names), units, carried)
+    return FirstOrder(a, b, transform, through, tuple(names), units, carried,
+                      ModalStates(right, forces, np.array(lasting, dtype=bool)))  # fmt: skip
 
 
 def _blocks(modal: General, name: str) -> list[tuple[int, Array, Array]]:

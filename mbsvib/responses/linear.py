@@ -5,12 +5,13 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import Names, key_ports
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
     from mbsvib.responses.norms import Norm
@@ -178,10 +179,17 @@ class StepVerbs(PortedVerbs):
         Raises
         ------
         ResponseError
-            If times do not ascend, shapes do not match, or the hold or a name is unknown; of a sampled loop also if
-            initial states are given, or there are more than two million samples.
+            If times do not ascend, shapes do not match, or the hold or a name is unknown, or outputs grow beyond all
+            numbers; of a sampled loop also if initial states are given, or there are more than two million samples.
         """
-        return self._over_time(self.with_ports(outputs, inputs), (t, u, hold, initial))
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = self._over_time(self.with_ports(outputs, inputs), (t, u, hold, initial))
+        beyond = np.flatnonzero(~np.isfinite(result).all(axis=0))
+        if len(beyond):
+            raise ResponseError(f"time_response: '{self.name}' is unstable and grows beyond all numbers before "
+                                f"t = {np.asarray(t)[beyond[0]]:g} s; ask for a shorter time, or stabilise it."
+                                )  # fmt: skip
+        return result
 
     def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 
 # Below this relative distance of a pair its invariant subspace is used: differences of its eigenvectors lose digits in
 # proportion to the square of the distance.
@@ -76,9 +77,11 @@ def modal_inputs(
     residual = np.linalg.norm(a @ columns - columns @ blocks, axis=0) / (length * np.abs(a).max())
     parts = [np.linalg.qr(part) for part in np.split(columns / length, np.cumsum(sizes)[:-1], axis=1)]
     basis = np.concatenate([part for part, _ in parts], axis=1)
-    shares = np.linalg.solve(basis, forces)
-    grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(forces, axis=0), TINY)).max(initial=1.0)
     _, values, right = np.linalg.svd(basis)
+    grown, shares = np.inf, np.zeros_like(forces)
+    if values[-1] > EPS * values[0]:
+        shares = np.linalg.solve(basis, forces)
+        grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(forces, axis=0), TINY)).max(initial=1.0)
     if values[-1] * DEPENDENT < values[0] * grown or residual.max() > RESIDUAL:
         share = np.abs(right[-1]) if residual.max() <= RESIDUAL else residual
         modes = sorted({names[i].rstrip("'") for i in np.argsort(-share)[:4].tolist()})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,14 +13,23 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.lasting import Separation, separated
-from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.lasting import Part, Separation, separated
+from mbsvib.linalg.lyapunov import Lyapunov
+from mbsvib.linalg.rank import EPS, ZERO_SUM
+from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.extrema import Band, panels
 
 # The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are
 # the same.
 LAST, ROUNDING = 1e3, 1e-9
 LISTED = 4  # poles in a message
+# A mean square is refused if the correction of it that rounding kept from being made is larger than this share.
+UNSETTLED = 1e-3
+# Mean squares of two methods that differ by less than this share are the same. Where they differ by more, those by
+# poles count if the bound of their rounding is below the second number.
+AGREED, TOLD = 1e-9, 1e-4
+# Sums of products lose so much of their terms, and what is below this share of such a loss is rounding of zeros.
+ROUNDED, NOTHING = 16.0 * EPS, 1e-5
 
 
 class _Slopes:
@@ -75,6 +84,13 @@ def pole_words(pole: complex) -> str:
     return f"the pole {text} 1/s" + (f" ({abs(pole) / (2.0 * np.pi):.4g} Hz)" if pole.imag else "")
 
 
+def growth(linear: Any) -> str:
+    """Return the pole of a system, loop or state space that grows fastest in words, "" where none grows."""
+    modes = linear.modes()
+    poles = modes.pairs[modes.growing].reshape(-1)
+    return pole_words(complex(poles[np.argmax(poles.real)])) if len(poles) else ""
+
+
 def decaying_part(space: Any, question: str, answer: str) -> Separation:
     """Return a state space in parts, of which no response contains poles that do not decay.
 
@@ -119,27 +135,100 @@ def h2(space: Any) -> Norm:
         raise ResponseError(f"H2 norm of '{space.name}': input '{space.inputs[i]}' acts directly on output "
                             f"'{space.outputs[o]}', so that the norm is infinite. Choose displacements or velocities: "
                             f"outputs=[...].")  # fmt: skip
-    part = decaying_part(space, f"H2 norm of '{space.name}'", "the norm is infinite").decaying
-    return Norm(float(np.sqrt(mean_squares(part.a, part.b, part.c, space.name).sum())))
+    question = f"H2 norm of '{space.name}'"
+    part = decaying_part(space, question, "the norm is infinite").decaying
+    forms = solved_forms(part.c, Lyapunov(part.a).controlled_within(part.b @ part.b.T), part.c)
+    square, missing, terms = (values.sum().reshape(1, 1) for values in forms)
+    pairs = [values.sum().reshape(1, 1) for values in by_poles(part, part.c)]
+    square = more_accurate(question, part, square, (missing, terms), pairs, "Ask for the rms in a band")
+    return Norm(float(np.sqrt(np.maximum(square, 0.0))[0, 0]))
 
 
-def mean_squares(a: Array, b: Array, c: Array, name: str) -> Array:
-    """Return the mean squares (outputs,) of C x with x' = A x + B w under white noise w, the diagonal of C P C^T.
+def by_poles(part: Part, left: Array) -> tuple[Array, Array]:
+    """Return the diagonal of left P C^T for each input alone, (outputs, inputs), as sums over pairs of poles, and
+    bounds of their rounding, infinite where none is known.
 
-    A P + P A^T + B B^T = 0
+    Slow poles beside fast ones keep their digits, which Lyapunov's equation rounds against its largest entries.
     """
-    from scipy.linalg import solve_continuous_lyapunov
+    of_a = spectrum(part.a)
+    unit, poles = np.ldexp(1.0, of_a.power), of_a.values
+    right, inverse = unit[:, None] * of_a.right, of_a.left.conj().T / unit
+    product = inverse @ right
+    size = product.diagonal()
+    result = np.zeros((2, len(part.c), part.b.shape[1]))
+    if not size.all() or not of_a.decaying.all():
+        result[1] = np.inf
+        return result[0], result[1]
+    apart = float(np.abs(product / size[:, None] - np.eye(len(size))).max(initial=0.0))
+    pairs = poles[:, None] + poles.conj()
+    doubts = ((of_a.errors[:, None] + of_a.errors) / np.abs(pairs) + apart) / np.abs(pairs)
+    shown, seen, driven = left @ right, part.c @ right, inverse @ part.b / size[:, None]
+    for k, column in enumerate(driven.T):
+        first, second = shown * column, seen * column
+        result[0, :, k] = ((first @ (-1.0 / pairs)) * second.conj()).sum(axis=1).real
+        result[1, :, k] = ((np.abs(first) @ doubts) * np.abs(second)).sum(axis=1)
+    return result[0], result[1]
 
-    if not len(a):
-        return np.zeros(len(c))
-    covariance = solve_continuous_lyapunov(a, -b @ b.T)
-    result = np.sum(c @ covariance * c, axis=1)
-    terms = np.sum(np.abs(c) @ np.abs(covariance) * np.abs(c), axis=1)
-    if (result < -ZERO_SUM * len(a) * terms).any():
-        raise ResponseError(f"mean squares of '{name}' are negative by rounding: its states are nearly dependent, or "
-                            f"a mode decays by less than rounding. Take other states, as realization='modal'."
-                            )  # fmt: skip
-    return np.asarray(np.where(result > 0.0, result, 0.0))
+
+def more_accurate(
+    question: str, part: Part, squares: Array, doubts: tuple[Array, Array], pairs: Sequence[Array], instead: str
+) -> Array:  # fmt: skip
+    """Return mean squares, those by poles where the others differ from them by more than their rounding, and refuse
+    those of which rounding leaves a digit open.
+
+    ``pairs``: what ``by_poles`` returns. Others: as of ``check_rounding``.
+    """
+    other, error = pairs
+    apart = np.where(np.isfinite(squares) & (error <= UNSETTLED * other), np.abs(other - squares), 0.0)
+    better = (error <= TOLD * other) & (apart > np.maximum(error, AGREED * other))
+    squares = np.where(better, other, squares)
+    missing, terms = (np.where(better, 0.0, values) for values in (np.maximum(np.abs(doubts[0]), apart), doubts[1]))
+    check_rounding(question, part, squares, (missing, terms), instead)
+    return squares
+
+
+def form(left: Array, matrix: Array, right: Array) -> Array:
+    """Return the diagonal of left P right^T."""
+    return np.asarray((left @ matrix * right).sum(axis=1))
+
+
+def solved_forms(left: Array, solved: tuple[Array, Array], right: Array) -> tuple[Array, Array, Array]:
+    """Return the diagonal of left P right^T, that of the correction of P that is missing, and the sizes of the terms.
+    """
+    matrix, missing = solved
+    return form(left, matrix, right), form(left, missing, right), form(np.abs(left), np.abs(matrix), np.abs(right))
+
+
+def check_rounding(
+    question: str, part: Part, squares: Array, doubts: tuple[Array, Array], instead: str
+) -> None:  # fmt: skip
+    """Refuse mean squares (outputs, sources), or their sum, of which rounding leaves a digit open.
+
+    ``doubts``: corrections that rounding kept from being made, and sizes of the terms that were added; where these
+    cancel, responses of the ``part`` tell what is 0. ``question``: what is asked for; ``instead``: what to ask for in
+    place of it.
+    """
+    missing, terms = np.abs(doubts[0]), doubts[1]
+    allowed = UNSETTLED * np.abs(squares)
+    unsettled = np.isfinite(squares) & (missing > allowed) & (missing > ZERO_SUM * terms)
+    rounding = ROUNDED * terms
+    cancelled = np.isfinite(squares) & (rounding > allowed)
+    if cancelled.any():
+        unsettled |= cancelled & (_sizes(part, squares.shape) > NOTHING * rounding)
+    if unsettled.any():
+        rates = np.abs(part.poles.real)
+        raise ResponseError(f"{question}: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, which "
+                            f"rounding cannot tell apart in these states. {instead}, or leave out what decays that "
+                            f"fast.")  # fmt: skip
+
+
+def _sizes(part: Part, shape: tuple[int, ...]) -> Array:
+    """About how large mean squares (outputs, sources) are, or their sum: |G|^2 w is what a pole of speed w adds."""
+    result, unit = np.zeros((len(part.c), part.b.shape[1])), np.eye(len(part.a))
+    for speed in np.unique(np.abs(part.poles)).tolist():
+        g = part.c @ np.linalg.solve(1j * speed * unit - part.a, part.b)
+        result = np.maximum(result, speed * np.abs(g) ** 2)
+    return result if result.shape == shape else np.full(shape, result.sum())
 
 
 def hinf(

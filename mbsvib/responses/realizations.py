@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import one_of
 from mbsvib.equations.equations import Equations
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.general import is_general
 from mbsvib.responses.basis import Basis
-from mbsvib.responses.energy_schur import zeros_of_lasting_states
-from mbsvib.responses.feedthrough import accelerations, feedthrough
+from mbsvib.responses.energy_schur import ModalStates, energy_matrix, last, zeros_of_lasting_states
+from mbsvib.responses.feedthrough import accelerations, feedthrough, of_first_order
 from mbsvib.responses.first_order import RATE_UNITS, physical
-from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
 REALIZATIONS = ("physical", "modal", "balanced")
@@ -35,10 +35,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     states: the physical states are then q and the rates that move mass (``"d(node.z + body.z)/dt"`` if a rate is a
     sum).
     """
-    if not isinstance(realization, str) or realization not in REALIZATIONS:
-        raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
-                            f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
-    if realization == "balanced":
+    if one_of(realization, REALIZATIONS, "state_space", "realization") == "balanced":
         return balanced_states(state_space(basis, "physical", form))
     system = basis.equations
     if system.massless or (realization == "modal" and is_general(system)):
@@ -49,10 +46,25 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
     if realization == "modal":
-        b, c = zeros_of_lasting_states(system, cast("Damped", basis.response_modes.damped), transform, b, c)
+        b, c = _zeros(system, cast("Damped", basis.response_modes.damped), transform, b, c)
     d = feedthrough(system)
     return form(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                 system.outputs, system.output_units)  # fmt: skip
+
+
+def accurate(basis: Basis, form: type[S] = StateSpace) -> S:  # type: ignore[assignment]
+    """Return modal states, in which slow modes beside fast ones lose no digits; balanced ones of modes that depend on
+    each other.
+    """
+    try:
+        return state_space(basis, "modal", form)
+    except ResponseError:
+        return state_space(basis, "balanced", form)
+
+
+def first_order(linear: Any) -> Any:
+    """Return first-order equations of a system in its most accurate states, of a state space or a loop as they are."""
+    return accurate(linear.basis) if linear.kind == "system" else linear.state_space()
 
 
 def balanced_states(space: S) -> S:
@@ -73,13 +85,17 @@ def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     reduced = modal_states(system, modal) if isinstance(modal, General) else physical(system)
     m = system.dof
     q, rate = reduced.transform[:m], reduced.transform[m:]
-    through = reduced.through[m:]
     # linearize ensures that no output depends on the rate of an input
     seen, rates = reduced.accelerations(system)
-    c = system.Cq @ q + system.Cv @ rate + seen @ (rates @ reduced.a)
-    d = cleaned(seen, rates, reduced.b, direct=system.D + system.Cv @ through)
+    parts = system.Cq @ q, system.Cv @ rate, seen @ (rates @ reduced.a)
+    b, c = reduced.b, parts[0] + parts[1] + parts[2]
+    if reduced.modal is not None:
+        columns = reduced.modal.columns
+        back = np.linalg.inv(columns)
+        b, c = zeros_of_lasting_states(reduced.modal, b, c, [(part @ back, columns) for part in parts])
+    d = of_first_order(system, reduced if reduced.modal is None else None)
     return form(
-        system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
+        system.name, realization, reduced.a, b, c, d, reduced.transform, reduced.names, reduced.units,
         system.inputs, system.input_units, system.outputs, system.output_units,
         reduced.through if system.massless else None,
     )  # fmt: skip
@@ -127,9 +143,22 @@ def _modal(basis: Basis) -> tuple[Array, Array, Array, tuple[str, ...], tuple[st
     return a, b, transform, names, ("modal", "modal/s") * m
 
 
+def _zeros(system: Equations, modal: Damped, transform: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """B and C of modal states, ``transform`` (2m, 2m), with zeros for what is rounding in modes that last."""
+    lasting = np.repeat(last(modal.pairs).any(axis=1), 2)
+    if not lasting.any():
+        return b, c
+    m = len(modal.square)
+    scale, a = energy_matrix(modal)
+    into = modal.shapes.T @ system.M
+    columns = np.concatenate((scale[:, None] * (into @ transform[:m]), into @ transform[m:]))
+    rates = [rows @ modal.shapes for rows in (system.Cq, system.Cv, system.Ca)]
+    seen = [(rates[0] / scale, columns), (rates[1], columns), (rates[2], a @ columns)]
+    return zeros_of_lasting_states(ModalStates(columns, modal.shapes.T @ system.B, lasting), b, c, seen)
+
+
 def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
     """Columns T that transform the state matrix to companion blocks ``a`` (sets those of close pairs), and inputs B."""
-    from mbsvib.responses.energy_schur import energy_matrix
     from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
     m = len(modal.square)

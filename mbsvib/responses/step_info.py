@@ -29,6 +29,7 @@ RISE = (0.1, 0.9)
 NO_OVERSHOOT = 1e-7
 # A final value below this share of the largest one is zero but for rounding.
 ZERO_FINAL = 1e-11
+ROUNDING = 1e-14  # of a sum, as a share of its terms, which cancel where poles coincide
 # Condition of the eigenvectors of balanced equations up to which the sum has seven digits: a double pole makes it 1e8,
 # or infinite, in which case its two values are moved apart by this share of it; a triple pole makes it larger.
 WORST_CONDITION, APART = 1e9, 1e-7
@@ -160,13 +161,14 @@ def _figures(name: str, final: float, residues: Complex, values: Complex, band: 
     if terms <= ZERO_FINAL * max(abs(final), abs(start)):  # a step at once
         return (0.0, 0.0, 0.0, 0.0, abs(final), 0.0) if final else (np.nan, 0.0, np.nan, np.nan, 0.0, 0.0)
     motion = DecayingSum(name, residues, values)
-    if abs(final) <= ZERO_FINAL * terms:
-        peak, at = max(motion.highest(sign, ZERO_FINAL * terms) for sign in (1.0, -1.0))
+    none = ZERO_FINAL * motion.envelope(0.0)
+    if abs(final) <= none:
+        peak, at = max(motion.highest(sign, max(none, ROUNDING * terms)) for sign in (1.0, -1.0))
         if peak <= 0.0:  # terms that cancel at all times
             return np.nan, 0.0, np.nan, np.nan, 0.0, 0.0
         return np.nan, motion.last(band * peak), np.nan, np.nan, peak, at
     sign, size = float(np.sign(final)), abs(final)
-    over, at = motion.highest(sign, max(NO_OVERSHOOT * size, ZERO_FINAL * terms))
+    over, at = motion.highest(sign, max(NO_OVERSHOOT * size, none, ROUNDING * terms))
     under, at_under = motion.highest(-sign, size)
     low, high = (motion.first((share - 1.0) * size, sign) for share in RISE)
     peak, at = max((size + max(0.0, over), at), (under - size, at_under))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import ascending, one_of, reals
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.discrete import first_order_hold
@@ -283,12 +283,9 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
 
 def checked_record(names: Sequence[str], t: ArrayLike, u: ArrayLike, hold: str) -> tuple[Array, Array]:
     """Return times (n,) and inputs (inputs, n) of a time response, checked; ``names`` are those of the inputs."""
-    if not isinstance(hold, str) or hold not in HOLDS:
-        raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")
-    time, inputs = _numbers("t", t, "times [s]"), _numbers("u", u, "inputs")
-    if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
-        raise ResponseError(f"time_response: t has shape {time.shape}; expected a vector of finite times [s], each "
-                            f"later than the one before.")  # fmt: skip
+    one_of(hold, HOLDS, "time_response", "hold")
+    time = ascending(t, "time_response", "t", "a vector of times [s], each later than the one before")
+    inputs = _numbers("u", u, "inputs")
     if inputs.ndim == 1 and len(names) == 1:
         inputs = inputs[None, :]
     if inputs.shape != (len(names), len(time)) or not np.isfinite(inputs).all():

@@ -12,31 +12,29 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_lyapunov, solve_sylvester
+from scipy.linalg import solve_sylvester
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.selection import needed_ports
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import Separation, separated
+from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.energy_schur import last
 from mbsvib.responses.first_order_solver import decaying_response
+from mbsvib.responses.frequency_response import silent
 from mbsvib.responses.norms import Norm, decaying_part, h2, hinf
-from mbsvib.responses.realizations import state_space
+from mbsvib.responses.realizations import accurate
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
-from mbsvib.sensitivities.states import changed, states
+from mbsvib.sensitivities.states import changed, has_states, states
 from mbsvib.sensitivities.variables import Requested, variables
 
 Ports = str | Sequence[str] | None
 
 BLOCK = 4_000_000
-# Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.
-ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
-# A response below this share of what it were if nothing cancelled is 0.
-NOTHING = 1e-12
 # Changes of what reaches or shows a group of poles below this share of their terms are rounding.
 SHOWN = 1e-9
 # Changes by a unit of a parameter below this share of what changes are rounding.
@@ -60,7 +58,8 @@ def h2_norm(
     outputs, inputs : str or sequence of str, optional
         Names of ports; default: all.
     parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
+        Names, patterns or linear maps of parameters; None: every parameter of the system, none where motions without
+        mass are beside spin.
 
     Returns
     -------
@@ -77,9 +76,13 @@ def h2_norm(
     """
     system = basis.equations
     ports = _ports(system, inputs, outputs)
-    base = states(basis.responses, *ports)
     names = _names(system, parameters)
-    _refuse_feedthrough(system, base.D, ports)
+    if has_states(system) or parameters:
+        base = states(basis.responses, *ports)
+        d = base.D
+    else:
+        names, d = (), _space(basis.responses, ports).D
+    _refuse_feedthrough(system, d, ports)
     if _silent(basis.responses, *ports):
         return Norm(0.0, names, np.zeros(len(names)))
     space = _space(basis.responses, ports)
@@ -103,34 +106,13 @@ def h2_norm(
 
 
 def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:
-    """Whether the outputs show nothing of the inputs but rounding, beside modes that do not decay.
-
-    They are compared at points between the slowest and fastest pole.
-    """
-    if not last(basis.poles).any():
-        return False
-    system, speeds = basis.equations, np.abs(basis.poles)
-    slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
-    b, d = system.B[:, inputs], system.D[np.ix_(outputs, inputs)]
-    for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
-        square = system.K + s * (system.C + s * system.M)
-        unit = 1.0 / np.sqrt(np.abs(square.diagonal()))
-        motion = np.linalg.solve(unit[:, None] * square * unit, unit[:, None] * b)
-        rows = (system.Cq[outputs] + s * (system.Cv[outputs] + s * system.Ca[outputs])) * unit
-        terms = np.abs(rows).sum(axis=1)[:, None] * np.abs(motion).max(axis=0, initial=0.0) + np.abs(d)
-        if (np.abs(rows @ motion + d) > NOTHING * terms).any():
-            return False
-    return True
+    """Whether the outputs show nothing of the inputs but rounding, beside modes that do not decay."""
+    return bool(last(basis.poles).any() and silent(basis)[np.ix_(outputs, inputs)].all())
 
 
 def _space(basis: Basis, ports: tuple[list[int], list[int]]) -> StateSpace:
-    """Equations in modal states, which slow modes beside fast ones lose no digits in, or physical ones."""
     system, (i, o) = basis.equations, ports
-    try:
-        space: StateSpace = state_space(basis, "modal")
-    except ResponseError:  # modes depend on each other
-        space = state_space(basis, "balanced")
-    return space.with_ports([system.outputs[k] for k in o], [system.inputs[k] for k in i])
+    return accurate(basis).with_ports([system.outputs[k] for k in o], [system.inputs[k] for k in i])
 
 
 def gramians(parts: Separation, weight: Array | None = None) -> tuple[Array, Array]:
@@ -141,8 +123,9 @@ def gramians(parts: Separation, weight: Array | None = None) -> tuple[Array, Arr
     """
     rest, hidden = parts.minimal, [group.part for group in parts.lasting if not group.shown.any()]
     driven = rest.b if weight is None else rest.b @ weight
-    p = rest.right @ solve_continuous_lyapunov(rest.a, -driven @ rest.b.T) @ rest.right.T
-    q = rest.left.T @ solve_continuous_lyapunov(rest.a.T, -rest.c.T @ rest.c) @ rest.left
+    solver = Lyapunov(rest.a)
+    p = rest.right @ solver.controlled(driven @ rest.b.T) @ rest.right.T
+    q = rest.left.T @ solver.observed(rest.c.T @ rest.c) @ rest.left
     for group in hidden:
         cross = group.right @ solve_sylvester(group.a, rest.a.T, -group.b @ driven.T) @ rest.right.T
         dual = group.left.T @ solve_sylvester(group.a.T, rest.a, -group.c.T @ rest.c) @ rest.left

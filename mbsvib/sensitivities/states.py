@@ -78,6 +78,11 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), states, scale, rates, force)
 
 
+def has_states(system: Equations) -> bool:
+    """Return whether a system has such states: not with both spin and motions without mass."""
+    return system.null_inertia is None or system.gyroscopic is None
+
+
 def state_basis(basis: Basis) -> StateBasis:
     """Return motions of unit mass, as far as they have any, with K and C in them as diagonal as can be.
 
@@ -91,7 +96,7 @@ def state_basis(basis: Basis) -> StateBasis:
     if null is None:
         _, vectors = eigh(0.5 * (system.K + system.K.T), system.M)
         return StateBasis(vectors, len(vectors), vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
-    if system.gyroscopic is not None:
+    if not has_states(system):
         raise _refusal(system)
     damping = null.T @ system.C @ null
     null = solve_triangular(cholesky(0.5 * (damping + damping.T), lower=True), null.T, lower=True).T

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.responses.feedthrough import direct
 from tests.support.random_models import rotation
 
 
@@ -51,6 +52,33 @@ def test_what_is_not_seen_at_once_has_an_h2_norm():
         system.h2_norm("left.a", "left.F")
 
 
+def test_what_is_left_of_terms_that_cancel_is_no_rounding():
+    """D + Ca M^-1 B = -0.999 + 1 / (1 - 1e-6) with a mass matrix of condition 1e6; 1.001e-3 was taken for rounding."""
+    mass = np.array([[1.0, 1.0 - 2e-6], [1.0 - 2e-6, 1.0]])
+    system = mv.System.from_matrices(mass, None, 1e4 * np.eye(2), B=[[1.0], [1.0]], Ca=[[1.0, 1.0]], D=[[-0.999]])
+    for realization in ("physical", "modal", "balanced"):
+        found = system.state_space(realization).D
+        np.testing.assert_allclose(found, 1.0 / (1.0 - 1e-6) - 0.999, rtol=1e-6)
+    assert direct(system)[0, 0] == pytest.approx(1.0 / (1.0 - 1e-6) - 0.999, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bodies_beyond_one_without_mass_are_accelerated_at_once(seed):
+    """A massless body between two joints; the feedthrough was taken for rounding, and the rms under white noise 9.2."""
+    rng, model = np.random.default_rng(seed), mv.Model()
+    for name, mass, below in (("a", 2.0, "ground"), ("n", 0.0, "a"), ("c", 1.0, "n")):
+        model.add_body(name, mass, (0.1 * mass, 0.2 * mass, 0.25 * mass), position=rng.normal(size=3))
+        model.add_joint(f"{name}.joint", "spherical", below, name, position=rng.normal(size=3))
+        model.add_bushing(f"{name}.k", below, name, rng.normal(size=3), (1e3, 1e3, 1e3, 10, 10, 10), (1, 2, 3, 4, 5, 6))
+    model.add_input("t", "c", "rz")
+    model.add_output("acc", "c", (1, 0.3, -0.4), position=rng.normal(size=3), quantity="acceleration")
+    system = model.linearize()
+    far = system.frequency_response([1e12])[0, 0, 0].real
+    assert abs(far) > 0.1
+    assert direct(system)[0, 0] == pytest.approx(far, rel=1e-9)
+    assert system.rms("acc", {"t": 1.0}) == {"acc": np.inf}
+
+
 def test_a_mode_that_no_input_reaches_counts_for_nothing_in_a_reduction():
     """An undamped mode has an infinite peak, times no force at all."""
     model = mv.Model()
@@ -82,3 +110,19 @@ def test_small_accelerations_are_no_rounding():
     expected = -tilt / (1 + tilt**2) / total
     for realization in ("physical", "modal"):
         assert system.state_space(realization).D[0, 0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_small_accelerations_along_a_beam_are_no_rounding():
+    """A force at the end moves each node before at once 0.3 times as much as the next; 3e-5 of the last was 0."""
+    model = mv.Model()
+    model.add_body("tip", 0.5, (1e-3, 1e-3, 1e-3), position=(1, 0, 0))
+    model.add_beam("beam", "ground", "tip", {"type": "rectangle", "width": 0.06, "height": 0.01},
+                   {"E": 7e10, "nu": 0.3, "rho": 2700.0}, (0, 0, 0), (1, 0, 0), elements=10)  # fmt: skip
+    for k in range(1, 10):
+        model.add_output(f"a{k}", f"beam.{k}", "z", quantity="acceleration")
+    model.add_input("wind", "tip", "z")
+    system = model.linearize()
+    scale = 1.0 / np.sqrt(system.M.diagonal())
+    expected = (system.Ca * scale) @ np.linalg.solve(system.M * np.outer(scale, scale), (system.B.T * scale).T)
+    assert np.abs(expected).min() < 1e-4 * np.abs(expected).max()
+    np.testing.assert_allclose(direct(system), expected, rtol=1e-7)  # M of condition 3e6

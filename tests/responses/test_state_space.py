@@ -159,7 +159,7 @@ def test_arrays_are_read_only(realization):
 
 @pytest.mark.parametrize("realization", ["modl", None, "Physical", 3])
 def test_unknown_realizations_are_refused(realization):
-    with pytest.raises(mv.ResponseError, match=r"realization = .*physical, modal"):
+    with pytest.raises(mv.ResponseError, match=r"realization = .*'physical', 'modal' or"):
         arm().linearize().state_space(realization)
 
 
@@ -225,3 +225,17 @@ def test_a_pair_of_a_relaxation_that_meets(away):
     assert_allclose(system.frequency_response(omega)[0, 0], expected, rtol=1e-11)
     assert_allclose(system.modes().natural, [1.0, 10.0], rtol=2.0 * abs(away) + 1e-7)
     assert_allclose(response(system.state_space("modal"), omega)[0, 0], expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_modes_with_one_shape_have_no_modal_states(size):
+    """One Jordan block: of three equal modes the solver gave a bare error of numpy."""
+    chain = np.eye(size) + 0.5 * np.eye(size, k=1)
+    system = mv.System.from_matrices(np.eye(size), 2.0 * np.eye(size), chain, np.ones((size, 1)), np.ones((1, size)))
+    with pytest.raises(mv.ResponseError, match=r"modal states .* all but coincide.*realization='physical'"):
+        system.state_space("modal")
+    omega = np.array([0.3, 1.7])
+    exact = [np.linalg.solve(chain + (2j * w - w * w) * np.eye(size), np.ones(size)).sum() for w in omega]
+    for realization in ("physical", "balanced"):
+        response = system.state_space(realization).frequency_response(omega)[0, 0]
+        np.testing.assert_allclose(response, exact, rtol=1e-13)

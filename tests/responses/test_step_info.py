@@ -155,6 +155,16 @@ def test_a_double_pole(ratio):
     assert_allclose(info.overshoot, 0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize(("rate", "final"), [(1.0, 1e-5), (1.1, 1.0)])
+def test_a_small_final_value_and_a_small_overshoot_of_a_double_pole(rate, final):
+    """(rate s + final) / (s + 1)^2: y = final + ((rate - final) t - final) exp(-t)."""
+    info = mv.StateSpace.from_arrays([[-1.0, 1.0], [0.0, -1.0]], [[rate], [final - rate]], [[1.0, 0.0]], 0).step_info()
+    at = rate / (rate - final)
+    assert_allclose(info.final, final, rtol=1e-10)
+    assert_allclose(info.peak_time, at, rtol=1e-2)
+    assert_allclose(info.overshoot, 100.0 * (rate - final) * np.exp(-at) / final, rtol=1e-2)
+
+
 def test_double_poles_beside_others():
     """(2 / (s + 2))^2, twice 8 / (s + 2), and two poles that differ by 1e-5 of them: each keeps its own response."""
     blocks = [np.array([[-2.0, 1.0], [0.0, -2.0]]), *(np.array([[pole]]) for pole in (-2.0, -2.0, -5.0, -5.00005))]
@@ -246,6 +256,24 @@ def test_outputs_that_feel_nothing():
     for value in (info.final, info.peak, info.settling_time):
         assert (value == 0.0).all()
     assert np.isnan([info.overshoot, info.rise_time]).all()
+
+
+def test_outputs_that_feel_nothing_beside_motions_without_mass():
+    """A body on springs that are alike in all directions does not move across the force; it was 3e-19 m in 0.14 s."""
+    across, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    model = mv.Model()
+    model.add_body("a", 2.0, (0.1, 0.1, 0.1))
+    model.add_body("node", 0.0, (0, 0, 0))
+    model.add_bushing("k", "ground", "a", (0, 0, 0), (1e3, 1e3, 1e3, 10, 10, 10))
+    model.add_bushing("l", "a", "node", (0, 0, 0), (5e2, 5e2, 5e2, 5, 5, 5))
+    model.add_bushing("c", "node", "ground", (0, 0, 0), damping=(20, 20, 20, 1, 1, 1))
+    model.add_input("F", "a", across[:, 0])
+    model.add_output("across", "a", across[:, 1])
+    model.add_output("along", "a", across[:, 0])
+    info = model.linearize().step_info()
+    assert info.final[0] == info.peak[0] == info.settling_time[0] == 0.0
+    assert np.isnan(info.rise_time[0])
+    assert info.final[1] == pytest.approx(1e-3)
 
 
 @pytest.mark.parametrize("count", [171, 300])

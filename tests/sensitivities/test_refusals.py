@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
 import mbsvib as mv
 from tests.superelements.craig_bampton import NODES, reduced
@@ -49,7 +50,8 @@ def followed():
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("ask", "message"), [
-    (lambda: spinning().h2_norm(), r"'plate' makes motions without mass in a mechanism that spins .*with_values"),
+    (lambda: spinning().h2_norm(parameters="rotor.mass"),
+     r"'plate' makes motions without mass in a mechanism that spins .*with_values"),
     (lambda: sliding().matrix_derivatives(["weight.force.x"]),
      r"'weight\.force\.x' moves the equilibrium of 'sliding' along a motion that no stiffness holds, .*Name other"),
     (lambda: followed().matrix_derivatives().factors("f.force.z", "K"),
@@ -80,3 +82,24 @@ def test_a_mass_that_comes_beside_a_superelement():
     # springs one behind the other: d (k1 k2 / (k1 + k2)) / d k2 along the pipe's end
     expected = -(system.frequency_response([3.0]) ** 2) * (9.0 / 12.0) ** 2
     np.testing.assert_allclose(stiffness, expected, rtol=1e-7)
+
+
+def test_the_norm_of_a_rotor_with_a_maxwell_element_has_a_value_but_no_derivatives():
+    """H2 of states by hand; it was refused with its derivatives."""
+    model = mv.Model("rotor")
+    model.add_body("disk", 3.0, (0.02, 0.01, 0.01))
+    model.add_joint("rest", None, "ground", "disk", (0, 0, 0), free=("y", "z", "ry", "rz"))
+    for name, x in (("left", 0.1), ("right", -0.2)):
+        model.add_bushing(name, "ground", "disk", (x, 0, 0), (0, 2e4, 3e4, 0, 0, 0), (0, 1.0, 1.0, 0, 0, 0))
+    model.add_maxwell("damper", "ground", "disk", (0.1, -1, 0), (0.1, 0, 0), stiffness=1e4, damping=20.0)
+    model.add_rotor("spin", "disk", speed=300.0, axis=(1, 0, 0), inertia=0.02)
+    model.add_input("F", "disk", "y", position=(0.1, 0, 0))
+    model.add_output("z", "disk", "z", position=(0.1, 0, 0))
+    system = model.linearize()
+    space = system.state_space()
+    covariance = solve_continuous_lyapunov(space.A, -space.B @ space.B.T)
+    norm = system.h2_norm()
+    assert norm.value == pytest.approx(float(np.sqrt(space.C @ covariance @ space.C.T)[0, 0]), rel=1e-9)
+    assert norm.variables == ()
+    with pytest.raises(mv.ModelError, match="'damper' makes motions without mass"):
+        system.h2_norm(parameters="disk.mass")
