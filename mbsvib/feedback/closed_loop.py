@@ -8,10 +8,11 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.selection import Names, united
 from mbsvib.equations.equations import Equations
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import ClosedSpace, closed_space, regular
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
@@ -239,9 +240,8 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
                                 f"skyhook, controller, ... return.")  # fmt: skip
         for kind, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:
-                if name not in known:
-                    raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
-                                        f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
+                check.known(name, known, f"closed loop: {law.name} names the {kind} '{name}'; the plant has none",
+                            error=ResponseError)  # fmt: skip
     return form(plant, controllers, united(*(c.inputs for c in controllers)), united(*(c.outputs for c in controllers)))
 
 

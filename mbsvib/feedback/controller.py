@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -12,7 +13,9 @@ from scipy.linalg import block_diag
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers, selected
+from mbsvib.common.tables import listed
 from mbsvib.errors import ResponseError, counted
 from mbsvib.feedback.closing import regular, transfer
 from mbsvib.linalg.discrete import inverse_tustin
@@ -123,7 +126,9 @@ class Controller(LinearVerbs, Displayed):
         return f"Controller({self.name!r}: {', '.join(counted(len(part), noun) for part, noun in counts)})"
 
 
-def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: str = "controller") -> Controller:
+def controller(
+    law: Any, inputs: str | Sequence[str], outputs: str | Sequence[str], name: str = "controller"
+) -> Controller:  # fmt: skip
     """Return a user-defined controller.
 
     Parameters
@@ -131,7 +136,7 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
     law : array-like, shape (outputs, inputs), or a state space
         Constant gains, or an object with A, B, C, D, as python-control has them; u = K y, so that one that opposes
         what it measures has a negative gain.
-    inputs, outputs : sequence of str
+    inputs, outputs : str or sequence of str
         Names of sensors and actuators, in the order of the gains.
     name : str
         Name for tables.
@@ -146,6 +151,7 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
     ResponseError
         If shapes do not match the names.
     """
+    inputs, outputs = ([names] if isinstance(names, str) else list(names) for names in (inputs, outputs))
     if hasattr(law, "A") and hasattr(law, "D"):
         if getattr(law, "dt", None) not in (None, 0):
             raise ResponseError(f"controller '{name}': it is discrete (dt = {law.dt}); give the continuous one, "
@@ -164,12 +170,10 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
 
 def _gains(law: Any, name: str) -> Array:
     if not of_control(law):
-        try:
-            return np.array(law, dtype=float, ndmin=2)
-        except (TypeError, ValueError):
-            pass
+        with suppress(ResponseError):
+            return np.array(reals(law, name, "gains", "a matrix"), ndmin=2)
     raise ResponseError(f"controller '{name}': it is a {type(law).__name__}; expected a Controller, a state space or "
-                        f"transfer function of python-control, or a matrix of gains.")  # fmt: skip
+                        f"transfer function of python-control, or a matrix of real gains.")  # fmt: skip
 
 
 def as_controller(
@@ -185,16 +189,19 @@ def as_controller(
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
     foreign = is_control(value) or is_transfer_function(value)
+    own_inputs, own_outputs = (value.inputs, value.outputs) if known else (None, None)
     if not known and foreign:  # python-control has no dots in names
-        sensors = _labels(value.input_labels, plant.outputs) if sensors is None else sensors
-        actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
-    if not known and (sensors is None or actuators is None):
-        raise ResponseError(f"feedback: the controller is a {type(value).__name__}, whose signals do not have the "
-                            f"names of those of '{plant.name}'; expected sensors=[...] and actuators=[...] beside it."
-                            )  # fmt: skip
-    o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
-    i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
+        own_inputs, own_outputs = _labels(value.input_labels, plant.outputs), _labels(value.output_labels, plant.inputs)
+    sensors, actuators = own_inputs if sensors is None else sensors, own_outputs if actuators is None else actuators
+    if sensors is None or actuators is None:
+        raise ResponseError(_unnamed(value, plant, foreign))
+    o = selected(sensors, plant.outputs, "output", plant.name, plant.inputs)
+    i = selected(actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
+    for kind, own, given in (("sensors", own_inputs, into), ("actuators", own_outputs, out)):
+        if own is not None and tuple(own) != given and sorted(own) == sorted(given):
+            raise ResponseError(f"feedback: {kind} are {', '.join(given)}, and the controller has {', '.join(own)}; "
+                                f"expected the same order: leave out {kind}=, or rename its signals.")  # fmt: skip
     source_name = value.name if known or (foreign and "[" not in value.name) else None  # not "sys[3]"
     called = name or source_name or "controller"
     if isinstance(value, Controller):
@@ -203,6 +210,17 @@ def as_controller(
                                 f"{', '.join(into)}; {', '.join(out)}.")  # fmt: skip
         return replace(value, name=called, inputs=into, outputs=out).for_plant(plant)
     return controller(_continuous(value, period) if foreign else value, into, out, called).for_plant(plant)
+
+
+def _unnamed(value: Any, plant: Any, foreign: bool) -> str:
+    """The refusal of a controller whose signals have no names of the plant."""
+    labels = (value.input_labels, value.output_labels) if foreign else ()
+    between = f" from {' to '.join(listed(part) for part in labels)}" if foreign else ""
+    exchanged = all(map(_labels, labels, (plant.inputs, plant.outputs))) if foreign else False
+    hint = " Its inputs and outputs are exchanged: a controller takes outputs of the plant." if exchanged else ""
+    return (f"feedback: the controller is a {type(value).__name__}{between}, whose signals do not have the names of "
+            f"those of '{plant.name}'; expected sensors=[...] and actuators=[...] beside it, or inputs among "
+            f"{listed(plant.outputs)} and outputs among {listed(plant.inputs)}.{hint}")  # fmt: skip
 
 
 def _continuous(value: Any, period: float | None) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
-from mbsvib.common.expected import angular, positive, real
+from mbsvib.common.expected import angular, positive, real, reals
 from mbsvib.errors import UnstableWarning
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import Closed, blended, evaluated, response
@@ -109,7 +109,8 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         ResponseError
             If a frequency is a pole of the plant or of a controller, where L is infinite.
         """
-        return np.asarray(self._loop_gain(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
+        w = np.atleast_1d(reals(omega, "loop_gain", "omega", "numbers [rad/s]"))
+        return np.asarray(self._loop_gain(w).transpose(1, 2, 0))
 
     def _response(self, part: FeedbackLoop, w: Array) -> Complex:
         if self.growing:

@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.common.selection import Names, port_numbers, united
 from mbsvib.equations.selection import port_fields
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
 from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.controller import Controller, as_controller, combined
 from mbsvib.feedback.participation import described, origins, shown_damping, unstable
@@ -74,8 +75,8 @@ def resolution(linear: Any) -> Resolution:
 class Loop(Displayed, ABC):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them."""
 
-    _engine = ("check_stable delay_limit equations kind law ports resolution response selected_ports selection sources "
-               "title unstable vibrating")
+    _engine = ("check_stable delay_limit equations kind law ports resolution response rounded_poles selected_ports "
+               "selection sources title unstable vibrating")
 
     kind: ClassVar[str] = "closed loop"
 
@@ -211,7 +212,8 @@ class Loop(Displayed, ABC):
         ResponseError
             If a frequency is a pole of the closed loop.
         """
-        return np.asarray(self._sensitivity(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
+        w = np.atleast_1d(reals(omega, "sensitivity", "omega", "numbers [rad/s]"))
+        return np.asarray(self._sensitivity(w).transpose(1, 2, 0))
 
     def delay_limit(
         self, actuator: int, by_phase: tuple[float, float], band: tuple[float, float]
@@ -238,6 +240,11 @@ class Loop(Displayed, ABC):
     def poles(self) -> Complex:
         """Return the poles of the closed loop [1/s], in ascending magnitude."""
         return self._eigen[0].copy()
+
+    @property
+    def rounded_poles(self) -> tuple[Complex, Array]:
+        """Poles of the first-order equations [1/s], and bounds of their rounding."""
+        return self._eigen[:2]
 
     @cached_property
     def growing(self) -> tuple[str, ...]:
@@ -288,12 +295,19 @@ class Loop(Displayed, ABC):
         return np.asarray(-self.vibrating.real / np.abs(self.vibrating))
 
     def table(self) -> dict[str, Any]:
-        """Return the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``."""
-        damping = shown_damping(self.vibrating, self._eigen[1][self._vibrating])
-        values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
+        """Return the modes of the closed loop, and real poles that grow, as arguments of ``mbsvib.common.tables.text``
+        and ``show``; a note counts the other real poles.
+        """
+        poles, errors, _ = self._eigen
+        shown = np.union1d(self._vibrating, unstable(poles, errors))
+        values = zip(np.abs(poles[shown]), shown_damping(poles[shown], errors[shown]), shown.tolist(), strict=True)
         rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
                 for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip
         notes = [f"Unstable: {words}." for words in self.growing]
+        real = np.setdiff1d(np.flatnonzero(~vibrates(poles, errors)), shown)  # in ascending magnitude, as poles are
+        if len(real):
+            slowest = f"{'the slowest' if len(real) > 1 else 'it'} is at {poles[real[0]].real:.4g} 1/s"
+            notes.append(f"Not listed: {counted(len(real), 'real pole')}; {slowest} ({self.sources[real[0]]}).")
         return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
                             ("origin", "left")], "rows": rows, "notes": notes}  # fmt: skip

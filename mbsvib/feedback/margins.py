@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,16 @@ from mbsvib.feedback.loop_rounding import evaluated
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, excited, panels
 
-# Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
-LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
+# Band, in parts of the lowest and highest pole that rounding can tell from 0.
+LOWEST, HIGHEST = 1e-6, 1e6
 UNIT = 1.0  # [Hz], about which the band lies if no pole has a size
 # At both ends of the band the loop gain is near its limit, which is real, or tends to 0 or infinity.
 REAL = 1e-3
 # A loop gain below this, or above its inverse, limits no gain: its sign is rounding.
 NONE = 1e-6
-BESIDE = 1e-9  # distance from a pole of the closed loop, in parts of it, at which S stands for the value there
+# Distances from a pole of the closed loop, in parts of it: S at the first one where it is known stands for the value at
+# the pole.
+BESIDE = (1e-9, 1e-7, 1e-5, 1e-3)
 # The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
 VANISHES = 1e-6
 
@@ -115,10 +118,10 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
 
     Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for the disk margin.
     """
-    band, poles, largest, frequency = _disk(loop, frequencies)
+    band, largest, frequency = _disk(loop, frequencies)
     limits = band.response(band.ends[[0, -1]])[: 2 if frequencies is None else 0]
     endless = np.isinf(loop.resolution.period)
-    each = [_single(band, poles, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
+    each = [_single(band, loop, limits[:, i, i], i, endless) for i in range(len(loop.actuators))]
     (lower, gain, phase, delay, modulus), at = np.array(each).transpose(2, 1, 0)
     lower_at, gain_at, phase_at, delay_at, modulus_at = at
     if loop.stable:
@@ -130,16 +133,16 @@ def margins(loop: Loop, frequencies: ArrayLike | None = None) -> Margins:
 
 def modulus_margin(loop: Loop) -> tuple[float, float]:
     """Return the modulus margin of all loops simultaneously, and the critical frequency [Hz]."""
-    _, _, largest, frequency = _disk(loop, None)
+    _, largest, frequency = _disk(loop, None)
     return 1.0 / largest, frequency
 
 
-def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, Complex, float, float]:
-    """The sensitivity over a band, poles [Hz], and the largest singular value with its frequency [Hz]."""
+def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, float, float]:
+    """The sensitivity over a band, and its largest singular value with its frequency [Hz]."""
     poles, longest, period = loop.resolution
     if frequencies is None:
         size = np.abs(np.concatenate((poles, loop.open_loop.poles()))) / (2.0 * np.pi)
-        size = size[size > AT_REST * size.max(initial=0.0)]
+        size = size[size > 0.0]
         if not len(size):
             size = np.array([min(UNIT, 0.5 * period)])
         low, high = LOWEST * float(size.min()), min(HIGHEST * float(size.max()), 0.5 * period)
@@ -148,15 +151,23 @@ def _disk(loop: Loop, frequencies: ArrayLike | None) -> tuple[Band, Complex, flo
         low, high = float(f[0]), float(f[-1])
         if low == high:
             raise ResponseError(f"margins: frequencies: only {low:g} Hz; expected the first and the last of a band.")
-    poles = poles / (2.0 * np.pi)
-    ends = panels(poles, low, high, longest=longest, period=period)
+    ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
     # 1 / (1 - K G) has only the poles of the closed loop
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
     frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
-    critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)).max(axis=(1, 2))), poles, low, high)
+    critical = _critical(loop, band, lambda s: np.asarray(np.abs(s).max(axis=(1, 2))))
     if len(critical):
         frequency, largest = float(critical[0]), np.inf
-    return band, poles, largest, frequency
+    return band, largest, frequency
+
+
+def _critical(loop: Loop, band: Band, size: Callable[[Complex], Array]) -> Array:
+    """Frequencies [Hz] of poles at which some size of the sensitivity has no bound, as far as rounding lets one know.
+    """
+    poles, errors = loop.rounded_poles
+    low, high = band.ends[[0, -1]].tolist()
+    turn = 2.0 * np.pi
+    return excited(lambda hertz: size(band.response(hertz)), poles / turn, low, high, errors / turn)
 
 
 def _sensitivity(loop: Loop, hertz: Array) -> Complex:
@@ -167,20 +178,22 @@ def _sensitivity(loop: Loop, hertz: Array) -> Complex:
 
     shape = (len(loop.actuators),) * 2
     s = evaluated(at, hertz, shape)
-    pole = np.isnan(s).any(axis=(1, 2))
-    if pole.any():
-        s[pole] = np.nan_to_num(evaluated(at, hertz[pole] * (1.0 + BESIDE), shape), nan=1.0 / EPS)
-    return s
+    for distance in BESIDE:
+        pole = np.isnan(s).any(axis=(1, 2))
+        if not pole.any():
+            return s
+        s[pole] = evaluated(at, hertz[pole] * (1.0 + distance), shape)
+    return np.nan_to_num(s, nan=1.0 / EPS)
 
 
-def _single(band: Band, poles: Complex, limits: Complex, i: int, endless: bool) -> list[tuple[float, float]]:
+def _single(band: Band, loop: Loop, limits: Complex, i: int, endless: bool) -> list[tuple[float, float]]:
     """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed,
-    each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1. ``poles`` in Hz; ``limits`` of S.
+    each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1. ``limits`` of S.
 
     ``endless``: the last limit is that of infinite frequency. Where L is 1 or more there, any delay turns it to -1.
     """
     ends = band.ends[[0, -1]]
-    critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)[:, i, i])), poles, *ends.tolist())
+    critical = _critical(loop, band, lambda s: np.asarray(np.abs(s[:, i, i])))
     if len(critical):
         return [(value, float(critical[0])) for value in (1.0, 1.0, 0.0, 0.0, 0.0)]
 

@@ -17,6 +17,9 @@ placement         sets of sensors and actuators, ranked
 platform          radius, height, spread and angle of both rings of ends as variables, legs with bodies following
 """
 
+from functools import partial
+
+from mbsvib.common.misplaced import missing
 from mbsvib.feedback.controller import Controller, controller
 from mbsvib.feedback.margins import Margins
 from mbsvib.isolation.actuated import Active, actuated
@@ -46,8 +49,5 @@ __all__ = [
     "road_spectrum", "root_locus", "seismic_spectrum", "shaped", "skyhook", "structured_singular_values", "struts",
     "study", "table", "unfolded", "vc_curve", "vc_spectrum", "velocity_feedback", "white",
 ]  # fmt: skip
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy
+__getattr__ = partial(missing, __name__)

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import kind_of
 from mbsvib.elements import Spring
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
 from mbsvib.feedback.loop_rounding import response
-from mbsvib.isolation.study_scene import Plant
+from mbsvib.isolation.study_scene import Plant, check_plant
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 
@@ -23,8 +25,7 @@ PARALLEL = 1e-9  # difference of the directions of actuator and sensor below whi
 SAME = 1e-6  # a pole and a zero within this relative distance cancel: the mode is not visible to the pair
 LIGHT = 1e-3  # damping ratio of the highest mode
 ROUNDING = 1e-8  # share of the response by which a real part may be negative
-# Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
-LOWEST, HIGHEST, AT_REST = 1e-3, 1e3, 1e-9
+LOWEST, HIGHEST = 1e-3, 1e3  # band, in parts of the lowest and highest pole
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -77,13 +78,13 @@ class Collocation(Columnar, Displayed):
         return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
 
-def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
+def collocation(plant: Plant | System, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
     """Return a report on pairs of actuators and sensors.
 
     Parameters
     ----------
-    plant : Plant
-        The mechanism.
+    plant : Plant or System
+        The mechanism, from ``actuated``, or any other.
     pairs : iterable of (str, str), optional
         Names of an actuator and a sensor each; default: force, rate and acceleration of each leg with its actuator.
 
@@ -97,33 +98,40 @@ def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) ->
     ResponseError
         If a name is unknown.
     """
-    system = plant.system
+    legs = None if kind_of(plant) == "system" else check_plant(plant, "collocation")
+    system: System = plant if legs is None else legs.system  # type: ignore[assignment]
     if pairs is None:
-        pairs = [(f"{leg}.actuator", f"{leg}.{sensor}") for leg in plant.legs
+        pairs = [(f"{leg}.actuator", f"{leg}.{sensor}") for leg in (legs.legs if legs else ())
                  for sensor in ("force", "rate", "acceleration")]  # fmt: skip
-    port_pairs = list(pairs)
-    if not port_pairs:
-        raise ResponseError("collocation: no pairs; give at least one (actuator, sensor).")
+    port_pairs = [tuple(pair) if not isinstance(pair, str) else (pair,) for pair in pairs]
+    if not port_pairs or any(len(pair) != 2 for pair in port_pairs):
+        raise ResponseError(f"collocation: pairs = {shown(pairs)}; expected one or more pairs of names, "
+                            f"[(actuator, sensor), ...].")  # fmt: skip
     none = np.zeros_like(system.row_damping)
     undamped = replace(system, C=np.zeros_like(system.C), row_damping=none, gyroscopic=None)
     still = undamped if not system.massless else None
-    return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in port_pairs]))
+    return Collocation(system.name, tuple([_pair(system, legs, still, pair) for pair in port_pairs]))
 
 
-def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> Pair:
-    system = plant.system
-    i, j = numbers(system, "input", actuator)[0], numbers(system, "output", sensor)[0]
+def _pair(system: System, plant: Plant | None, undamped: System | None, pair: tuple[str, ...]) -> Pair:
+    """The report on an actuator and a sensor; ``plant``: whose tensions are those of legs with their actuators."""
+    found = numbers(system, "input", pair[0]), numbers(system, "output", pair[1])
+    if max(map(len, found)) > 1:
+        raise ResponseError(f"collocation: {pair} picks {counted(len(found[0]), 'actuator')} and "
+                            f"{counted(len(found[1]), 'sensor')}; expected one each.")  # fmt: skip
+    (i,), (j,) = found
+    actuator, sensor = system.inputs[i], system.outputs[j]
     rows = [m[j] for m in (system.Cq, system.Cv, system.Ca)]
     force = system.output_units[j] in ("N", "N m")
     order = 0 if force or rows[0].any() else 1 if rows[1].any() else 2
     b, row = system.B[:, i], rows[order]
     size = np.linalg.norm(b) * np.linalg.norm(row)
     dual = bool(size > 0.0 and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)
-    leg = sensor.removesuffix(".force")
+    leg = sensor.removesuffix(".force") if plant is not None else sensor
     if leg != sensor and actuator == f"{leg}.actuator":
         dual = True  # in series
     free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \
-        removable(plant, [leg]) else None  # fmt: skip
+        plant is not None and removable(plant, [leg]) else None  # fmt: skip
     poles, zeros, minimum = _visible_frequencies(system if undamped is None else undamped, actuator, sensor, free)
     both = np.concatenate((poles, zeros))
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
@@ -179,7 +187,7 @@ def _damped(system: System) -> System:
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:
     """Whether the real part of the response from force to the sensor's rate never changes its sign."""
     poles = system.poles()
-    size = np.abs(poles[np.abs(poles) > AT_REST * np.abs(poles).max(initial=0.0)])
+    size = np.abs(poles[poles != 0.0])
     ends = panels(poles, LOWEST * float(size.min(initial=1.0)), HIGHEST * float(size.max(initial=1.0)))
 
     def rate(omega: Array) -> Complex:

@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError
 from mbsvib.isolation.isolation_study import Isolation
 from mbsvib.studies import Constraint, Optimum, Quantity
@@ -96,17 +97,19 @@ def front(
     ``designed``: returns the best design under an additional constraint and the arguments ``kwargs`` of
     ``studies.optimize``. ``labels``: of the objective and of the bounded quantity.
     """
-    limits = np.asarray(bounds, dtype=float)
+    limits = reals(bounds, "front", "bounds", "one or more finite numbers", ModelError)
     if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
         raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
     options = dict(kwargs)
     designs: list[Design] = []
     price = []
+    if labels[0] == labels[1]:
+        labels = labels[0], f"{labels[1]} (bounded)"
     for bound in limits.tolist():
         limit = against <= bound
-        designs.append(designed(limit, options))
+        designs.append(designed(limit, options))  # the last constraint
         options["start"] = dict(designs[-1].values)
-        values = designs[-1].optimum.constraints[limit.label]
+        values = [*designs[-1].optimum.constraints.values()][-1]
         if len(values) != 1:
             raise ModelError(f"front: '{against.label}' has {len(values)} numbers; expected one, as largest() makes.",
                              field="against")  # fmt: skip

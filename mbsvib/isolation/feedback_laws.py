@@ -8,9 +8,10 @@ from scipy.linalg import eigh
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import one_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller, controller, integrators
-from mbsvib.isolation.study_scene import ACCELERATIONS, Plant
+from mbsvib.isolation.study_scene import ACCELERATIONS, Plant, check_plant
 
 COORDINATES = ("legs", "modal")
 
@@ -100,9 +101,7 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
     ModelError
         If modal coordinates are requested for a body without static stiffness.
     """
-    if coordinates not in COORDINATES:
-        raise ResponseError(f"skyhook: coordinates = {coordinates!r}; expected 'legs' or 'modal'.")
-    if coordinates == "legs":
+    if one_of(coordinates, COORDINATES, "skyhook", "coordinates") == "legs":
         gains = np.diag(_gains(plant, gain, "skyhook", "N s/m"))
         law = integrators("skyhook", -gains, plant.names("acceleration"), plant.names("actuator"), leak)
         return law.for_plant(plant.system)
@@ -146,9 +145,7 @@ def force_feedback_optimum(pole: float, zero: float) -> tuple[float, float]:
 
 
 def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
-    if not hasattr(plant, "legs"):
-        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
-                            f"isolation.actuated(model, body).")  # fmt: skip
+    check_plant(plant, who)
     if not plant.legs:
         raise ResponseError(f"{who}: the plant has no legs with actuators; name some, isolation.actuated(model, body, "
                             f"legs), or close a loop of your own signals by plant.feedback.")  # fmt: skip
@@ -156,10 +153,7 @@ def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
 
 
 def _shared(gain: ArrayLike, size: int, who: str, expected: str) -> Array:
-    try:
-        values = np.asarray(gain, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"{who}: gain = {check.shown(gain)}; expected {expected}.") from error
+    values = reals(gain, who, "gain", expected)
     if values.shape not in ((), (size,)) or not np.isfinite(values).all():
         raise ResponseError(f"{who}: gain = {check.shown(gain)}; expected {expected}.")
     return np.broadcast_to(values, (size,)).copy()

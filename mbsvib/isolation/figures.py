@@ -23,6 +23,7 @@ from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.singular_values import singular_values
 from mbsvib.responses import extrema
 from mbsvib.responses.feedthrough import direct, without_rounding
+from mbsvib.responses.norms import growth
 
 Linear: TypeAlias = System | FeedbackLoop
 
@@ -273,6 +274,8 @@ class Figures(Columnar):
         point = ", ".join(f"{x:g}" for x in scene.point)
         notes = [f"Index ||T||_F/sqrt({len(directions)}) of accelerations at ({point}) m, rotations times "
                  f"{scene.length:.4g} m; base motion along {' '.join(directions)}.", *scene.notes]  # fmt: skip
+        if words := unstable(self.linear):
+            notes.append(f"Unstable: {words}")
         title = f"Isolation of {scene.body} from {scene.base}: {self.name}"
         return {"title": title, "columns": [("quantity", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
@@ -310,6 +313,12 @@ def _roll_off(study: Figures) -> str:
     if not np.isfinite(study.roll_off):
         return "too steep: the response is below rounding"
     return f"{study.roll_off:.0f} dB/decade above {_hertz(study.roll_off_from)}"
+
+
+def unstable(linear: Any) -> str:
+    """Return in words that a mechanism is not stable, "" if it is, and for closed loops, which are checked before."""
+    words = growth(linear) if isinstance(linear, System) else ""
+    return f"'{linear.name}' is not stable: {words} grows, and no steady vibration has this response." if words else ""
 
 
 def _hertz(value: float) -> str:

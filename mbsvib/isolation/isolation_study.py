@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,9 +17,9 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, UnstableWarning
 from mbsvib.feedback.loop import resolution
-from mbsvib.isolation.figures import Figures, Linear
+from mbsvib.isolation.figures import Figures, Linear, unstable
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.random import curves
@@ -271,6 +272,8 @@ def study(
 
 def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene at ascending ``frequencies`` (n,) [Hz], with its loops open or closed."""
+    if words := unstable(linear):
+        warnings.warn(f"isolation: {words}", UnstableWarning, stacklevel=3)
     f = _resolving(linear) if frequencies is None else hertz(frequencies)
     shaken, loaded = (np.asarray(linear.frequency_response(2.0 * np.pi * f, *ports)) for ports in
                       ((ACCELERATIONS, study_scene.inputs), (DISPLACEMENTS, LOADS)))  # fmt: skip

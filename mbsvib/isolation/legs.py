@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Joint, Spring
 from mbsvib.elements.connection import Connection
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 
 ALONG = ("prismatic", "cylindrical", "screw", "point_on_line")  # slide along their axis
 STRAIGHT = 1e-6  # sine of the angle between a slide and its leg
@@ -187,8 +188,7 @@ def _picked(chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
         found = set(matching(pattern, known))
         these = [chain for chain in chains if any(name in found for name in chain.parts)]
         if not these:
-            raise ModelError(f"platform: legs: no part of a leg is named '{pattern}'.{nearest(str(pattern), known)}",
-                             element=str(pattern), field="legs")  # fmt: skip
+            raise check.unknown(pattern, known, f"platform: legs: no part of a leg is named '{pattern}'", "legs", "")
         for chain in these:
             for end in chain.missing():
                 raise ModelError(f"platform: leg '{chain.name}': it does not reach '{end}'; expected a chain of bodies "

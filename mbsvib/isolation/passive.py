@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any
 
@@ -14,9 +14,9 @@ from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import hertz, names
+from mbsvib.common.expected import band_of, hertz, names, one_of
 from mbsvib.common.patterns import matching
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.isolation.design import Design, Front, front
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
@@ -25,7 +25,7 @@ from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.random.sources import BaseNoise, base_noise
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
-from mbsvib.studies.responses import Peak, band_of
+from mbsvib.studies.responses import Peak
 
 Bounds = Mapping[str, tuple[float | None, float | None] | None]
 
@@ -57,7 +57,7 @@ class Passive(Displayed):
         Quantity
             max ||T||_F / sqrt(base directions).
         """
-        return Peak(self._ports(self._base_weights, "transmissibility"), band_of(band))
+        return Peak(self._ports(self._base_weights, "transmissibility"), band_of(band, "peak", above=True))
 
     def index(self, frequencies: ArrayLike) -> Quantity:
         """Return the Frobenius index at frequencies.
@@ -179,8 +179,7 @@ class Passive(Displayed):
         ModelError
             If the direction or the load is refused.
         """
-        if direction not in DIRECTIONS[:3]:
-            raise check.refuse("sag", "direction", direction, "x, y or z")
+        one_of(direction, DIRECTIONS[:3], "sag", "direction", ModelError)
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
         newton = abs(check.number(weight, "sag", "load"))
         ports = Weighted("sag", {f"displacement.{direction}": 1.0}, {f"load.{direction}": newton})
@@ -301,10 +300,10 @@ class Passive(Displayed):
         return result
 
     def _squares(self, label: str, outputs: Sequence[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
-        noise, span = base_noise(spectra, self.scene.base_directions), band_of(band, lowest=0.0)
+        noise, span = base_noise(spectra, self.scene.base_directions), band_of(band, "rms")
         if span is not None or not noise.unbounded:
             # over a band all mean squares are finite, and computed together
-            squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).requested(outputs)
+            squares = self._shared.setdefault((*_contents(noise), span), self._mean((), noise, span)).requested(outputs)
         else:
             squares = self._mean(outputs, noise, span)
         return Leaf(label, partial(squares.at, outputs=outputs))
@@ -319,6 +318,14 @@ class Passive(Displayed):
 
     def __repr__(self) -> str:
         return f"Passive({self.model.name!r}: {self.scene.base} to {self.scene.body})"
+
+
+def _contents(noise: BaseNoise) -> tuple[Any, ...]:
+    """What noise is made of, equal for equal noise: directions, and the numbers or functions of all densities."""
+    parts = [getattr(spectrum, one.name) for spectrum in noise.spectra for one in fields(spectrum)]
+    return (noise.directions, noise.correlation.tobytes(), *map(type, noise.spectra),
+            *[(part.shape, part.tobytes()) if isinstance(part, np.ndarray) else id(part) if callable(part) else part
+              for part in parts])  # fmt: skip
 
 
 def passive(
@@ -373,8 +380,7 @@ def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:
     for pattern in names(patterns, "passive", "joints", ModelError):
         these = matching(pattern, model.joints)
         if not these:
-            raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "
-                             f"Joints are: {', '.join(model.joints) or 'none'}.", element=str(pattern),
-                             field="joints")  # fmt: skip
+            raise check.unknown(pattern, model.joints, f"passive: joints: no joint is named '{pattern}'", "joints",
+                                "Joints are:")  # fmt: skip
         joint_names.extend(name for name in these if name not in joint_names)
     return tuple(joint_names)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.synthesis import riccati
+from mbsvib.isolation.riccati import riccati
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.linalg.rank import NO_INFORMATION
 
@@ -177,18 +177,18 @@ class BestControl:
 
     def _solved(self, name: str, weights: Array) -> _Side | None:
         p, on = self.plant, weights > 0.0
-        size, costs = len(p.a), np.diag((p.noise if name == "sensors" else p.effort)[on] / weights[on])
+        costs = (p.noise if name == "sensors" else p.effort)[on] / weights[on]
         if name == "sensors":
-            terms = p.a.T, p.c2[on].T, p.b1 @ p.b1.T, p.d21[on] @ p.d21[on].T + costs, p.b1 @ p.d21[on].T
+            a, b, f, g = p.a.T, p.c2[on].T, p.b1.T, p.d21[on].T
         else:
-            terms = p.a, p.b2[:, on], p.c1.T @ p.c1, p.d12[:, on].T @ p.d12[:, on] + costs, p.c1.T @ p.d12[:, on]
+            a, b, f, g = p.a, p.b2[:, on], p.c1, p.d12[:, on]
         try:
-            solution, active = riccati(*terms)
+            solution, active = riccati(a, b, (f, g), costs)
         except ResponseError:
             return None
-        gain = np.zeros((len(weights), size))
+        gain, passed = np.zeros((len(weights), len(a))), g @ active
         gain[on] = active
-        return _Side(solution, gain, active.T @ terms[3] @ active)
+        return _Side(solution, gain, passed.T @ passed + active.T @ (costs[:, None] * active))
 
     def losses(self, sensors: Array, actuators: Array) -> Array:
         """Return the losses (k, l)."""

@@ -11,15 +11,16 @@ from scipy.linalg import eig
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.expected import a_linear
 from mbsvib.common.selection import PATTERN, Names, selected
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.placement_criteria import BestControl, Experiments, Gramians, Information, Weighted
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.rank import AT_NODE, LEAST_DAMPING, SAME_EIGENVALUE
-from mbsvib.random.mean_squares import first_order
 from mbsvib.random.moments import in_rows
 from mbsvib.random.sources import sources
 from mbsvib.responses.feedthrough import direct
+from mbsvib.responses.realizations import first_order
 
 Evaluate = Callable[[Array, Array], tuple[float, dict[str, float]]]
 
@@ -63,6 +64,7 @@ class Candidates:
     @staticmethod
     def of(system: Any, candidates: Names, chosen: tuple[int, int], noise: Any, ranges: Any) -> Candidates:
         """Check candidates and the numbers of those that are chosen."""
+        a_linear(system, "placement")
         if getattr(system, "period", None) is not None:
             raise ResponseError(f"placement: '{system.name}' is sampled; expected a plant in continuous time.")
         names = check.names_in([candidates] if isinstance(candidates, str) else candidates)

@@ -24,7 +24,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.selection import Names
 from mbsvib.elements.ports import Port
 from mbsvib.equations.batch_values import STEP
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.isolation.legs import Leg, legs_between
 from mbsvib.isolation.study_scene import check_body
 from mbsvib.mechanism.mechanism import GROUND
@@ -261,9 +261,7 @@ class Platform(Displayed):
         """Changes of the variables from their start, by ring."""
         result: dict[str, dict[str, Any]] = {ring: {} for ring in self.rings}
         for name, value in variables.items():
-            if name not in self.start:
-                raise ModelError(f"platform: there is no variable '{name}'.{nearest(str(name), self.start)} Variables "
-                                 f"are: {', '.join(self.start)}.", element=str(name))  # fmt: skip
+            check.known(name, self.start, f"platform: there is no variable '{name}'", told="Variables are:")
             number = value if isinstance(value, np.ndarray) else check.number(value, "platform", name)
             ring, dimension = name.split(".")
             result[ring][dimension] = number - self.start[name]

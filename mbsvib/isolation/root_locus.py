@@ -15,7 +15,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import mode_index, reals
+from mbsvib.common.expected import ascending, mode_index
 from mbsvib.errors import ResponseError
 from mbsvib.feedback import closed_loop
 from mbsvib.feedback.controller import Controller
@@ -23,7 +23,7 @@ from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios
 from mbsvib.isolation.collocation import removable, without
 from mbsvib.isolation.isolation_study import Isolation, figures
-from mbsvib.isolation.study_scene import Plant
+from mbsvib.isolation.study_scene import Plant, check_plant
 
 
 class StudyFigures(FeedbackLoop):
@@ -220,13 +220,11 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     ResponseError
         If the gains do not ascend, or the controller has not the same states at all of them.
     """
-    g = np.atleast_1d(reals(gains, "root_locus", "gains", "two or more, ascending, from 0 on"))
+    check_plant(plant, "root_locus")
+    g = ascending(gains, "root_locus", "gains", "two or more, ascending, from 0 on", least=0.0, count=2)
     if not callable(law):
         raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
                             f"lambda g: isolation.force_feedback(plant, g).")  # fmt: skip
-    if g.ndim != 1 or len(g) < 2 or not np.isfinite(g).all() or g[0] < 0.0 or (np.diff(g) <= 0.0).any():
-        raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
-
     count = len(close(plant, law(float(g[0]))).state_space().A)
 
     def matrix(gain: float) -> Array:

@@ -17,10 +17,10 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import names
+from mbsvib.common.expected import names, one_of, reals
 from mbsvib.common.patterns import matching
 from mbsvib.elements import Bushing, Joint, Maxwell, Spring
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.isolation.study_scene import check_body, radius_of_gyration
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -82,9 +82,8 @@ def _hits(model: Model, name: str, known: list[str]) -> list[str]:
         raise ModelError(f"actuated: leg '{name}' is a bushing, which has no line; say in which of its directions the "
                          f"actuator acts: {', '.join(f'{name}.{axis}' for axis in AXES)}.",
                          element=name, field="legs")  # fmt: skip
-    raise ModelError(f"actuated: leg '{name}' is not a line spring, Maxwell element, prismatic joint or direction of a "
-                     f"bushing of model '{model.name}'.{nearest(name, known)} It has {', '.join(known) or 'none'}.",
-                     element=name, field="legs")  # fmt: skip
+    raise check.unknown(name, known, f"actuated: leg '{name}' is not a line spring, Maxwell element, prismatic joint "
+                        f"or direction of a bushing of model '{model.name}'", "legs")  # fmt: skip
 
 
 def _leg(model: Model, name: str) -> ActiveLeg:
@@ -229,10 +228,9 @@ def ring(
     ModelError
         If a leg is unknown or its end is on the axis.
     """
-    if end not in ENDS:
-        raise check.refuse("ring", "end", end, "'start' or 'end'")
+    one_of(end, ENDS, "ring", "end", ModelError)
     leg_names = list(_lines(model, legs))
-    middle = np.asarray(centre, dtype=float)
+    middle = reals(centre, "ring", "centre", "x and y of the axis [m]", ModelError)
     if middle.shape != (2,) or not np.isfinite(middle).all():
         raise check.refuse("ring", "centre", centre, "x and y of the axis [m]")
     away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in leg_names}
@@ -257,9 +255,8 @@ def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
     lines = line_springs(model)
     selected = tuple(lines if legs is None else names(legs, "struts", "legs", ModelError))
     for name in selected:
-        if name not in lines:
-            raise ModelError(f"struts: leg '{name}' is neither a line spring nor a Maxwell element of model "
-                             f"'{model.name}'.{nearest(name, lines)}", element=name, field="legs")  # fmt: skip
+        check.known(name, lines, f"struts: leg '{name}' is neither a line spring nor a Maxwell element of model "
+                    f"'{model.name}'", "legs")  # fmt: skip
     if not selected:
         raise ModelError(f"struts: model '{model.name}' has no line springs.", field="legs")
     return selected

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,7 @@ from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.ports import fixed_in_world
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, ResponseError, nearest
 from mbsvib.feedback.loop import LoopPlant
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -104,27 +105,45 @@ def scene(
         raise check.refuse(who, "length", length, "a positive length [m]", hint)
     copy = _with_base(model, base, keep_ports)
     base_directions, notes = _base_directions(copy, directions)
-    for direction in base_directions:
-        copy.add_base_motion(f"base.{direction}", direction, at)
-    for direction in DIRECTIONS:
-        copy.add_input(f"load.{direction}", body, direction, at)
-    for quantity in ("acceleration", "displacement"):
-        for direction in DIRECTIONS:
-            copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
-    legs = _measured(copy)
-    if more is not None:
-        more(copy)
+    try:
+        _add_ports(copy, body, at, base_directions)
+        legs = _measured(copy)
+        if more is not None:
+            more(copy)
+    except ModelError as error:
+        if error.field == "name" and error.element in {*model.inputs, *model.outputs}:
+            kind = "input" if error.element in model.inputs else "output"
+            raise ModelError(f"isolation: {kind} '{error.element}' of model '{model.name}' has the name of a port that "
+                             f"the study adds; rename it, or leave it out.", element=error.element,
+                             field="name") from error  # fmt: skip
+        raise
     system = copy.linearize(method="dense")
     return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
 
 
+def _add_ports(model: Model, body: str, at: Vector, base_directions: Sequence[str]) -> None:
+    """Add motions of the base, loads on the payload, and its accelerations and displacements."""
+    for direction in base_directions:
+        model.add_base_motion(f"base.{direction}", direction, at)
+    for direction in DIRECTIONS:
+        model.add_input(f"load.{direction}", body, direction, at)
+    for quantity in ("acceleration", "displacement"):
+        for direction in DIRECTIONS:
+            model.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
+
+
+def check_plant(plant: Any, who: str) -> Plant:
+    """Return a plant of a study, refuse what is none."""
+    if not isinstance(plant, Plant):
+        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
+                            f"isolation.actuated(model, body).")  # fmt: skip
+    return plant
+
+
 def check_body(model: Model, name: str, who: str, field: str) -> None:
     """Refuse what is no body of a model; as a ``base`` the ground is one."""
-    known = [*model.bodies, *([GROUND] if field == "base" else [])]
-    if name not in known:
-        raise ModelError(f"{who}: {field} = {name!r}; expected a body of model '{model.name}'."
-                         f"{nearest(str(name), known)} It has {', '.join(known)}.",
-                         element=str(name), field=field)  # fmt: skip
+    check.known(name, [*model.bodies, *([GROUND] if field == "base" else [])],
+                f"{who}: {field} = {name!r}; expected a body of model '{model.name}'", field)  # fmt: skip
 
 
 def radius_of_gyration(body: Body) -> float:
@@ -162,7 +181,7 @@ def _welded(model: Model, base: str) -> Model:
         if isinstance(part, Coupling):
             references = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]
         elif isinstance(part, Superelement):
-            references = [name for name in (base, GROUND) if name in repr(kwargs)]
+            references = [name for name in (base, GROUND) if name in dict(part.bodies).values()]
         elif named and named <= {base, GROUND}:
             removed.add(part.name)
             continue

@@ -1,19 +1,19 @@
-"""Controllers by synthesis: linear quadratic Gaussian; H-infinity and H2 where ctrlsys (SLICOT) is installed."""
+"""Controllers by synthesis: linear quadratic Gaussian and H2; H-infinity where ctrlsys (SLICOT) is installed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import schur, solve_continuous_lyapunov
 
 from mbsvib.common.arrays import Array
+from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.feedback.closing import closed_space
 from mbsvib.feedback.controller import Controller
-from mbsvib.isolation.study_scene import ACCELERATIONS, Plant
+from mbsvib.isolation.riccati import riccati
+from mbsvib.isolation.study_scene import ACCELERATIONS, Plant, check_plant
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.state_space import StateSpace
@@ -24,6 +24,7 @@ from mbsvib.responses.transmission_zeros import numbers
 BEGIN, LEAST, NEAR = (1.0, 1e1, 1e3, 1e6, 1e10), 1e-12, 1e-2
 # A controller whose loop has a larger norm than SLICOT says by more than this is none.
 EXCEEDED = 1e-3
+DEPENDENT = 1e-12  # least singular value of columns of size one that are not independent
 # Frequencies, in parts of the highest pole, at which the size of a plant is taken.
 SAMPLES = np.concatenate(([0.0], np.geomspace(1e-4, 10.0, 60)))
 
@@ -31,7 +32,8 @@ SAMPLES = np.concatenate(([0.0], np.geomspace(1e-4, 10.0, 60)))
 @dataclass(frozen=True, slots=True)
 class Synthesis:
     """A controller x' = A x + B y, u = C x + D y, the H-infinity ``norm`` of the loop (of H2 controllers None), and
-    reciprocal condition numbers of the transformations of controls and measurements and of both Riccati equations.
+    reciprocal condition numbers of the transformations of controls and measurements and of both Riccati equations (of
+    H2 controllers none).
     """
 
     A: Array
@@ -128,28 +130,35 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
     ``plant``: A, B, C, D of (z, y) = P (w, u), in continuous time, without feedthrough from w to z. ``measurements``,
     ``controls``: number of outputs y and of inputs u, the last ones of P.
 
-    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
+    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5.
     """
-    ctrlsys = need_ctrlsys(caller)
-    normal = _normalized(plant, measurements, controls, caller)
-    a, b, c, d = normal.matrices
-    performance = c.shape[0] - measurements
-    if d[:performance, : b.shape[1] - controls].any():
+    a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
+    _need_states(a, caller)
+    o, i = len(c) - measurements, b.shape[1] - controls
+    if d[:o, :i].any():
         raise ResponseError(f"{caller}: the plant has feedthrough from w to z, and its H2 norm is infinite; filter w "
                             f"or z, or take hinfsyn.")  # fmt: skip
-    copies = [np.asfortranarray(matrix.copy()) for matrix in (a, b, c, d)]
-    sizes = len(a), b.shape[1], len(c), controls, measurements
-    ak, bk, ck, dk, conditions, failed = ctrlsys.sb10hd(*sizes, *copies, 0.0)
-    if failed:
-        raise ResponseError(f"{caller}: no controller was found (SLICOT's SB10HD ends with {failed}). Each control "
-                            f"must cost and each measurement have noise, and all that is unstable be in reach of "
-                            f"both.")  # fmt: skip
-    if not _is_stable(closed_loop(normal.matrices, (ak, bk, ck, dk), measurements, controls)[0]):
-        raise ResponseError(f"{caller}: the controller of SLICOT's SB10HD does not stabilise the plant, as its Riccati "
-                            f"equations are ill-conditioned (reciprocal conditions down to {np.min(conditions):.1e}). "
-                            f"Give controls more cost and measurements more noise, or leave out motions that neither "
-                            f"reaches.")  # fmt: skip
-    return Synthesis(*normal.controller((ak, bk, ck, dk)), None, np.asarray(conditions))
+    cost, noise = d[:o, i:], d[o:, :i].T
+    if not (_independent(cost) and _independent(noise)):
+        raise ResponseError(f"{caller}: no controller was found. Each control must cost, and each measurement have "
+                            f"noise of its own.")  # fmt: skip
+    back = riccati(a, b[:, i:], (c[:o], cost), np.zeros(controls), caller)[1]
+    inject = riccati(a.T, c[o:].T, (b[:, :i].T, noise), np.zeros(measurements), caller)[1].T
+    law = a - b[:, i:] @ back - inject @ c[o:] + inject @ d[o:, i:] @ back
+    return Synthesis(law, inject, -back, np.zeros((controls, measurements)), None, np.zeros(0))
+
+
+def _independent(columns: Array) -> bool:
+    """Tell whether columns, of whatever units, are linearly independent."""
+    sizes = np.linalg.norm(columns, axis=0)
+    if columns.shape[0] < columns.shape[1] or not sizes.all():
+        return False
+    return bool(np.linalg.svd(columns / sizes, compute_uv=False).min(initial=1.0) > DEPENDENT)
+
+
+def _need_states(a: Array, caller: str) -> None:
+    if not len(a):  # SLICOT returns at once, with any controller
+        raise ResponseError(f"{caller}: the plant has no states; expected one with dynamics, its own or a filter's.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,8 +185,7 @@ class _Normalized:
 
 def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> _Normalized:
     a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
-    if not len(a):  # SLICOT returns at once, with any controller
-        raise ResponseError(f"{caller}: the plant has no states; expected one with dynamics, its own or a filter's.")
+    _need_states(a, caller)
     o, i = len(c) - measurements, b.shape[1] - controls
     rate = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) or float(np.abs(a).max(initial=0.0)) or 1.0
     a, b, c = scaled(a / rate, b / rate, c)
@@ -206,14 +214,9 @@ def _size(a: Array, b: Array, c: Array, d: Array) -> float:
     return float(size) if 0.0 < size < np.inf else 1.0
 
 
-UNDAMPED = 1e-12  # share of the largest pole below which a real part is rounding
-# Newton's steps for a solution of Riccati's equation, at most, and the relative change at which they end.
-NEWTON_STEPS, CONVERGED = 4, 1e-9
-
-
 def lqg(
-    plant: Plant, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
-    performance: Sequence[str] = ACCELERATIONS,
+    plant: Plant, sensors: Names, effort: float, base: float = 1.0, noise: float = 1e-6,
+    performance: Names = ACCELERATIONS,
 ) -> Controller:  # fmt: skip
     """Return the controller that minimises the mean square of the body's acceleration plus that of forces.
 
@@ -223,8 +226,8 @@ def lqg(
     ----------
     plant : Plant
         The mechanism.
-    sensors : sequence of str
-        What is measured: outputs of the plant.
+    sensors : str or sequence of str
+        What is measured: names or patterns of outputs of the plant.
     effort : float
         Weight of actuator forces [performance^2/N^2], positive: the smaller, the harder the actuators work.
     base : float
@@ -245,18 +248,18 @@ def lqg(
         If a weight is not positive, a name unknown, or no stabilising controller exists.
     """
     _check_positive("lqg", effort=effort, base=base, noise=noise)
-    a, b, bw, c, d, dw, z, zd, _, rate = _weighted(plant, sensors, performance)
+    a, b, bw, c, d, dw, z, zd, _, rate = _weighted(plant, sensors, performance, "lqg")
     m, n = b.shape[1], len(c)
-    back = riccati(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)[1]
-    inject = riccati(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T)[1].T
+    back = riccati(a, b, (z, zd), np.full(m, effort))[1]
+    inject = riccati(a.T, c.T, (np.sqrt(base) * bw.T, np.sqrt(base) * dw.T), np.full(n, noise))[1].T
     law = a - b @ back - inject @ c + inject @ d @ back
-    return Controller("LQG", law * rate, inject * rate, -back, np.zeros((m, n)), tuple(sensors),
-                      plant.names("actuator")).for_plant(plant.system)  # fmt: skip
+    return Controller("LQG", law * rate, inject * rate, -back, np.zeros((m, n)),
+                      _names(plant, sensors), plant.names("actuator")).for_plant(plant.system)  # fmt: skip
 
 
 def hinf(
-    plant: Plant, sensors: Sequence[str], effort: float, noise: float = 1e-3,
-    performance: Sequence[str] = ACCELERATIONS, relaxation: float = 1.0,
+    plant: Plant, sensors: Names, effort: float, noise: float = 1e-3,
+    performance: Names = ACCELERATIONS, relaxation: float = 1.0,
 ) -> tuple[Controller, float]:  # fmt: skip
     """Return the controller that minimises the largest response to base and sensor noise.
 
@@ -266,8 +269,8 @@ def hinf(
     ----------
     plant : Plant
         The mechanism.
-    sensors : sequence of str
-        What is measured: outputs of the plant.
+    sensors : str or sequence of str
+        What is measured: names or patterns of outputs of the plant.
     effort : float
         Weight of actuator forces [performance/N], positive.
     noise : float
@@ -297,7 +300,7 @@ def hinf(
     _check_positive("hinf", effort=effort, noise=noise)
     if not 1.0 <= relaxation < np.inf:
         raise ResponseError(f"hinf: relaxation = {relaxation!r}; expected a number from 1 on.")
-    a, b, bw, c, d, dw, z, zd, zw, rate = _weighted(plant, sensors, performance)
+    a, b, bw, c, d, dw, z, zd, zw, rate = _weighted(plant, sensors, performance, "hinf")
     m, n, k = b.shape[1], len(c), bw.shape[1]
     generalized_plant = (
         a, np.hstack((bw, np.zeros((len(a), n)), b)), np.vstack((z, np.zeros((m, len(a))), c)),
@@ -305,9 +308,13 @@ def hinf(
                   [dw, noise * np.eye(n), d]]),
     )  # fmt: skip
     synthesis = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
-    law = Controller("Hinf", synthesis.A * rate, synthesis.B * rate, synthesis.C, synthesis.D, tuple(sensors),
-                     plant.names("actuator")).for_plant(plant.system)  # fmt: skip
+    law = Controller("Hinf", synthesis.A * rate, synthesis.B * rate, synthesis.C, synthesis.D,
+                     _names(plant, sensors), plant.names("actuator")).for_plant(plant.system)  # fmt: skip
     return law, float(synthesis.norm or 0.0)
+
+
+def _names(plant: Plant, sensors: Names) -> tuple[str, ...]:
+    return tuple([plant.system.outputs[k] for k in numbers(plant.system, "output", sensors)])
 
 
 def _check_positive(who: str, **weights: float) -> None:
@@ -316,57 +323,20 @@ def _check_positive(who: str, **weights: float) -> None:
             raise ResponseError(f"{who}: {name} = {value!r}; expected a positive number.")
 
 
-def riccati(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> tuple[Array, Array]:
-    """Return Riccati's stabilising solution X for the weights Q, R and S, and the gain R^-1 (B^T X + S^T).
-
-    X = U2 U1^-1 from the decaying invariant subspace (U1, U2) of the Hamiltonian matrix. Its complex Schur form is
-    ordered whatever eigenvalues coincide, as those of a symmetric platform do; the real one of
-    ``scipy.linalg.solve_continuous_are`` is not.
-
-    Source: A. J. Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. Automatic Control 24 (1979);
-    D. L. Kleinman, On an iterative technique for Riccati equation computations, the same 13 (1968), for the last step.
-    """
-    none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
-                         "sensors, or effort and noise are too small against the rest.")  # fmt: skip
-    n = len(a)
-    drive, direct = np.linalg.solve(effort, b.T), np.linalg.solve(effort, cross.T)
-    free, push, weight = a - b @ direct, b @ drive, state - cross @ direct
-    sizes = float(np.linalg.norm(weight)), float(np.linalg.norm(push))
-    size = np.sqrt(sizes[0] / sizes[1]) if all(sizes) else 1.0
-    try:
-        _, basis, count = schur(np.block([[free, -size * push], [-weight / size, -free.T]]), "complex", sort="lhp")
-        cost = size * np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T).real
-    except np.linalg.LinAlgError as error:
-        raise none from error
-    gain = drive @ cost + direct
-    poles = np.linalg.eigvals(a - b @ gain)
-    # rounding moves uncontrollable poles to either side of the imaginary axis
-    if count != n or not (poles.real < -UNDAMPED * np.abs(poles).max()).all():
-        raise none
-    for _ in range(NEWTON_STEPS):  # the cost of each gain: without the rounding of Hamiltonian matrices with fast modes
-        before, spread = cost, cross @ gain
-        cost = solve_continuous_lyapunov((a - b @ gain).T, spread + spread.T - state - gain.T @ effort @ gain)
-        cost = 0.5 * (cost + cost.T)
-        gain = drive @ cost + direct
-        if np.abs(cost - before).max(initial=0.0) <= CONVERGED * np.abs(cost).max(initial=0.0):
-            break
-    return cost, np.asarray(gain)
-
-
 def _weighted(
-    plant: Plant, sensors: Sequence[str], performance: Sequence[str]
+    plant: Plant, sensors: Names, performance: Names, who: str
 ) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, float]:
     """The plant in time units of its highest frequency, balanced, rotations times the length.
 
     x' = a x + b u + bw w,  y = c x + d u + dw w,  z = e x + f u + g w, and the ``rate`` [1/s], the unit of time.
     """
-    space, scene = plant.space, plant.scene
+    space, scene = check_plant(plant, who).space, plant.scene
     u, w = ([space.inputs.index(name) for name in names] for names in (plant.names("actuator"), scene.inputs))
     y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)
     units = [plant.system.output_units[k] for k in z]
     size = np.array([scene.length if unit.startswith("rad") else 1.0 for unit in units])[:, None]
     weights = 1.0 / scene.scale(scene.base_directions)
-    rate = float(np.abs(plant.system.poles()).max())
+    rate = float(np.abs(plant.system.poles()).max(initial=0.0)) or 1.0  # free masses have no frequency
     a, b, c = scaled(space.A / rate, space.B / rate, space.C)
     through = space.D
     # noise and cost are densities over time too: a change of its unit scales all of them equally

@@ -93,6 +93,9 @@ class MeanSquares:
         self._laws = laws
         self._last: tuple[System, Any, Array, Array] | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_last": None}
+
     def requested(self, outputs: Sequence[str]) -> MeanSquares:
         """Return the same mean squares, of these outputs too."""
         self.outputs.extend(name for name in outputs if name not in self.outputs)

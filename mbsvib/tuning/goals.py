@@ -15,11 +15,7 @@ from mbsvib.tuning.measures import Damping, Goal, Hinf, Margin, Rms, Rolloff
 from mbsvib.tuning.peaks import over_frequency
 
 __all__ = ["damping", "hinf", "margin", "rms", "rolloff"]
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy
 
 
 def hinf(outputs: Names = None, inputs: Names = None, weight: Any = 1.0, most: float | None = None) -> Goal:
@@ -49,9 +45,9 @@ def hinf(outputs: Names = None, inputs: Names = None, weight: Any = 1.0, most: f
     ModelError
         If the weight is not positive, not stable, or none of these.
     """
-    limit = None if most is None else _positive(most, "hinf", "most")
+    limit = None if most is None else check.positive(most, "goals.hinf", "most")
     if weight is None or isinstance(weight, (int, float, np.number, str)):
-        return Hinf(outputs, inputs, _positive(weight, "hinf", "weight"), limit)
+        return Hinf(outputs, inputs, check.positive(weight, "goals.hinf", "weight"), limit)
     return Hinf(outputs, inputs, 1.0, limit, over_frequency(weight, "goals.hinf"))
 
 
@@ -89,8 +85,8 @@ def rms(
     ModelError
         If the weight is not positive.
     """
-    return Rms(outputs, floor, _positive(weight, "rms", "weight"), band, correlation, weighting,
-               None if most is None else _positive(most, "rms", "most"))  # fmt: skip
+    return Rms(outputs, floor, check.positive(weight, "goals.rms", "weight"), band, correlation, weighting,
+               None if most is None else check.positive(most, "goals.rms", "most"))  # fmt: skip
 
 
 def damping(least: float) -> Goal:
@@ -165,13 +161,7 @@ def rolloff(frequency: float, decibels: float = 20.0) -> Goal:
     slope = check.number(decibels, "goals.rolloff", "decibels")
     if slope < 0.0:
         raise check.refuse("goals.rolloff", "decibels", decibels, "a slope [dB/decade], no less than 0")
-    return Rolloff(_positive(frequency, "rolloff", "frequency"), slope)
-
-
-def _positive(value: Any, who: str, field: str) -> float:
-    if not (number := check.number(value, f"goals.{who}", field)) > 0.0:
-        raise check.refuse(f"goals.{who}", field, value, "a positive number")
-    return number
+    return Rolloff(check.positive(frequency, "goals.rolloff", "frequency"), slope)
 
 
 def _share(value: Any, who: str) -> float:

@@ -20,8 +20,8 @@ from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Closure, Gathered, Matrices, regular, transfer
 from mbsvib.linalg.spectrum import spectrum
-from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.first_order_solver import pole_slope
+from mbsvib.responses.realizations import first_order
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.sensitivities.states import States, changed, states
 from mbsvib.studies.design import StudyVariables

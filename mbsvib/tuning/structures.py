@@ -13,7 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import Names, selected, united
-from mbsvib.errors import ModelError, ResponseError, nearest
+from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.controller import Controller, controller
 from mbsvib.tuning.realization import Realization, in_series, summed, with_slopes
 
@@ -70,10 +70,10 @@ class Tunable(Displayed, ABC):
         """Return the parts that have values of their own."""
 
     @abstractmethod
-    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> Tunable:
+    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Tunable:
         """Return the structure with names in the place of patterns; None: of no plant, names as they are.
 
-        ``outputs``: known actuators; ``inputs``: known sensors.
+        ``outputs``: known actuators; ``inputs``: known sensors; ``owner``: name of the plant, for messages.
         """
 
     @abstractmethod
@@ -142,10 +142,10 @@ class Part(Tunable):
         """Return this part."""
         return (self,)
 
-    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> Self:
+    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Self:
         """Return the part with names in the place of patterns."""
-        return replace(self, outputs=_names(self.outputs, outputs, "actuator"),
-                       inputs=_names(self.inputs, inputs, "sensor"))  # fmt: skip
+        return replace(self, outputs=_names(self.outputs, outputs, "actuator", owner),
+                       inputs=_names(self.inputs, inputs, "sensor", owner))  # fmt: skip
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of its own signals."""
@@ -163,9 +163,8 @@ class Part(Tunable):
                          tuple([value.symbol.split("[")[0] for value in result]))
         for argument, given in (("start", self.start), ("bounds", self.bounds)):
             for symbol in given:
-                if symbol not in symbols:
-                    raise ModelError(f"tunable.{self.kind}: {argument} has '{symbol}', which is none of its values."
-                                     f"{nearest(symbol, symbols)} Values: {', '.join(symbols)}.")  # fmt: skip
+                check.known(symbol, symbols, f"tunable.{self.kind}: {argument} has '{symbol}', which is none of its "
+                            f"values", told="Values:")  # fmt: skip
         return [_with(value, _of(self.start, value.symbol), _of(self.bounds, value.symbol), self.kind)
                 for value in result]  # fmt: skip
 
@@ -197,8 +196,8 @@ def _with(value: Value, start: Any, bounds: Any, kind: str) -> Value:
     return value
 
 
-def _names(given: tuple[str, ...], known: Sequence[str] | None, kind: str) -> tuple[str, ...]:
-    return given if known is None else tuple([known[k] for k in selected(given, known, kind, "plant")])
+def _names(given: tuple[str, ...], known: Sequence[str] | None, kind: str, owner: str) -> tuple[str, ...]:
+    return given if known is None else tuple([known[k] for k in selected(given, known, kind, owner)])
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -244,9 +243,9 @@ class Sum(Tunable):
         """Return the parts of all terms."""
         return tuple([part for term in self.terms for part in term.parts()])
 
-    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> Sum:
+    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Sum:
         """Return the sum with names in the place of patterns."""
-        return Sum(tuple([term.for_ports(outputs, inputs) for term in self.terms]))
+        return Sum(tuple([term.for_ports(outputs, inputs, owner) for term in self.terms]))
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of all parts."""
@@ -296,9 +295,9 @@ class Series(Tunable):
         """Return the parts of both, those that act first first."""
         return (*self.first.parts(), *self.last.parts())
 
-    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> Series:
+    def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Series:
         """Return the series with names in the place of patterns; signals between both have none."""
-        return Series(self.last.for_ports(outputs, None), self.first.for_ports(None, inputs))
+        return Series(self.last.for_ports(outputs, None, owner), self.first.for_ports(None, inputs, owner))
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
         """Return the sizes of the parts of both."""

@@ -10,19 +10,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import one_of
 from mbsvib.common.selection import Names, united
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ModelError, ResponseError
 from mbsvib.tuning.parts import Gain, LeadLag, Notch, Pid, Space
 from mbsvib.tuning.structures import Part, Sum, Tunable, as_tunable, port_names
 
 Given = Mapping[str, Any] | None
 
 __all__ = ["diagonal", "gain", "lead_lag", "notch", "pid", "state_space"]
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy
 
 
 def _part(form: type[Part], outputs: Names, inputs: Names, name: str | None, start: Given, bounds: Given,
@@ -198,8 +195,7 @@ def state_space(
     ModelError
         If the order is not a number of states, or the structure, names or bounds are invalid.
     """
-    if structure not in ("full", "modal", "diagonal"):
-        raise check.refuse("tunable.state_space", "structure", structure, '"full", "modal" or "diagonal"')
+    one_of(structure, ("full", "modal", "diagonal"), "tunable.state_space", "structure", ModelError)
     return _part(Space, outputs, inputs, name, start, bounds,
                     order=check.count(order, "tunable.state_space", "order", 1), structure=structure,
                     feedthrough=bool(feedthrough))  # fmt: skip

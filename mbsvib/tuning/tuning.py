@@ -19,7 +19,7 @@ from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.progress import Progress, counting
-from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.errors import ModelError, ResponseError, counted
 from mbsvib.feedback.controller import Controller
 from mbsvib.linalg.spectrum import mean_size
 from mbsvib.studies.design import design as study_variables
@@ -34,6 +34,9 @@ from mbsvib.tuning.structures import FREE, Tunable, Value, as_tunable, law
 
 if TYPE_CHECKING:
     from mbsvib.api.loops import ClosedLoop
+
+# Fastest pole of a loop over that of its plant, above which its gains grow without a reason in the plant.
+FAR = 1e4
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -87,13 +90,26 @@ class Design(Columnar, Displayed):
         notes = [f"Not reached: {', '.join(missed)}."] if missed else []
         plants = len(next(iter(self.by_plant.values())))
         notes += [f"Values are the worst of {plants} plants."] if plants > 1 else []
-        notes.append(f"{len(self.values)} values; {len(self.history)} searches.")
+        notes += [] if (words := _runaway(self.loop)) is None else [words]
+        notes.append(f"{counted(len(self.values), 'value')}; {len(self.history)} "
+                     f"search{'es' if len(self.history) > 1 else ''}.")  # fmt: skip
         columns = [("goal", "left"), ("value", "right"), ("", "left")]
         title = f"Tuned controller of {counted(len(self.controller.A), 'state')}"
         return {"title": title, "columns": columns, "rows": rows, "notes": notes}
 
     def __repr__(self) -> str:
         return f"Design({len(self.values)} values, objective {self.objective:.6g})"
+
+
+def _runaway(loops: Any) -> str | None:
+    """A remark on loops with poles far beyond those of their plants: no goal limits the gains."""
+    for loop in loops if isinstance(loops, tuple) else (loops,):
+        fastest, plant = (float(np.abs(part.poles()).max(initial=0.0)) / (2.0 * np.pi)
+                          for part in (loop, loop.plant.system))  # fmt: skip
+        if fastest > FAR * plant > 0.0:
+            return (f"Nothing limits the gains: a pole of the loop is at {fastest:.2g} Hz, those of the plant are up "
+                    f"to {plant:.2g} Hz. Add a goal that does, such as a roll-off or the rms of the force.")
+    return None
 
 
 def tune(
@@ -164,19 +180,17 @@ def _problem(plant: Any, structure: Any, goals: tuple[Goal, ...], parameters: Ma
     plants = list(plant) if isinstance(plant, (list, tuple)) else [plant]
     if not plants:
         raise check.refuse("tune", "plant", plant, "a model, a system, a state space, or several")
-    if not isinstance(parameters, Mapping):
-        raise check.refuse("tune", "parameters", parameters, "bounds by name, {'leg*.k.damping': (1, 500)}")
+    check.mapping("tune", "parameters", parameters, "bounds by name, {'leg*.k.damping': (1, 500)}", empty=True)
     systems = [linearized(part) for part in plants]
-    known = as_tunable(structure).for_ports(systems[0].inputs, systems[0].outputs)
+    known = as_tunable(structure).for_ports(systems[0].inputs, systems[0].outputs, systems[0].name)
     rate = float(np.exp(np.mean([np.log(mean_size(system.poles())) for system in systems])))
     scenes: list[Any] = []
     own: list[Any] = []
     for part, system in zip(plants, systems, strict=True):
         for kind, names, has in (("actuator", known.outputs, system.inputs), ("sensor", known.inputs, system.outputs)):
             for name in names:
-                if name not in has:
-                    raise ResponseError(f"tune: '{system.name}' has no {kind} '{name}', which the controller needs."
-                                        f"{nearest(name, has)}")  # fmt: skip
+                check.known(name, has, f"tune: '{system.name}' has no {kind} '{name}', which the controller needs",
+                            None, "The system has", ResponseError)  # fmt: skip
         variables = None
         if parameters:
             if kind_of(part) != "model":
@@ -207,9 +221,7 @@ def _parameter_values(variables: Any, parameters: Mapping[str, Any]) -> list[Val
 def _initial(problem: Problem, initial: Mapping[str, float] | None) -> Array:
     t = problem.unknowns.start.copy()
     for name, value in (initial or {}).items():
-        if name not in problem.names:
-            raise ModelError(f"tune: initial has '{name}', which is not a value of this problem."
-                             f"{nearest(str(name), problem.names)}", element=str(name), field="initial")  # fmt: skip
+        check.known(name, problem.names, f"tune: initial has '{name}', which is not a value of this problem", "initial")
         k = problem.names.index(name)
         share = check.number(value, "tune", f"initial of '{name}'") / problem.unknowns.size[k]
         if problem.unknowns.positive[k] and share <= 0.0:

@@ -50,6 +50,31 @@ def test_modes_that_nothing_damps_have_no_damping_in_tables():
         assert (ratios == 0.0).any()
 
 
+def test_real_poles_that_grow_are_in_the_table():
+    """m s^2 + k - g = 0 with g > k: only the vibrating modes were."""
+    table = slider(400.0, 0.0).feedback([[900.0]], "x", "F").table()
+    (row,) = table["rows"]
+    assert row[2] == "-100"
+    assert float(row[1]) == pytest.approx(np.sqrt(500.0 / 2.0) / (2.0 * np.pi), rel=1e-4)
+    assert table["notes"][0].startswith("Unstable: mode 1 ")
+
+
+def test_real_poles_that_decay_are_counted_below_the_table():
+    """Overdamped modes were in no row, and nothing told of them: 2 s^2 + 50 s + 200 has the poles -5 and -20."""
+    assert slider(200.0, 0.0).feedback([[-50.0]], "v", "F").table()["notes"] == [
+        "Not listed: 2 real poles; the slowest is at -5 1/s (mode 1 (1.592 Hz, mass x))."]
+    assert not slider(200.0, 0.0).feedback([[-1.0]], "v", "F").table()["notes"]
+
+
+def test_growth_beyond_all_numbers_is_refused():
+    """NaN with warnings of numpy were returned: exp(10 t) after 100 s."""
+    loop = slider(0.0, 0.0).feedback([[200.0]], "x", "F")["x", "F"]
+    for system in (loop, loop.state_space(), loop.sampled(1000.0)):
+        with pytest.raises(mv.ResponseError, match=r"'slider.*' is unstable and grows beyond all numbers before t = "):
+            system.time_response(np.linspace(0.0, 100.0, 101), np.ones(101))
+    np.testing.assert_allclose(loop.time_response([0.0, 1.0], [1.0, 1.0])[0, 1], (np.cosh(10.0) - 1.0) / 200.0)
+
+
 def test_no_upper_limit_where_the_loop_gain_vanishes():
     """A modulus of 1 but for rounding gave a gain margin of 1e15 in place of infinity."""
     for gain in (-3.0, -0.3, -30.0):
@@ -292,10 +317,20 @@ def test_exports(name, tmp_path):
             np.testing.assert_allclose(back.frequency_response(w), truth, rtol=1e-8, atol=1e-9 * np.abs(truth).max())
 
 
+NAMED = control.ss([], [], [], [[1.0, 2.0]], inputs=["x", "rz"], outputs=["Fx"])
 REFUSALS = [
+    (lambda: chain().feedback(NAMED, ["rz", "x"], "Fx"), "sensors are rz, x, and the controller has x, rz; expected "
+     "the same order"),
+    (lambda: chain().feedback(mv.StateSpace.from_control(NAMED), ["rz", "x"], "Fx"), "sensors are rz, x, and"),
+    (lambda: chain().feedback(control.ss([], [], [], [[1.0]], inputs=["x"], outputs=["F"])), "StateSpace from x to F, "
+     r"whose .*, or inputs among .*x.* and outputs among .*Fx"),
+    (lambda: chain().feedback(control.ss([], [], [], [[1.0]], inputs=["Fx"], outputs=["x"])), "Its inputs and outputs "
+     "are exchanged"),
     (lambda: isolation.controller(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), ["x"], ["Fx"]),
      r"discrete \(dt = 0\.1\)"),
     (lambda: chain().feedback(PI), r"do not have the names of those of 'chain'; expected sensors="),
+    (lambda: chain().feedback([[-1.0]], "x", "Fx").rms("x", {"x.noise": 1.0}),
+     r"input 'x.noise': .* noise=True\)\. It has"),
     (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
     (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
     (lambda: chain().feedback([[1.0, 2.0]], "x", "Fx"), r"shape \(1, 2\); expected \(1, 1\)"),

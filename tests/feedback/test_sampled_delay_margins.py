@@ -76,3 +76,32 @@ def test_a_pole_that_leaves_the_circle_at_half_the_rate(k, kb, c, gain, pole, ra
     assert margins.delay_at[0] == 0.5 * rate
     assert loop.sampled(rate, (1.0 - 1e-6) * margins.delay[0]).stable
     assert not loop.sampled(rate, (1.0 + 1e-6) * margins.delay[0]).stable
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sensor", "k", "c", "pole", "gain", "periods"), [
+    ("Ca", 72554.7, 5.387, None, -0.0267259, 5.8860), ("Cv", 50724.9, 4.504, 252.88, -10.8163, 3.2154),
+    ("Ca", 56243.8, 4.743, None, -0.0249655, 35.9017), ("Ca", 9631.8, 1.963, 14.3, 0.155538, 242.9907),
+    ("Cq", 43615.3, 125.306, None, 26996.0, 8.8465), ("Ca", 44422.1, 126.459, None, 0.423586, 2.8772),
+    ("Ca", 66088.7, 154.246, None, -0.444564, 0.7707), ("Cv", 35480.6, 37.673, None, 42.7374, 6.1415),
+])  # fmt: skip
+def test_a_loop_gain_that_is_above_1_at_some_remainders_only(sensor, k, c, pole, gain, periods):
+    """Most of these had no delay margin, the others one at which poles had left the circle long ago."""
+    plant = mv.System.from_matrices(np.eye(1), [[c]], [[k]], [[1.0]], **{sensor: [[1.0]]})
+    law = control.ss([], [], [], [[gain]]) if pole is None else control.tf([gain * pole], [1.0, pole])
+    loop, rate = plant.feedback(law, plant.outputs, plant.inputs), 100.0
+    margin = loop.sampled(rate).margins().delay[0]
+    assert margin * rate == pytest.approx(periods, abs=1e-4)
+    late = np.concatenate((np.linspace(0.0, 1.0, 12)[:-1], [1.0 - 1e-6]))
+    assert all(loop.sampled(rate, share * margin).stable for share in late)
+    assert not loop.sampled(rate, (1.0 + 1e-6) * margin).stable
+
+
+def test_delays_that_were_not_looked_at_are_warned_of(monkeypatch):
+    monkeypatch.setattr("mbsvib.feedback.sampled_delay.TURNS", 100)
+    plant = mv.System.from_matrices(np.eye(1), [[1.963]], [[9631.8]], [[1.0]], Ca=[[1.0]])
+    loop = plant.feedback(control.tf([0.155538 * 14.3], [1.0, 14.3]), plant.outputs, plant.inputs).sampled(100.0)
+    assert loop.margins().delay[0] == pytest.approx(2.429907, abs=1e-6)
+    monkeypatch.setattr("mbsvib.feedback.sampled_delay.TURNS", 20)
+    with pytest.warns(mv.AccuracyWarning, match=r"'u1' stays stable with delays up to 1\.\d* s; not all of the longer"):
+        assert loop.margins().delay[0] == pytest.approx(2.43, abs=1e-6)  # of the jump

@@ -60,3 +60,36 @@ def test_tracks_tell_growth_beside_a_fast_pole():
 
     track = Track(matrix, np.array([-1.0, 0.0, 1.0]))
     assert [track.stable(gain) for gain in (-1.0, 0.0, 1.0)] == [True, True, False]
+
+
+def test_margins_of_a_slow_integrator_beside_fast_poles():
+    """A pole at -1e-5 1/s, where the loop gain is 1, was at rest beside a filter of 1e6 rad/s: all margins infinite."""
+    system = mv.System.from_matrices([[1.0]], [[20.0]], [[1e4]], [[1.0]], inputs=["u"], outputs=["y"])
+    fast = 1e6
+    law = mv.StateSpace.from_arrays([[0.0, 0.0], [fast, -fast]], [[-0.1], [0.0]], [[0.0, 1.0]], 0)
+    margins = system.feedback(law, "y", "u").margins()
+    assert margins.phase[0] == pytest.approx(90.0, abs=1e-4)
+    assert margins.delay[0] == pytest.approx(0.5 * np.pi / 1e-5, rel=1e-6)
+
+
+def test_margins_of_two_slow_integrators_that_nearly_cancel():
+    """At 0 Hz L1 = 1 / 0.02 and L2 = -0.98 L1: gains may change by 2 %, at 2e-12 rad/s beside a mode of 100 rad/s."""
+    system = mv.System.from_matrices([[1.0]], [[20.0]], [[1e4]], [[1.0, 0.98]], inputs=["a", "b"], outputs=["y"])
+    law = mv.StateSpace.from_arrays([[0.0]], [[1e-6]], [[-1.0], [1.0]], 0)
+    margins = system.feedback(law, "y", ["a", "b"]).margins()
+    assert margins.lower[0] == pytest.approx(0.98, rel=1e-6)
+    assert margins.gain[1] == pytest.approx(1.0 / 0.98, rel=1e-6)
+
+
+def test_a_mode_that_rounding_cannot_tell_from_an_undamped_one_has_no_margins():
+    """7.3e-3 rad/s beside 3e4 rad/s without damping: phase and delay margins were infinite, the modulus margin 0."""
+    shapes = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    fast, seen = np.diag([0.0, 3e4]), block_diag([[1.0, 0.7]], [[1.0]])
+    k, c = (block_diag(shapes.T @ part @ shapes, [[last]]) for part, last in ((fast**2, 100.0), (0.01 * fast, 10.0)))
+    system = mv.System.from_matrices(np.eye(3), c, k, seen.T, seen, inputs=["a", "b"], outputs=["x", "y"])
+    margins = system.feedback(np.diag([-3.6e-5, -50.0]), ["x", "y"], ["a", "b"]).margins()
+    assert margins.modulus == 0.0
+    assert margins.phase[0] == margins.delay[0] == 0.0
+    assert margins.gain[0] == margins.lower[0] == 1.0
+    assert margins.modulus_each[1] > 0.5  # of another part, which does not vibrate with it
+    assert np.isinf(margins.gain[1])

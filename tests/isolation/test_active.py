@@ -26,6 +26,41 @@ def test_force_feedback_on_a_massless_strut():
         assert loop.stable
 
 
+def test_patterns_name_the_sensors_of_controllers():
+    """A pattern was taken apart into letters, or kept as the name of a sensor: the controller fitted no plant."""
+    plant = isolation.actuated(library.cubic_hexapod(), "platform", ["leg1.k", "leg2.k"])
+    sensors = ["leg1.k.force", "leg2.k.force"]
+    for given in ("leg[12].*.force", ["leg[12].*.force"]):
+        law = isolation.lqg(plant, given, 1e-3)
+        assert law.inputs == tuple(sensors)
+        np.testing.assert_array_equal(law.B, isolation.lqg(plant, sensors, 1e-3).B)
+    assert isolation.controller([[2.0]], "leg1.k.force", "leg1.k.actuator").inputs == ("leg1.k.force",)
+
+
+def test_collocation_of_any_system():
+    """Two masses in line: the force and the motion of one are collocated, with one zero between two poles; 1 by 2 has
+    no zero, and its phase reaches -360 degrees.
+    """
+    model = two_masses()
+    for k, body in enumerate(("stage", "payload"), 1):
+        model.add_input(f"f{k}", body, "z")
+        model.add_output(f"v{k}", body, "z", quantity="velocity")
+    here, there = isolation.collocation(model.linearize(), [("f1", "v1"), ("f1", "v2")]).pairs
+    assert (here.dual, here.interlaced, here.passive) == (True, True, True)
+    assert here.zeros == pytest.approx([np.sqrt(1e4 / 9.0) / (2 * np.pi)], rel=1e-9)
+    assert (there.dual, there.interlaced, there.passive) == (False, False, False)
+    assert len(there.zeros) == 0
+
+
+@pytest.mark.parametrize("name", ["base.z", "load.z", "mount.actuator"])
+def test_an_input_of_the_name_of_a_port_is_named_as_such(name):
+    """The message asked for another name of a port that the user had not added."""
+    model = one_axis(0.0)
+    model.add_input(name, "payload", "z")
+    with pytest.raises(mv.ModelError, match=f"input '{name}' of model '.*' has the name of a port that the study"):
+        isolation.actuated(model, "payload", directions="z")
+
+
 @pytest.mark.slow
 def test_most_damping_of_force_feedback_in_closed_form():
     pole, zero = np.sqrt(1.2e5 / MASS), np.sqrt(3e4 / MASS)
@@ -197,7 +232,7 @@ def test_relaxation_legs_may_be_active():
     loop = plant.with_gains(isolation.skyhook(plant, 0.3, "modal"))
     assert loop.stable
     assert loop.isolation().amplification < plant.isolation().amplification
-    assert "platform rz" in str(loop).splitlines()[-2]  # not what creeps
+    assert "platform rz" in str(loop).splitlines()[-3]  # not what creeps, which is counted below
     pair = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.force")]).pairs[0]
     assert (pair.dual, pair.interlaced, pair.passive) == (True, None, True)
     space, s = loop.state_space(), 300.0j

@@ -134,9 +134,9 @@ def test_csv_holds_every_digit(tmp_path):
         ({"body": "platform", "length": 0.0}, "a positive length"),
         ({"body": "platform", "directions": ["q"]}, "x y z rx ry rz"),
         ({"body": "platform", "directions": []}, "x y z rx ry rz"),
-        ({"body": "platform", "frequencies": []}, "an empty range"),
+        ({"body": "platform", "frequencies": []}, "expected at least one frequency"),
         ({"body": "platform", "frequencies": [3.0, 2.0]}, "each higher"),
-        ({"body": "platform", "frequencies": ["a"]}, "expected numbers"),
+        ({"body": "platform", "frequencies": ["a"]}, "expected at least one frequency"),
         ({"body": "platform", "base": "leg1.lower"}, "is tied to 'ground'"),
     ],
 )

@@ -301,14 +301,41 @@ def test_ring_moves_ends_outwards():
         (lambda m, g: isolation.struts(m, "platform", ["leg9"]), "neither a line spring"),
         (lambda m, g: isolation.ring(m, "middle"), "'start' or 'end'"),
         (lambda m, g: isolation.ring(m, "end", centre=(1.0,)), "x and y"),
-        (lambda m, g: g.sag("rz"), "x, y or z"),
+        (lambda m, g: g.sag("rz"), "'x', 'y' or 'z'"),
         (lambda m, g: g.optimize({"leg1.k.stifness": (1, 2)}, g.peak()), "Did you mean"),
         (lambda m, g: g.optimize({"leg1.k.stiffness": (1, 2)}, g.peak((3.0, 1.0))), "ascending"),
         (lambda m, g: g.rms({"z": [(1, -1.0), (2, 1.0)]}), "density at 1 Hz is -1"),
-        (lambda m, g: g.index([]), "an empty range"),
+        (lambda m, g: g.index([]), "expected at least one frequency"),
     ],
 )
 def test_mistakes_are_told(call, message):
     model = library.cubic_hexapod()
     with pytest.raises(mv.MbsvibError, match=message):
         call(model, isolation.passive(model, "platform"))
+
+
+def test_noise_that_reads_alike_is_not_the_same():
+    """Filters and long tables are abbreviated where they are printed; two of them have two root mean squares."""
+    passive = isolation.passive(one_axis(), "payload", directions="z")
+    f = np.geomspace(1.0, 100.0, 1500)
+    tables = [np.column_stack((f, level * np.where((f > 3.0) & (f < 30.0), 1e-4, 1e-6))) for level in (1.0, 4.0)]
+    for pair, ratio in (([isolation.shaped([gain], [1.0, 2.0], 1e-4) for gain in (1.0, 3.0)], 3.0), (tables, 2.0),
+                        ([lambda f: 1e-4 + 0.0 * f, lambda f: 25e-4 + 0.0 * f], 5.0)):  # fmt: skip
+        first, second = (passive.rms({"z": one}, band=(1.0, 100.0))(passive.scene.system) for one in pair)
+        assert second == pytest.approx(ratio * first, rel=1e-6)
+    for _ in range(2):
+        passive.stroke({"z": [(1.0, 1e-4), (100.0, 1e-4)]}, band=(1.0, 100.0))
+    assert len(passive._shared) == 7  # equal noise is computed once
+
+
+@pytest.mark.slow
+def test_front_of_two_quantities_of_one_label():
+    """Root mean squares under two kinds of noise read alike, and so does a constraint like the bound of the front."""
+    passive = isolation.passive(one_axis(), "payload", directions="z")
+    weak, strong = (passive.rms({"z": [(1.0, level), (100.0, level)]}, band=(1.0, 100.0)) for level in (1e-6, 1e-4))
+    now = strong(passive.scene.system)
+    front = passive.front({"mount.damping": (10.0, 1e4)}, weak, strong, [now], [weak <= now])
+    table = front.columns()
+    np.testing.assert_allclose(table[front.labels[1]], 10.0 * table[front.labels[0]], rtol=1e-9)
+    assert front.price[0] == pytest.approx(10.0 * front.objective[0], rel=1e-9)
+    assert len(front.designs[0].optimum.constraints) == 2

@@ -1,6 +1,7 @@
 """What studies of isolation refuse: each refusal names what was given and says what to do."""
 
 import sys
+import warnings
 from types import ModuleType
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, studies
 from tests.isolation.scenes import active_strut, one_axis, two_masses
+from tests.superelements.craig_bampton import NODES, reduced
 
 
 def held(stiffness=None, damping=0.0):
@@ -39,7 +41,9 @@ def closed():
 
 
 def under(model):
-    return isolation.study(model, "payload", frequencies=[1.0, 2.0]).under({"z": 1.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mv.errors.UnstableWarning)
+        return isolation.study(model, "payload", frequencies=[1.0, 2.0]).under({"z": 1.0})
 
 
 def front():
@@ -55,7 +59,7 @@ REFUSALS = [
     (lambda: isolation.struts(one_axis(), "payload", 3),  # type: ignore[arg-type]
      "struts: legs = 3; expected a name, or a list"),
     (lambda: isolation.force_feedback_optimum(1.0, 2.0), "pole = 1, zero = 2 rad/s; expected 0 < zero < pole"),
-    (lambda: closed().state_space("diagonal"), r"state_space: realization = 'diagonal'; expected one of physical"),
+    (lambda: closed().state_space("diagonal"), r"state_space: realization = 'diagonal'; expected 'physical', 'modal'"),
     (lambda: isolation.velocity_feedback(plant(), "strong"), r"velocity_feedback: gain = 'strong'; .*each of 1 leg"),
     (lambda: isolation.study(held(), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
     (lambda: isolation.study(held(0.0), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
@@ -71,6 +75,14 @@ REFUSALS = [
      r"leg 'lower' is below the base 'stage'; choose legs above it"),
     (lambda: isolation.skyhook(plant("payload"), 0.1, coordinates="modal"),
      r"active: 'strut' has motions that no spring holds; .* needs a static stiffness"),
+    (lambda: isolation.lqg(one_axis().linearize(), "leg.stroke", 1e-4), "lqg: plant = System; expected a plant with a"),
+    (lambda: isolation.root_locus(one_axis(), None, [0.0, 1.0]),  # type: ignore[arg-type]
+     "root_locus: plant = Model; expected a plant"),
+    (lambda: isolation.collocation(one_axis()), "collocation: plant = Model; expected a plant with actuators"),
+    (lambda: isolation.collocation(plant(), ("leg.actuator", "leg.rate")),  # type: ignore[arg-type]
+     r"pairs = \('leg.actuator', 'leg.rate'\); expected one or more pairs of names"),
+    (lambda: isolation.collocation(plant(), [("leg.actuator", "leg.*")]), "picks 1 actuator and 4 sensors; expe"),
+    (lambda: isolation.placement(one_axis(), ["x"]), "placement: system = Model 'one axis'; expected a System"),
     *[(lambda k=k: isolation.lqg(plant("ground", k), ["leg.stroke"], 1e-4),
        r"lqg: no stabilising controller.*out of reach of the act") for k in (1e-3, 1e-1, 1e2, 1e4)],
 ]  # fmt: skip
@@ -82,6 +94,15 @@ def test_refusals_are_told(ask, message):
         ask()
 
 
+def test_figures_of_what_is_not_stable_come_with_a_word():
+    """m s^2 - k: transmissibility and compliance were printed as those of any isolator."""
+    with pytest.warns(mv.errors.UnstableWarning, match=r"isolation: 'shelf' is not stable: the pole 5 1/s grows"):
+        study = isolation.study(held(-25.0), "payload", frequencies=[1.0, 2.0])
+    assert study.table()["notes"][-1].startswith("Unstable: 'shelf' is not stable: the pole 5 1/s grows")
+    with pytest.raises(mv.ResponseError, match="psd: 'shelf' is not stable: the pole 5 1/s grows, so that no density"):
+        study.scene.system.psd("acceleration.z", {"base.z": 1.0}, [1.0])
+
+
 def test_hinf_without_a_law(monkeypatch):
     slicot = ModuleType("ctrlsys")
     slicot.sb10fd = lambda *_: (*[None] * 5, 7)
@@ -90,3 +111,19 @@ def test_hinf_without_a_law(monkeypatch):
         isolation.hinf(plant(), ["leg.rate"], 0.0)
     with pytest.raises(mv.ResponseError, match="hinf: no controller was found by SLICOT's SB10FD"):
         isolation.hinf(plant(), ["leg.rate"], 1.0)
+
+
+def test_a_base_whose_name_is_within_others_takes_the_place_of_the_ground():
+    """A reduced pipe on the payload; a base called 'b' was said to be tied to it."""
+    mass, stiffness = reduced(2)
+    model = mv.Model("pipes")
+    model.add_body("b", 5.0, (1, 1, 1), (0, 0, -1))
+    model.add_bushing("mount", "ground", "b", (0, 0, -1), (1e5,) * 6)
+    model.add_body("payload", 2.0, (1, 1, 1), (1, 0, 0))
+    model.add_bushing("iso", "b", "payload", (1, 0, -0.5), (1e4,) * 6, (1,) * 6)
+    ends = {"left": NODES[0], "right": NODES[-1]}
+    model.add_superelement("pipe", mass, None, stiffness, ends, bodies={"left": "payload"})
+    assert len(isolation.study(model, "payload", "b", frequencies=[1.0, 2.0]).frequencies) == 2
+    tied = model.replace("pipe", bodies={"left": "b"})
+    with pytest.raises(mv.ModelError, match="'pipe' is tied to 'b'"):
+        isolation.study(tied, "payload", "b", frequencies=[1.0, 2.0])

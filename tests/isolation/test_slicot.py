@@ -6,14 +6,11 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.isolation.synthesis import closed_loop, h2_synthesis, hinf_synthesis
+from tests.isolation.test_riccati import INTEGRATOR
 from tests.isolation.test_synthesis import plant as strut
 from tests.reduction.test_balanced import benchmark
 
 ctrlsys = pytest.importorskip("ctrlsys", reason="ctrlsys is not installed: pip install 'mbsvib[ctrlsys]'")
-
-# x' = w1 + u, z = (x, u), y = x + w2: both Riccati equations have 1 / sqrt(1 - g^-2), so that the least norm is sqrt(2)
-INTEGRATOR = (np.zeros((1, 1)), np.array([[1.0, 0, 1]]), np.array([[1.0], [0], [1]]),
-              np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]]))  # fmt: skip
 
 
 def test_the_least_norm_in_closed_form():
@@ -46,32 +43,6 @@ def test_a_larger_norm_that_is_allowed_slows_the_controller():
         isolation.hinf(p, p.names("acceleration"), 1.0, 0.1, relaxation=0.5)
 
 
-def test_h2_in_closed_form():
-    """Both Riccati solutions are 1: u = -x, and a filter of gain 1."""
-    made = h2_synthesis(INTEGRATOR, 1, 1, "test")
-    assert made.A[0, 0] == pytest.approx(-2)
-    assert made.B[0, 0] * made.C[0, 0] == pytest.approx(-1)
-    assert made.D[0, 0] == 0.0
-    a, b, c, d = INTEGRATOR
-    with pytest.raises(mv.ResponseError, match="feedthrough from w to z"):
-        h2_synthesis((a, b, c, d + 1.0), 1, 1, "test")
-
-
-@pytest.mark.parametrize(("effort", "noise", "gauge"), [(3.0, 0.2, 7.0), (0.1, 40.0, 1e-4)])
-def test_h2_with_cost_noise_and_gauge_in_closed_form(effort, noise, gauge):
-    """z = (x, r u), y = g (x + n w2): u = -x / r with a filter of gain 1 / n; a second gauge halves the variance."""
-    a, b, c, d = (matrix.copy() for matrix in INTEGRATOR)
-    c[2], d[1, 2], d[2, 1] = gauge, effort, gauge * noise
-    made = h2_synthesis((a, b, c, d), 1, 1, "test")
-    assert made.A[0, 0] == pytest.approx(-1.0 / effort - 1.0 / noise)
-    assert made.B[0, 0] * made.C[0, 0] == pytest.approx(-1.0 / (effort * noise * gauge))
-    b, c = np.insert(b, 2, 0.0, axis=1), np.vstack((c, 5.0 * c[2:]))
-    d = np.array([[0, 0, 0, 0], [0, 0, 0, effort], [0, gauge * noise, 0, 0], [0, 0, 5.0 * gauge * noise, 0]])
-    both, filtered = h2_synthesis((a, b, c, d), 2, 1, "test"), np.sqrt(2.0) / noise
-    assert both.A[0, 0] == pytest.approx(-1.0 / effort - filtered)
-    np.testing.assert_allclose(both.B[0] * both.C[0, 0] * [1.0, 5.0], -filtered / (2.0 * effort * gauge), rtol=1e-9)
-
-
 @pytest.mark.parametrize("synthesis", [hinf_synthesis, h2_synthesis])
 def test_a_plant_without_states_is_refused(synthesis):
     """SLICOT returns at once, with a controller that is none: a norm of 2.97 where 0.24 can be reached."""
@@ -89,7 +60,7 @@ def test_an_unstable_mode_out_of_reach_of_the_control_is_refused(synthesis):
         return closed_loop(plant, (result.A, result.B, result.C, result.D), 1, 1)[0]
 
     assert np.linalg.eigvals(made(1.0)).real.max() < 0.0
-    with pytest.raises(mv.ResponseError, match="test: no controller was found"):
+    with pytest.raises(mv.ResponseError, match=r"test: no (stabilising )?controller was found"):
         made(0.0)
 
 

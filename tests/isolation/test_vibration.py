@@ -239,7 +239,7 @@ def test_criteria():
     assert isolation.vc_curve("VC-B", [4, 8]).tolist() == pytest.approx([50e-6, 25e-6])
     values = [isolation.vc_curve(f"VC-{letter}", 2.0).item() for letter in "CDEFG"]
     assert values == [12.5e-6, 6.25e-6, 3.12e-6, 1.56e-6, 0.78e-6]
-    with pytest.raises(mv.ModelError, match=r"vc_curve: name = 'VC-Z'; expected one of VC-A, .*VC-G\. Did you mean"):
+    with pytest.raises(mv.ModelError, match=r"vc_curve: name = 'VC-Z'; expected 'VC-A', .*'VC-G'\. Did you mean"):
         isolation.vc_curve("VC-Z", 1.0)
     with pytest.raises(mv.ResponseError, match="expected frequencies"):
         isolation.vc_curve("VC-A", "low")

@@ -62,6 +62,17 @@ def test_least_resonance_with_a_bounded_gain():
 
 
 @pytest.mark.slow
+def test_gains_that_nothing_limits_are_told():
+    """The peak of x/F falls on with the gain of x, whose limit is rounding."""
+    plant = oscillator(c=1.0)
+    design = mv.tune(plant, T.gain("F", "x"), [G.hinf("x", "F")], starts=1)
+    assert "Nothing limits the gains: a pole of the loop is at" in str(design)
+    assert "1 value; " in str(design)
+    bounded = mv.tune(plant, T.gain("F", "x", bounds={"gain": (-4.0, -0.1)}), [G.hinf("x", "F")], starts=1)
+    assert "Nothing limits" not in str(bounded)
+
+
+@pytest.mark.slow
 def test_damping_limit_is_reached_and_no_more_where_it_costs():
     """Noise alone would want c = 2; a damping ratio of 0.4 needs c = 0.8 sqrt(k m)."""
     goals = [G.rms("x", {"F": 0.04, "v.noise": 0.01}), G.damping(0.4)]
@@ -204,7 +215,7 @@ def test_structure_that_cannot_stabilise_is_said():
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    ((oscillator(), T.gain("F", "w"), [G.damping(0.1)]), "'w'"),
+    ((oscillator(), T.gain("F", "w"), [G.damping(0.1)]), "sensor 'w': system 'system' has no such sensor"),
     ((oscillator(), T.gain("G", "x"), [G.damping(0.1)]), "'G'"),
     ((oscillator(), T.gain("F", "x"), []), "goals"),
     ((oscillator(), T.gain("F", "x"), [G.hinf("z")]), "'z'"),
