@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import hertz
+from mbsvib.common.expected import band_of, hertz
 from mbsvib.common.selection import Names, selected
 from mbsvib.common.units import pretty
 from mbsvib.errors import ResponseError, counted
@@ -178,7 +178,8 @@ class Budget(Columnar, Displayed):
         """Return the derivatives of the root mean squares to parameters of the mechanism.
 
         d rms / dp = (2 tr(Q dA P) + 2 tr(Q dB W B^T) + 2 dC P C^T) / (2 rms), with the Gramians P and Q; likewise of
-        integrals, and of the parts of a period of a sampled loop
+        integrals, and of the parts of a period of a sampled loop. Densities and weightings that are functions have
+        to be smooth for it: jumps, as of bands, belong in pairs (frequency [Hz], value), which are exact.
 
         Parameters
         ----------
@@ -334,7 +335,7 @@ def random(
 
         form = SampledRandom
     known = dict(zip(linear.outputs, weights(weighting, linear.outputs, linear.name), strict=True))
-    under = form(part, found, tuple([known[output] for output in part.outputs]), _band(band))
+    under = form(part, found, tuple([known[output] for output in part.outputs]), band_of(band, "noise"))
     under.warn_outside(*under.band or (0.0, 0.0))
     return under
 
@@ -364,16 +365,3 @@ def _ranked(parts: Mapping[str, float], correlation: float | None) -> dict[str, 
     """Contributions by source, the largest first; those that differ by rounding keep their order."""
     ranked = dict(sorted(parts.items(), key=lambda item: -float(f"{item[1]:.9e}")))
     return ranked if correlation is None else ranked | {CORRELATION: correlation}
-
-
-def _band(band: Iterable[float] | None) -> tuple[float, float] | None:
-    if band is None:
-        return None
-    try:
-        low, high = (float(f) for f in band)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"noise: band = {band!r}; expected two frequencies, (first, last) [Hz].") from error
-    if not 0.0 <= low < high < np.inf:
-        raise ResponseError(f"noise: band = ({low:g}, {high:g}) Hz; expected two finite frequencies, ascending from "
-                            f"0 Hz on.")  # fmt: skip
-    return low, high

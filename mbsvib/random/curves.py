@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import positive, reals
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.common.expected import one_of, positive, reals
+from mbsvib.errors import ModelError
 from mbsvib.responses.densities import Table
 
 # Plateaus [m/s]: each half the one before, rounded as the source has them
@@ -61,11 +57,10 @@ def vc_curve(name: str, frequencies: ArrayLike) -> Array:
 
     Source: H. Amick et al., "Evolving criteria for research facilities: vibration", SPIE 5933 (2005); IEST-RP-CC012.
     """
-    if not isinstance(name, str) or name not in VC:
-        raise check.refuse("vc_curve", "name", name, f"one of {', '.join(VC)}", nearest(str(name), VC).strip())
+    allowed = VC[one_of(name, VC, "vc_curve", "name", ModelError)]
     f = reals(frequencies, "vc_curve", "frequencies", "frequencies [Hz]")
     relaxed = np.maximum(KNEE / f, 1.0) if name in RELAXED else np.ones_like(f)
-    return VC[name] * relaxed
+    return allowed * relaxed
 
 
 def strictest(middle: Array, velocity: Array) -> str:
@@ -202,11 +197,3 @@ def _as(f: Array, values: Array, given: str, quantity: str, who: str) -> Table:
     """A table of another quantity: densities are times (2 pi f)^2 for each derivative."""
     order = ORDER[one_of(quantity, ORDER, who, "quantity")]
     return Table(f, values * (2.0 * np.pi * f) ** (2.0 * (order - ORDER[given])), _UNITS[order])
-
-
-def one_of(value: Any, known: Iterable[str], who: str, field: str) -> str:
-    """Return a name that is one of those known, refused otherwise."""
-    if not isinstance(value, str) or value not in known:
-        raise ResponseError(f"{who}: {field} = {check.shown(value)}; expected one of {', '.join(known)}."
-                            f"{nearest(str(value), list(known))}")  # fmt: skip
-    return value

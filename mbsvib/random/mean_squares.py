@@ -18,6 +18,7 @@ from mbsvib.random.moments import NARROWEST, Equations, Filtered, Rule, check_st
 from mbsvib.random.sources import Sources
 from mbsvib.random.weights import Weight
 from mbsvib.responses.feedthrough import direct
+from mbsvib.responses.realizations import first_order
 
 Band = tuple[float, float]
 
@@ -180,7 +181,7 @@ class Random:
         """Return the panels of integrals over the span, which end at ``marks`` [Hz] too; up to the last of these."""
         low, high = max(self.span[0], first), self.span[1]
         poles = [self.linear_poles, self.sources.poles, *[w.poles for w in self.weights if w is not None]]
-        breaks = self.sources.breaks
+        breaks = np.unique(np.concatenate((self.sources.breaks, *[w.breaks for w in self.weights if w is not None])))
         if marks is not None:
             breaks, high = np.unique(np.concatenate((breaks, marks))), min(high, float(marks[-1]))
         unknown = callable(self.sources.correlation) or any(
@@ -287,11 +288,13 @@ class Random:
     def reasons(self) -> dict[str, str]:
         """Return why mean squares are infinite, {output: words}."""
         result: dict[str, str] = {}
-        for at, which in self._divergences():
-            for row, column in np.argwhere(which).tolist():
-                what = (f"drives a motion at {at:.6g} Hz, which does not decay" if at < np.inf else
-                        "comes through directly at all frequencies")  # fmt: skip
-                result.setdefault(self.outputs[row], f"the noise of {self.sources.names[column]} {what}")
+        causes = sorted(self._divergences(), key=lambda cause: cause[0])
+        for row, name in enumerate(self.outputs):
+            own = [(at, which[row]) for at, which in causes if which[row].any()]
+            if own:
+                at, which = own[0]
+                effect = _effect(self.linear, at, len({f for f, _ in own if f < np.inf}) - 1)
+                result[name] = f"the noise of {self.sources.names[int(which.argmax())]} {effect}"
         return result
 
     def _weighted(self, f: Array) -> Array:
@@ -300,11 +303,26 @@ class Random:
         return np.array(gains)[:, None] * self.sources.of(f)
 
 
-def first_order(linear: Any) -> Any:
-    """Return first-order equations in modal states; of modes that depend on each other in scaled physical ones."""
-    if linear.kind != "system":
-        return linear.state_space()
-    try:
-        return linear.state_space("modal")
-    except ResponseError:
-        return linear.state_space("balanced")
+def _effect(linear: Any, at: float, more: int) -> str:
+    """What noise does at a frequency [Hz] where its mean square has no bound, and at how many ``more`` ones."""
+    if at == np.inf:
+        return "comes through directly at all frequencies; give a band"
+    motion = f"{_motion(linear, at)}{f' and {more} more' if more else ''}"
+    if at == 0.0:
+        return f"drives {motion} away; hold it, or give a band that starts above 0 Hz"
+    return f"drives {motion} without damping; give it damping, or a band without it"
+
+
+def _motion(linear: Any, at: float) -> str:
+    """What moves at a frequency [Hz] without damping, in words: a mode, where states have modes."""
+    if linear.kind == "closed loop":
+        poles, words = linear.poles(), linear.sources
+    elif linear.kind == "system":
+        modes = linear.modes()
+        poles = modes.pairs
+        words = [f"mode {k + 1} ({f:.4g} Hz, {' '.join(most)})"
+                 for k, (f, most) in enumerate(zip(modes.frequencies, modes.strongest(), strict=True))]  # fmt: skip
+    else:
+        return f"a motion at {at:.6g} Hz"
+    distance = np.abs(np.nan_to_num(poles) - 2j * np.pi * at).reshape(len(words), -1).min(axis=1)
+    return str(words[int(distance.argmin())])

@@ -31,7 +31,7 @@ from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.random.weights import Window
 from mbsvib.responses.densities import Shaped
 from mbsvib.responses.extrema import UNDAMPED, panels
-from mbsvib.responses.norms import pole_words
+from mbsvib.responses.norms import by_poles, form, more_accurate, pole_words, solved_forms
 
 Integrand = Callable[[Array], Array]
 
@@ -115,10 +115,6 @@ def filtered(plant: Equations, before: Sequence[Shaped | None], after: Sequence[
     return Filtered(plant, source, output, Equations(whole, drive, leaves, output.d @ through))
 
 
-# A mean square is refused if the correction of it that rounding kept from being made is larger than this share.
-UNSETTLED = 1e-3
-
-
 def moments(
     equations: Equations, name: str, cross: Array | None = None, windows: Sequence[Window | None] = ()
 ) -> tuple[Array, Array]:  # fmt: skip
@@ -136,33 +132,23 @@ def moments(
     left = averaged(rest.a, rest.c, windows) if windowed else rest.c
     by_source = windowed or b.shape[1] <= len(c)
     if by_source:
-        forms = [[_form(left, part, rest.c) for part in solver.controlled_within(np.outer(column, column))]
-                 for column in rest.b.T]  # fmt: skip
+        forms = [solved_forms(left, solver.controlled_within(np.outer(column, column)), rest.c) for column in rest.b.T]
     else:
-        forms = [[_form(rest.b.T, part, rest.b.T) for part in solver.observed_within(np.outer(row, row))]
-                 for row in rest.c]  # fmt: skip
-    squares, doubts = (np.array([pair[k] for pair in forms]) for k in (0, 1))
-    squares, doubts = (part.T if by_source else part for part in (squares, doubts))
-    squares, doubts = (part.reshape(len(c), b.shape[1]) for part in (squares, doubts))
+        forms = [solved_forms(rest.b.T, solver.observed_within(np.outer(row, row)), rest.b.T) for row in rest.c]
+    parts_of = (np.array([values[k] for values in forms]) for k in range(3))
+    parts_of = (part.T if by_source else part for part in parts_of)
+    squares, missing, terms = (part.reshape(len(c), b.shape[1]) for part in parts_of)
     extra = np.zeros(len(c))
     if cross is not None:
-        extra = _form(left, solver.controlled(rest.b @ cross @ rest.b.T), rest.c)
+        extra = form(left, solver.controlled(rest.b @ cross @ rest.b.T), rest.c)
     for group in parts.shown:
         squares[group.shown] = np.inf
     squares[equations.d != 0.0] = np.inf
-    if (np.isfinite(squares) & (np.abs(doubts) > UNSETTLED * np.abs(squares))).any():
-        rates = np.abs(rest.poles.real)
-        raise ResponseError(f"rms: motions of '{name}' decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, "
-                            f"which rounding cannot tell apart in these states. Give a band, (first, last) [Hz], or "
-                            f"leave out what decays that fast.")  # fmt: skip
+    squares = more_accurate(f"rms of '{name}'", rest, squares, (missing, terms), by_poles(rest, left),
+                      "Give a band, (first, last) [Hz]")  # fmt: skip
     squares = np.maximum(squares, 0.0)
     extra[np.isinf(squares).any(axis=1)] = 0.0
     return squares, extra
-
-
-def _form(left: Array, matrix: Array, right: Array) -> Array:
-    """The diagonal of left P right^T."""
-    return np.asarray((left @ matrix * right).sum(axis=1))
 
 
 def averaged(a: Array, c: Array, windows: Sequence[Window | None]) -> Array:
@@ -265,7 +251,7 @@ def rule(
     if high == np.inf:
         last = max(BEYOND * float(known.max(initial=1.0)), 2.0 * low)
         tail = np.linspace(0.0, 1.0 / last, TAIL + 1)
-    if len(breaks):
+    if unknown or len(breaks):
         turns = np.append(turns, 0.0)  # tables are powers of the frequency
     return Rule(panels(turns, low, last, known, longest, period), tail, unknown)
 

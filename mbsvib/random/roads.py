@@ -14,10 +14,10 @@ from mbsvib.common.arguments import count
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import positive, real, reals
+from mbsvib.common.expected import one_of, positive, real, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.random.curves import ORDER, ROAD_REFERENCE, ROAD_SPAN, one_of, road_roughness
+from mbsvib.random.curves import ORDER, ROAD_REFERENCE, ROAD_SPAN, road_roughness
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -16,7 +16,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import SEMIDEFINITE, UNIT_CORRELATION
 from mbsvib.responses.densities import Density, Shaped, Table, density
 
@@ -182,9 +182,8 @@ def base_noise(
     densities: dict[str, Table | Shaped | Density] = {}
     for names, value in spectra.items():
         for name in str(names).split():
-            if name not in directions:
-                raise ResponseError(f"base: there is no direction '{name}' to shake it in."
-                                    f"{nearest(name, directions)} Directions: {' '.join(directions)}.")  # fmt: skip
+            check.known(name, directions, f"base: there is no direction '{name}' to shake it in", None, "Directions:",
+                        ResponseError)  # fmt: skip
             if name in densities:
                 raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
             densities[name] = density(value, f"base {name}")

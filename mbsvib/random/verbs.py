@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import hertz
 from mbsvib.common.selection import Names
+from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
     from mbsvib.random.budget import Budget
@@ -56,12 +57,16 @@ class RandomVerbs:
         Raises
         ------
         ResponseError
-            If a name is unknown, noise is refused, or a frequency is an undamped pole.
+            If a name is unknown, noise is refused, a frequency is an undamped pole, or the equations are not stable.
         """
         from mbsvib.random.budget import random
+        from mbsvib.responses.norms import growth
 
         f = hertz(frequencies)
         under = random(self, floor, outputs, None, correlation, weighting)
+        if words := growth(self):
+            raise ResponseError(f"psd: '{under.linear.name}' is not stable: {words} grows, so that no density exists. "
+                                f"Add stiffness or damping, or change the controller.")  # fmt: skip
         under.warn_outside(f[0], f[-1])
         return np.asarray(under.densities(f).sum(axis=1))
 

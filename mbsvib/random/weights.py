@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import positive
+from mbsvib.common.expected import one_of, positive
 from mbsvib.common.selection import selected
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError
 from mbsvib.responses.densities import Shaped, shaped, table
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
@@ -153,11 +153,14 @@ def integrated(times: int = 2) -> Integrated:
 
 @dataclass(frozen=True, eq=False)
 class Weight:
-    """A filter of an output: rational (``filter``), or a ``function`` of frequencies (n,) [Hz] that returns gains."""
+    """A filter of an output: rational (``filter``), or a ``function`` of frequencies (n,) [Hz] that returns gains; that
+    of a table is not smooth at its ``breaks`` [Hz].
+    """
 
     name: str
     filter: Shaped | None = None
     function: Callable[[Array], ArrayLike] | None = None
+    breaks: Array = field(default_factory=lambda: np.zeros(0))
 
     def unit(self, given: str) -> str:
         """Return the unit of the weighted output, for a ``given`` unit of the output."""
@@ -170,12 +173,14 @@ class Weight:
             return f"{'mean over' if self.function.mean else 'deviation within'} {self.function.time:g} s"
         if isinstance(self.function, Integrated):
             return "integral over time" if self.function.times == 1 else "double integral over time"
+        if len(self.breaks):
+            return "table"
         return self.name if self.name in _ISO_2631 else "filter" if self.filter is not None else "function of f"
 
     @property
     def known(self) -> bool:
-        """Whether its poles and times tell how it varies with the frequency."""
-        return self.filter is not None or isinstance(self.function, (Window, Integrated))
+        """Whether its poles, times and breaks tell how it varies with the frequency."""
+        return self.filter is not None or isinstance(self.function, (Window, Integrated)) or len(self.breaks) > 0
 
     @property
     def window(self) -> Window | None:
@@ -223,10 +228,7 @@ def iso_2631(name: str) -> Shaped:
 
     Source: ISO 2631-1:1997, table 3 and annex A.
     """
-    if not isinstance(name, str) or name not in _ISO_2631:
-        raise ResponseError(f"iso_2631: {check.shown(name)}; expected one of {', '.join(_ISO_2631)}, of ISO 2631-1."
-                            f"{nearest(str(name), _ISO_2631)}")  # fmt: skip
-    f1, f2, f3, f4, q4, step = _ISO_2631[name]
+    f1, f2, f3, f4, q4, step = _ISO_2631[one_of(name, _ISO_2631, "iso_2631", "name")]
     w1, w2, w3, w4 = (2.0 * np.pi * f for f in (f1, f2, f3, f4))
     numerator = np.polymul([1.0, 0.0, 0.0], [w4**2 / w3, w4**2])
     denominator = np.polymul(np.polymul([1.0, np.sqrt(2.0) * w1, w1**2], [1.0, np.sqrt(2.0) * w2, w2**2]),
@@ -272,9 +274,10 @@ def _weight(value: Any, name: str) -> Weight:
     if callable(value):
         return Weight(name, function=value)
     try:
-        return Weight(name, function=table(value, f"weighting {name}").at)
+        gains = table(value, f"weighting {name}")
     except ResponseError:
         raise ResponseError(f"weighting {name}: {check.shown(value)}; expected {EXPECTED}.") from None
+    return Weight(name, function=gains.at, breaks=gains.breaks)
 
 
 def _filter_of(space: StateSpace, name: str) -> Shaped:

@@ -69,9 +69,8 @@ def ranges(system: Any, limits: Mapping[str, Any]) -> dict[str, tuple[float, flo
 
     ``limits``: by name or pattern, half the width relative to the nominal value, or a pair (lower, upper).
     """
-    if not isinstance(limits, Mapping) or not limits:
-        raise check.refuse("uncertain", "limits", limits, "parameters with limits, {'leg*.k.stiffness': 0.1, "
-                           "'payload.mass': (9.0, 12.0)}")  # fmt: skip
+    check.mapping("uncertain", "limits", limits, "parameters with limits, {'leg*.k.stiffness': 0.1, "
+                  "'payload.mass': (9.0, 12.0)}")  # fmt: skip
     known = system.parameters
     result: dict[str, tuple[float, float, float]] = {}
     for pattern, value in limits.items():
@@ -91,6 +90,8 @@ def _limits(name: str, nominal: float, value: Any) -> tuple[float, float, float]
         half = float(value)
         if not 0.0 < half < np.inf:
             raise check.refuse("uncertain", name, value, expected)
+        if half > 1.0:
+            raise check.refuse("uncertain", name, value, expected, "0.1 is 10 %; more than 1 changes its sign.")
         if nominal == 0.0:
             raise ModelError(f"uncertain: '{name}' is 0, so that a relative width means nothing; give "
                              f"(lower, upper).", element=name)  # fmt: skip

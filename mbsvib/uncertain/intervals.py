@@ -131,7 +131,7 @@ def cover(channels: Channels, known: list[Scalings], starts: Sequence[float] = (
     gaps: list[tuple[float, float]] = [(0.0, np.inf)]
     for scalings in known:
         gaps = _without(gaps, _all_intervals(channels, scalings, gaps))
-    queue = [0.0, *starts]
+    queue = [*starts, 0.0]
     for _ in range(most):
         if not gaps:
             return None

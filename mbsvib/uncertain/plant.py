@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import Names
-from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.errors import ModelError, ResponseError, counted
 from mbsvib.uncertain.blocks import Block, ranges, with_blocks
 
 if TYPE_CHECKING:
@@ -85,10 +85,7 @@ class UncertainPlant(Displayed):
         """
         chosen = {str(name): check.number(value, "at", str(name)) for name, value in (values or {}).items()}
         for name in chosen:
-            if name not in self.blocks:
-                raise ModelError(f"at: '{name}' is not an uncertain parameter of '{self.name}'."
-                                 f"{nearest(name, self.blocks)} These are: {', '.join(list(self.blocks)[:8])}.",
-                                 element=name)  # fmt: skip
+            check.known(name, self.blocks, f"at: '{name}' is not an uncertain parameter of '{self.name}'")
         result = _vary(self._origin, chosen) if chosen else self._origin
         for settings in self._loops:
             result = result.feedback(**settings)
@@ -261,7 +258,15 @@ def uncertain(system: Any, limits: Mapping[str, Any], order: int = 1) -> Uncerta
     if provenance.origin is None or provenance.truncation is not None or provenance.removed is not None:
         raise ModelError(f"uncertain: '{system.name}' is reduced or a part of a system; ask the whole system, "
                          f"model.linearize().")  # fmt: skip
-    linear, blocks, error = with_blocks(system, ranges(system, limits), lambda values: _vary(system, values),
+    def within(values: Mapping[str, float]) -> Any:
+        try:
+            return _vary(system, values)
+        except ModelError as refusal:
+            at = ", ".join([f"{name} = {value:.6g}" for name, value in values.items()])
+            raise ModelError(f"uncertain: {at} is within the limits, and no mechanism has it: {refusal} Give narrower "
+                             f"limits; 0.1 is 10 % to both sides.", element=refusal.element) from refusal  # fmt: skip
+
+    linear, blocks, error = with_blocks(system, ranges(system, limits), within,
                                         check.count(order, "uncertain", "order", 1))  # fmt: skip
     return UncertainPlant(system, linear, blocks, (), system, error)
 

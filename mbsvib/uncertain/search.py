@@ -17,9 +17,9 @@ from mbsvib.common.arrays import Array, Index
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.feedback.closing import Closure, Matrices, regular
 from mbsvib.linalg.lasting import separated
-from mbsvib.random.mean_squares import first_order
 from mbsvib.responses.first_order_solver import first_order_solver, gain_slope, pole_slope
 from mbsvib.responses.norms import Norm, hinf
+from mbsvib.responses.realizations import first_order
 
 Measure = Callable[["Matrices"], "tuple[float, Array]"]
 

@@ -197,3 +197,17 @@ def test_correlation_by_a_function_of_one_frequency():
     assert one["correlation"] != 0.0
     with pytest.raises(mv.ResponseError, match=r"function fails at .* Hz"):
         system.rms("x", noise, correlation=lambda f: [[1.0], [1.0, 2.0]])
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.015, 0.018), (3.0, 3.4), (40.0, 52.0)])
+def test_a_table_as_weighting_is_integrated_between_its_points(first, last):
+    """A gain of 1 in a narrow band, far from the resonance or at it, is that band; as a function it is nearly so."""
+    system, noise = oscillator().linearize(), {"F": 0.3}
+    band = system.rms(None, noise, band=(first, last))
+    table = system.budget(noise, weighting=[(first, 1.0), (last, 1.0)])
+    function = system.budget(noise, weighting=lambda f: 1.0 * ((f >= first) & (f <= last)))
+    assert table.error == 0.0
+    assert table.weighting["x"] == "table"
+    for name, value in band.items():
+        np.testing.assert_allclose(table.rms[name], value, rtol=1e-12)
+        np.testing.assert_allclose(function.rms[name], value, rtol=1e-6)

@@ -220,13 +220,14 @@ def test_densities_in_a_band_where_a_mode_is_very_light():
     ({"F": -1.0}, {}, "no less than 0"),
     ({"F*": 1.0, "?2": 2.0}, {}, "'F2' has two densities"),
     ({"F": lambda f: np.ones(3)}, {}, "the function returns the shape"),
+    ({"F": lambda f: 1.0 + 1j * f}, {}, "values of the function = .*; expected one real density for each frequency"),
     ({"F": lambda f: -f}, {}, "no less than 0"),
     ({"base": isolation.road_spectrum("A", 20.0)}, {}, "has the unit m/s\\^2"),
     ({"F": [(1.0, 1.0), (2.0, 1.0)]}, {"band": (3.0, 4.0)}, "has no noise"),
     ({"F": 1.0}, {"band": (3.0, 2.0)}, "expected two finite frequencies"),
     ({"F": 1.0, "F2": 1.0}, {"correlation": [[1.0, 2.0], [2.0, 1.0]]}, "not that of any noise"),
     ({"F": 1.0}, {"correlation": [[1.0, 0.0], [0.0, 1.0]]}, "shape \\(2, 2\\)"),
-    ({"F": 1.0}, {"weighting": "Wz"}, "ISO 2631"),
+    ({"F": 1.0}, {"weighting": "Wz"}, "iso_2631: name = 'Wz'; expected 'Wk' or 'Wd'"),
     ({"F": 1.0}, {"weighting": {"x": "Wk", "*": "Wd"}}, "has two"),
     ({"F": 1.0}, {"weighting": 3.0}, "expected 'Wk' or 'Wd'"),
     ({"F": 1.0}, {"weighting": [(1.0, 0.0), (2.0, 1.0)]}, "gain above 0"),
@@ -388,4 +389,25 @@ def test_rates_that_rounding_cannot_tell_apart_are_refused():
     system = model.linearize()
     with pytest.raises(mv.MbsvibError, match=r"0.0002 to 1e\+10 1/s.*Give a band"):
         system.rms("x", {"f": 1.0})
+    with pytest.raises(mv.ResponseError, match=r"H2 norm of 'slide'.*0.0002 to 1e\+10 1/s.*rms in a band"):
+        system.state_space().h2_norm()
     assert system.rms("x", {"f": 1.0}, band=(0, 1e6))["x"] == pytest.approx(np.sqrt(1 / (4 * 0.02)), rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_lightly_damped_modes_lose_no_digits(ratio):
+    """Eight modes: -sum of R_i conj(R_j) / (lambda_i + conj(lambda_j)) over residues of pairs of poles."""
+    rng = np.random.default_rng(4)
+    w, (b, c) = 10.0 ** rng.uniform(0.0, 3.0, 8), rng.standard_normal((2, 8))
+    system = mv.System.from_matrices(np.eye(8), np.diag(2.0 * ratio * w), np.diag(w * w), b[:, None], c[None])
+    turn = 1j * w * np.sqrt(1.0 - ratio**2)
+    poles, residues = np.append(turn, -turn) - ratio * np.append(w, w), np.append(b * c / turn, -b * c / turn) / 2.0
+    square = -(np.outer(residues, residues.conj()) / np.add.outer(poles, poles.conj())).sum().real
+    assert system.rms(None, {"u1": 2.0})["y1"] == pytest.approx(np.sqrt(square), rel=1e-11)
+    a = np.block([[np.zeros((8, 8)), np.diag(w)], [-np.diag(w), -2.0 * ratio * np.diag(w)]])
+    energies = mv.StateSpace.from_arrays(a, np.eye(16)[:, 8:] @ b[:, None], (c / w)[None] @ np.eye(8, 16), 0)
+    assert energies.h2_norm().value == pytest.approx(np.sqrt(square), rel=1e-11)
+    by_sources = mv.System.from_matrices(np.eye(8), np.diag(2.0 * ratio * w), np.diag(w * w), np.diag(b), c[None])
+    alone = np.sqrt(0.25 * (b * c) ** 2 / (2.0 * ratio * w**3))
+    shares = by_sources.budget({"u*": 1.0}).contributions["y1"]
+    assert list(shares.values()) == pytest.approx(-np.sort(-alone), rel=1e-11)

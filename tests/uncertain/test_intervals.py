@@ -245,3 +245,16 @@ def test_velocities_and_units_change_no_closed_response(at, direct):
     assert (np.abs(d[np.ix_(columns, columns)]) > 0.0).all()
     m = np.abs(response(Channels(*even_gain(space, r), (1, 1, 1), 1), OFF_POLES)).max(axis=0)
     np.testing.assert_allclose(np.linalg.norm(m[:r, r:]), np.linalg.norm(m[r:, :r]), rtol=1e-9)
+
+
+def test_frequencies_to_begin_with_go_before_rest(monkeypatch):
+    """At rest scalings need not know what masses do, and may hold nowhere else; those of the peak often cover it."""
+    tried = []
+
+    def everywhere(_, __, w0):
+        tried.append(w0)
+        return 0.0, np.inf
+
+    monkeypatch.setattr("mbsvib.uncertain.intervals.interval", everywhere)
+    assert cover(made(0), [], [0.8]) is None
+    assert tried == [0.8]

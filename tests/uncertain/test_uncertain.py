@@ -328,6 +328,7 @@ def test_samples_and_copies():
     ({}, "parameters with limits"),
     ({"leg9.k.stiffness": 0.1}, "no parameter 'leg9"),
     ({"leg1.k.stiffness": -0.1}, "half its width"),
+    ({"leg1.k.stiffness": 20}, "20; expected half its width .* 0.1 is 10 %; more than 1 changes its sign"),
     ({"leg1.k.stiffness": (2e6, 3e6)}, "is not within its limits"),
     ({"platform.inertia.xy": 0.1}, "is 0, so that a relative width"),
     ({"leg1.k.end.x": (-1.0, 1.0)}, "is no straight line"),
@@ -347,6 +348,8 @@ def test_other_refusals():
         oscillator(c=0.0).linearize().uncertain({"s.stiffness": 0.1}).robust_stability()
     with pytest.raises(mv.ResponseError, match="filtered white noise"):
         plant.worst_rms("z", {"Fz": [(1.0, 1.0), (2.0, 1.0)]})
+    with pytest.raises(mv.ModelError, match=r"^uncertain: .*mass = -.* is within the limits"):
+        mv.library.quarter_car().linearize().uncertain({"body.mass": (-100.0, 1000.0)})
     with pytest.raises(mv.ModelError, match=r"^uncertain: 'system' was made of matrices"):
         mv.System.from_matrices([[1.0]], None, [[1.0]]).uncertain({"k": 0.1})
 
