@@ -16,6 +16,9 @@ campbell, speed_sweep   frequencies over the speed of rotors, critical speeds
 figures           figures of all of these
 """
 
+from functools import partial
+
+from mbsvib.common.misplaced import missing
 from mbsvib.studies.design import Tie, rates_at
 from mbsvib.studies.machines import CycleMeasures, cycle, equimomental, with_counterweights
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
@@ -34,8 +37,5 @@ __all__ = [
     "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement",
     "rates_at", "rms", "smallest", "sweep", "tolerances", "track", "trade_off", "variable", "with_counterweights",
 ]  # fmt: skip
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy
+__getattr__ = partial(missing, __name__)

@@ -6,7 +6,7 @@ from speed to speed by their shapes, with more speeds in between where these cha
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,16 +20,14 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_model, names, reals
-from mbsvib.errors import ModelError, nearest
+from mbsvib.common.expected import a_model, ascending, names, reals
+from mbsvib.errors import ModelError
 from mbsvib.feedback.pole_track import ratios
-from mbsvib.linalg.matching import Station, is_simple, match_next, reference, track_modes, upper
+from mbsvib.linalg.matching import Station, match_next, reference, track_modes, upper
 from mbsvib.modes import Modes
 from mbsvib.modes.pairs import growing
 from mbsvib.modes.result import digits
-
-# Critical speeds are found to this relative accuracy.
-XTOL = 1e-13
+from mbsvib.studies.crossings import XTOL, crossings
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,61 +116,70 @@ def speed_sweep(model: Model, ratios: Mapping[str, float]) -> SpeedSweep:
 
 
 def stability_limits(sweep: SpeedSweep, w: Array, modes_at: Sequence[Modes]) -> tuple[float, ...]:
-    """Return the speeds at which the stability of modes changes, by bisection between the given speeds."""
-    stable = [modes.stable for modes in modes_at]
+    """Return the speeds at which the number of growing modes changes, by bisection between the given speeds."""
+    counts = [int(modes.growing.sum()) for modes in modes_at]
+    left = list(zip(w[:-1].tolist(), w[1:].tolist(), counts[:-1], counts[1:], strict=True))[::-1]
     result = []
-    for k in np.flatnonzero(np.diff(stable)).tolist():
-        low, high = float(w[k]), float(w[k + 1])
-        while low < 0.5 * (low + high) < high and high - low > XTOL * max(abs(low), abs(high)):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if sweep.at(middle).stable == stable[k] else (low, middle)
-        result.append(0.5 * (low + high))
+    while left:
+        low, high, before, after = left.pop()
+        middle = 0.5 * (low + high)
+        if before == after:
+            continue
+        if not low < middle < high or high - low <= XTOL * max(abs(low), abs(high)):
+            result.append(middle)
+            continue
+        count = int(sweep.at(middle).growing.sum())
+        left += [(middle, high, count, after), (low, middle, before, count)]
     return tuple(result)
 
 
+class _Frequencies:
+    """Damped frequencies of a sweep over the speed [rad/s], in ascending order, ``known`` at some speeds."""
+
+    def __init__(self, sweep: SpeedSweep, known: dict[float, Array]) -> None:
+        self.sweep, self.known, system = sweep, known, sweep.standstill
+        self.matrices: tuple[Array, Array] | None = None
+        if not system.massless:
+            m = system.dof
+            still, added = (np.linalg.solve(system.M, np.hstack(pair)) for pair in (
+                (-system.K, -system.C), (-sweep.circulatory, -sweep.gyroscopic)))  # fmt: skip
+            self.matrices = np.vstack((np.eye(m, 2 * m, k=m), still)), np.vstack((np.zeros((m, 2 * m)), added))
+
+    def exact(self, speed: float) -> Array:
+        """Return the frequencies to the accuracy of modes."""
+        return np.sort(upper(self.sweep.at(speed).pairs).imag)
+
+    def near(self, speed: float) -> Array:
+        """Return the frequencies, but at known speeds to the accuracy of a dense solver."""
+        if speed not in self.known:
+            if self.matrices is None:
+                self.known[speed] = self.exact(speed)
+            else:
+                still, added = self.matrices
+                values = np.sort(np.linalg.eigvals(still + speed * added).imag)
+                self.known[speed] = values[len(values) // 2 :]
+        return self.known[speed]
+
+
 def critical_speeds(
-    sweep: SpeedSweep, w: Array, modes_at: Sequence[Modes], order: Sequence[Index], times: float
+    sweep: SpeedSweep, w: Array, modes_at: Sequence[Modes], order: Sequence[Index], lines: Iterable[float]
 ) -> list[CriticalSpeed]:
-    """Return where tracks cross frequency = times |speed|: at samples, or between two by a bracketing root finder."""
-    from scipy.optimize import brentq
-
-    eigenvalues = np.array([upper(modes.pairs)[which] for modes, which in zip(modes_at, order, strict=True)])
-    frequency_gap = eigenvalues.imag - times * np.abs(w)[:, None]
+    """Return where damped frequencies are multiples, ``lines``, of the speed's size, between the first speed and the
+    last.
+    """
+    known = [np.sort(upper(modes.pairs).imag) for modes in modes_at]
+    of = _Frequencies(sweep, dict(zip(w.tolist(), known, strict=True)))
+    found = [(times, *crossing) for times in lines for crossing in crossings(of.near, of.exact, w, times)]
     result = []
-    for k in range(len(w)):
-        for mode in range(eigenvalues.shape[1]):
-            if frequency_gap[k, mode] == 0.0 and w[k] != 0.0 and eigenvalues[k, mode] != 0.0:
-                result.append(_point(sweep, modes_at[k], int(order[k][mode]), (mode, times, float(w[k]))))
-            if k + 1 < len(w) and frequency_gap[k, mode] * frequency_gap[k + 1, mode] < 0.0 and w[k] * w[k + 1] >= 0.0:
-                sides = [(float(w[i]), modes_at[i], int(order[i][mode])) for i in (k, k + 1)]
-                ends = _Ends(sweep, sides, times)
-                speed = float(brentq(ends.off, w[k], w[k + 1], xtol=XTOL * abs(w[k + 1] - w[k]), rtol=4.0 * XTOL))
-                modes, number = ends.mode(speed)
-                if modes.pairs[number, 0].imag != 0.0:
-                    result.append(_point(sweep, modes, number, (mode, times, speed)))
+    for times, speed, rank in sorted(found):
+        k = int(np.abs(w - speed).argmin())
+        modes = sweep.at(speed)
+        number = int(np.argsort(upper(modes.pairs).imag, kind="stable")[rank])
+        if modes.pairs[number, 0].imag != 0.0:
+            there = np.flatnonzero(sweep.followed((float(w[k]), modes_at[k]), (speed, modes)) == number)[0]
+            mode = int(np.flatnonzero(order[k] == there)[0])
+            result.append(_point(sweep, modes, number, (mode, times, speed)))
     return result
-
-
-class _Ends:
-    """One mode between two speeds, followed from the nearest speed at which it was computed and is separate."""
-
-    def __init__(self, sweep: SpeedSweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
-        single = [side for side in sides if is_simple(upper(side[1].pairs))[side[2]]]
-        self.sweep, self.known, self.times = sweep, single or sides, times
-
-    def mode(self, speed: float) -> tuple[Modes, int]:
-        near, modes, number = min(self.known, key=lambda known: abs(known[0] - speed))
-        if near == speed:
-            return modes, number
-        modes_here = self.sweep.at(speed)
-        at = int(self.sweep.followed((near, modes), (speed, modes_here))[number])
-        if is_simple(upper(modes_here.pairs))[at]:
-            self.known.append((speed, modes_here, at))
-        return modes_here, at
-
-    def off(self, speed: float) -> float:
-        modes, number = self.mode(speed)
-        return float(upper(modes.pairs)[number].imag - self.times * abs(speed))
 
 
 def _point(sweep: SpeedSweep, modes: Modes, number: int, at: tuple[int, float, float]) -> CriticalSpeed:
@@ -296,7 +303,7 @@ def campbell(
     """
     a_model(model, "campbell")
     ratios = _ratios(model, rotors)
-    w = _ascending(speeds)
+    w = ascending(speeds, "campbell", "speeds", "speeds [rad/s], each higher than the one before", ModelError, ndmin=1)
     sweep = speed_sweep(model, ratios)
     modes_of_speed = [sweep.at(speed) for speed in w.tolist()]
     stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
@@ -308,9 +315,7 @@ def campbell(
     lines = reals(orders, "campbell", "orders", "multiples of the speed", ModelError)
     if lines.ndim > 1 or not np.isfinite(lines).all():
         raise check.refuse("campbell", "orders", orders, "finite multiples of the speed, (1.0, 2.0)")
-    critical = [point for n in np.atleast_1d(lines).tolist()
-                for point in critical_speeds(sweep, w, modes_of_speed, order, n)]  # fmt: skip
-    critical.sort(key=lambda point: (point.order, point.speed))
+    critical = critical_speeds(sweep, w, modes_of_speed, order, np.atleast_1d(lines).tolist())
     return Campbell(model.name, w, dict(ratios), eigenvalues, errors, whirl, tuple(critical),
                     stability_limits(sweep, w, modes_of_speed), tuple(modes_of_speed))  # fmt: skip
 
@@ -328,19 +333,9 @@ def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | No
     ratios = dict(rotors) if isinstance(rotors, Mapping) else dict.fromkeys(
         names(rotors, "campbell", "rotors", ModelError), 1.0)  # fmt: skip
     for name in ratios:
-        if name not in model.rotors:
-            raise ModelError(f"campbell: there is no rotor '{name}' in model '{model.name}'."
-                             f"{nearest(str(name), model.rotors)}", element=str(name), field="rotors")  # fmt: skip
+        check.known(name, model.rotors, f"campbell: there is no rotor '{name}' in model '{model.name}'", "rotors")
     return {name: check.number(ratio, "campbell", "rotors", "how many times W a rotor turns")
             for name, ratio in ratios.items()}  # fmt: skip
-
-
-def _ascending(speeds: ArrayLike) -> Array:
-    w = np.atleast_1d(reals(speeds, "campbell", "speeds", "ascending speeds [rad/s]", ModelError))
-    if w.ndim != 1 or not len(w) or not np.isfinite(w).all() or (np.diff(w) <= 0.0).any():
-        raise ModelError(f"campbell: speeds has shape {w.shape}; expected finite speeds [rad/s], each higher than the "
-                         f"one before.", field="speeds")  # fmt: skip
-    return w
 
 
 def _word(whirl: float) -> str:

@@ -13,7 +13,7 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.equilibrium.posed_variants import pose_coordinates
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import resolved, to_angular_velocities
 from mbsvib.mechanism.parameters import Parameters
 
@@ -168,8 +168,7 @@ def rates_at(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, f
 
     Source: Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2 (2011), the left Jacobian of SO(3).
     """
-    if not isinstance(values, Mapping) or not values:
-        raise check.refuse("rates_at", "values", values, "parameters with values, {'hip.orientation.rx': 0.1}")
+    check.mapping("rates_at", "values", values, "parameters with values, {'hip.orientation.rx': 0.1}")
     numbers = {str(name): check.number(value, "rates_at", str(name)) for name, value in values.items()}
     return design(model, numbers).rates(numbers)
 
@@ -194,8 +193,8 @@ def design(
     shared = {id(tie) for name, tie in maps.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in maps.items():
         if name not in variables and id(tie) not in shared:
-            raise ModelError(f"ties: '{name}' is not one of the variables.{nearest(str(name), variables)} Variables "
-                             f"are: {', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
+            raise check.unknown(name, variables, f"ties: '{name}' is not one of the variables", "ties",
+                                "Variables are:")  # fmt: skip
     gains = gains or {}
     own = [name for name in variables if name not in maps and name not in gains]
     pose = {} if relaxed is None else posed_names(model, own)
@@ -244,9 +243,8 @@ def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> LinearMap:
     for variable, rates in ties.items():
         if isinstance(rates, Tie):
             continue
-        if not isinstance(rates, Mapping) or not rates:
-            raise check.refuse(f"variable '{variable}'", "ties", rates, "a mapping from parameters to rates, or an "
-                               "object with values(variables) and rates(variables)")  # fmt: skip
+        check.mapping(f"variable '{variable}'", "ties", rates, "a mapping from parameters to rates, or an "
+                      "object with values(variables) and rates(variables)")  # fmt: skip
         rates_of = maps.setdefault(variable, {})
         for pattern, rate in rates.items():
             value = check.number(rate, f"variable '{variable}'", str(pattern), "a finite rate")
@@ -266,8 +264,7 @@ def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start
     at, who = {name: start[name] for name in variables}, f"variable '{variables[0]}'"
     values, rates = tie.values(at), tie.rates(at)
     for argument, result in (("values", values), ("rates", rates)):
-        if not isinstance(result, Mapping) or not result:
-            raise check.refuse(who, argument, result, f"a mapping, as {argument} of a tie has to be")
+        check.mapping(who, argument, result, f"a mapping, as {argument} of a tie has to be")
     for pattern, value in values.items():
         check.number(value, who, f"values of '{pattern}'")
     affected = [name for pattern in values for name in parameters.matching(pattern)]
@@ -275,9 +272,8 @@ def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start
         _check_start(parameters, {name: values[pattern] for pattern in values
                                   for name in parameters.matching(pattern)}, who)  # fmt: skip
     for variable, slopes in rates.items():
-        if variable not in variables:
-            raise ModelError(f"{who}: its tie has rates of '{variable}', which it was not given."
-                             f"{nearest(variable, variables)}", element=str(variable), field="ties")  # fmt: skip
+        check.known(variable, variables, f"{who}: its tie has rates of '{variable}', which it was not given", "ties",
+                    "It was given")  # fmt: skip
         for pattern, rate in slopes.items():
             check.number(rate, f"variable '{variable}'", f"rates of '{pattern}'", "a finite rate")
             for name in parameters.matching(pattern):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mbsvib.api.model import Model
 from mbsvib.api.system import System
 from mbsvib.common.arrays import Array, Complex, Index
-from mbsvib.common.expected import kind_of
+from mbsvib.common.expected import angular, kind_of
 from mbsvib.errors import ModelError
 from mbsvib.feedback.loop import Loop
 from mbsvib.linalg.matching import Station, upper
@@ -199,7 +199,7 @@ class DesignPoint:
 
     def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:
         """Return the frequency response (outputs, inputs, n), and its derivatives (variables, outputs, inputs, n)."""
-        w = np.asarray(omega, dtype=float)
+        w = angular(omega, "response")
         value = steady_response(self.system, w, outputs, inputs)
         if not self.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)

@@ -21,10 +21,10 @@ from mbsvib.api.running import Cycle, compiled_for, cycle_of
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_model, names
+from mbsvib.common.expected import a_model, names, one_of
 from mbsvib.common.selection import Names
 from mbsvib.elements import Body
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.studies.evaluation import DesignPoint, Dual
 from mbsvib.studies.quantities import Leaf, Quantity, quantity
 
@@ -85,7 +85,7 @@ class CycleMeasures(Displayed):
         ModelError
             If there is no such quantity.
         """
-        _checked(quantity)
+        one_of(quantity, UNITS, "cycle", "quantity", ModelError)
         unit = UNITS[quantity] if " " not in UNITS[quantity] else f"({UNITS[quantity]})"
         return Leaf(f"mean square {quantity} [{unit}^2]", partial(self._square, quantity=quantity, drive=drive), False)
 
@@ -135,11 +135,10 @@ class CycleMeasures(Displayed):
         ModelError
             If there is no such quantity, or no positive weight.
         """
-        if not isinstance(weights, Mapping) or not weights:
-            raise check.refuse("cycle", "weights", weights, "weights by name, {'force': 1.0, 'torque': 0.5}")
+        check.mapping("cycle", "weights", weights, "weights by name, {'force': 1.0, 'torque': 0.5}")
         factors = {name: check.number(value, "cycle", f"weights[{name!r}]") for name, value in weights.items()}
         for name in factors:
-            _checked(name)
+            one_of(name, UNITS, "cycle", "quantity", ModelError)
         if min(factors.values()) < 0.0 or not any(factors.values()):
             raise check.refuse("cycle", "weights", weights, "weights that are not negative, and one that is positive")
         cycle = self.cycle(model)
@@ -234,12 +233,6 @@ def cycle(
     return CycleMeasures({"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about})
 
 
-def _checked(quantity: Any) -> None:
-    if quantity not in UNITS:
-        raise check.refuse("cycle", "quantity", quantity, "'force', 'moment' or 'torque'",
-                           nearest(str(quantity), UNITS).strip())  # fmt: skip
-
-
 M = TypeVar("M", bound="Model")
 
 NO_INERTIA = (0.0, 0.0, 0.0)
@@ -321,8 +314,7 @@ def with_counterweights(model: M, weights: Mapping[str, Any]) -> M:
         If there is no such body, or a value is refused.
     """
     a_model(model, "with_counterweights")
-    if not isinstance(weights, Mapping) or not weights:
-        raise check.refuse("with_counterweights", "weights", weights, "{'crank': (mass, (x, y, z)), ...}")
+    check.mapping("with_counterweights", "weights", weights, "{'crank': (mass, (x, y, z)), ...}")
     result = model.with_parts()
     for name, pair in weights.items():
         _body(model, name, "with_counterweights")
@@ -333,9 +325,7 @@ def with_counterweights(model: M, weights: Mapping[str, Any]) -> M:
 
 
 def _body(model: Model, name: Any, who: str) -> Body:
-    if name not in model.bodies:
-        raise ModelError(f"{who}: '{name}' is not a body of model '{model.name}'.{nearest(str(name), model.bodies)}",
-                         element=str(name), field="bodies")  # fmt: skip
+    check.known(name, model.bodies, f"{who}: '{name}' is not a body of model '{model.name}'", "bodies")
     return model.bodies[name]
 
 

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
-from mbsvib.common.expected import mode_index
-from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.common.expected import band_of, mode_index, reals
+from mbsvib.errors import ModelError, counted
 from mbsvib.modes import Modes
 from mbsvib.modes.batch import BatchModes
 from mbsvib.studies.evaluation import DesignPoint, Dual
 from mbsvib.studies.quantities import Leaf, Quantity
-from mbsvib.studies.responses import Peak, PortResponses, band_of
+from mbsvib.studies.responses import Peak, PortResponses
 
 Names = str | Iterable[str] | None
 Band = tuple[float, float]
@@ -72,8 +72,9 @@ class Modal(Leaf):
     def in_batch(self, modes: BatchModes, which: list[int]) -> Array:
         """Return the numbers of some modes of all variants, (variants, modes)."""
         first, second = np.moveaxis(modes.pairs[:, which], 2, 0)
-        natural = np.sqrt(np.abs(first * second))
-        return self.rule(natural, (first + second).real, 0.0 * natural, 0.0 * natural)[0]
+        product = first * second
+        natural = np.sqrt(np.abs(product))
+        return self._known(product, *self.rule(natural, (first + second).real, 0.0 * natural, 0.0 * natural))[0]
 
     def _at(self, point: DesignPoint) -> Dual:
         which = self.of(point.modes, point.order)
@@ -84,7 +85,17 @@ class Modal(Leaf):
         with np.errstate(divide="ignore", invalid="ignore"):
             d_natural = (0.5 * natural * ((d_first * second + first * d_second) / product)).real
             value, slope = self.rule(natural, (first + second).real, d_natural, (d_first + d_second).real)
+        value, slope = self._known(product, value, slope)
         return point.dual(value, slope.T)
+
+    def _known(self, product: Complex, value: Array, slope: Array) -> tuple[Array, Array]:
+        """The values (..., modes) and slopes (..., modes): a mode of which one eigenvalue diverges, and the other
+        decays, has the damping ratio -1, whatever their sum.
+        """
+        if self.quantity != "damping ratio":
+            return value, slope
+        diverges = product.real < 0.0
+        return np.where(diverges, -1.0, value), np.where(diverges, 0.0, slope)
 
 
 def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[int]]:
@@ -138,7 +149,7 @@ def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
     Returns
     -------
     Quantity
-        -Re lambda / |lambda|, above 1 where a mode creeps.
+        -Re lambda / |lambda|, above 1 where a mode creeps, -1 where one diverges.
     """
     return Modal("damping ratio", "1", mode, _ratio)
 
@@ -166,8 +177,7 @@ def placement(targets: Mapping[int, float]) -> Quantity:
     ModelError
         If there is no target, one is not positive, or a mode's number is below 1.
     """
-    if not isinstance(targets, Mapping) or not targets:
-        raise check.refuse("placement", "targets", targets, "a frequency [Hz] for each mode, such as {1: 120.0}")
+    check.mapping("placement", "targets", targets, "a frequency [Hz] for each mode, such as {1: 120.0}")
     for mode in targets:
         mode_index(mode, "placement", error=ModelError)
     targets_hz = [check.number(f, "placement", f"targets[{mode}]", "a frequency [Hz]") for mode, f in targets.items()]
@@ -198,10 +208,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
     ModelError
         If frequencies are not numbers.
     """
-    try:
-        f = np.atleast_1d(np.asarray(frequencies, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise check.refuse("gain", "frequencies", frequencies, "frequencies [Hz]") from error
+    f = np.atleast_1d(reals(frequencies, "gain", "frequencies", "frequencies [Hz]", ModelError))
     ports = PortResponses(outputs, inputs)
     where = f"{f[0]:g} Hz" if len(f) == 1 else f"{f.min():g} to {f.max():g} Hz"
     return Leaf(f"gain of {ports.label} at {where}", partial(ports.size, w=2.0 * np.pi * f))
@@ -227,7 +234,7 @@ def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) 
     ResponseError
         If the band does not ascend from above 0.
     """
-    return Peak(PortResponses(outputs, inputs), band_of(band))
+    return Peak(PortResponses(outputs, inputs), band_of(band, "peak", above=True))
 
 
 def variable(name: str) -> Quantity:
@@ -252,9 +259,7 @@ def variable(name: str) -> Quantity:
 
 
 def _value_of(name: str, point: DesignPoint) -> Dual:
-    if name not in point.values:
-        raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, point.values)} Variables "
-                         f"are: {', '.join(point.values)}.", element=name)  # fmt: skip
+    check.known(name, point.values, f"variable('{name}'): there is no such variable", told="Variables are:")
     slope = np.zeros((1, len(point.scale)))
     slope[0, list(point.rates).index(name)] = 1.0
     return point.dual(np.array([point.values[name]]), slope)
@@ -281,11 +286,15 @@ def given(function: Given, label: str) -> Quantity:
 
 def _given(function: Given, point: DesignPoint) -> Dual:
     def of(system: Any) -> Array:
-        return np.atleast_1d(np.asarray(function(system, {})[0], dtype=float))
+        return _reals(function(system, {})[0])
 
     if point.of_parameters:
         value, slope = function(point.system, point.rates)
     else:
         value, slope = of(point.system), point.by_differences(of)
-    value = np.atleast_1d(np.asarray(value, dtype=float))
-    return point.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(point.rates)))
+    value = _reals(value)
+    return point.dual(value, _reals(slope).reshape(len(value), len(point.rates)))
+
+
+def _reals(value: Any) -> Array:
+    return np.atleast_1d(reals(value, "given", "function's value", "real numbers and their slopes", ModelError))

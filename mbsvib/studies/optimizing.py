@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,9 +15,10 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.casadi_function import casadi_function
-from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.errors import MbsvibError, ModelError, UnstableWarning
+from mbsvib.responses.norms import growth
 from mbsvib.studies.design import Ties, design
-from mbsvib.studies.optimum import FEASIBLE, Descent, Optimum
+from mbsvib.studies.optimum import FEASIBLE, HELD, Descent, Optimum
 from mbsvib.studies.plants import Systems, plant_of
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.search import Search, Value, scales
@@ -46,7 +48,7 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverRe
     if name not in known:
         raise check.refuse("optimize", "method", method, "'SLSQP', 'trust-constr' or 'ipopt'")
     if name == "ipopt" and util.find_spec("casadi") is None:
-        raise ModelError("optimize: method 'ipopt' is CasADi's; pip install mbsvib[casadi]", field="method")
+        raise ModelError("optimize: method 'ipopt' is CasADi's; pip install \"mbsvib[casadi]\"", field="method")
     return known[name]
 
 
@@ -214,11 +216,11 @@ def optimize(
         If a variable is unknown, derivatives to it are not supported, bounds are invalid, or a peak is to be maximised.
         If there are several starts, and all searches fail.
     """
-    if not isinstance(variables, Mapping) or not variables:
-        raise check.refuse("optimize", "variables", variables, "bounds for each variable, such as "
-                           "{'leg*.k.stiffness': (1e6, 1e8)}")  # fmt: skip
+    check.mapping("optimize", "variables", variables, "bounds for each variable, such as "
+                  "{'leg*.k.stiffness': (1e6, 1e8)}")  # fmt: skip
     if not isinstance(objective, Quantity):
-        raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())")
+        hint = "studies.given makes one of a function that returns derivatives too." if callable(objective) else ""
+        raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())", hint)
     constraint_list: tuple[Any, ...] = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
     for constraint in constraint_list:
         if not isinstance(constraint, Constraint):
@@ -247,6 +249,9 @@ def optimize(
         raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
                          field="starts")  # fmt: skip
     best = min(ends, key=_rank)
+    if best.unstable:
+        warnings.warn(f"optimize: '{model.name}' is not stable at the optimum: {best.unstable} grows. {HELD}",
+                      UnstableWarning, stacklevel=2)  # fmt: skip
     iterations = sum(end.iterations for end in ends)
     return replace(best, starts=tuple(descents), iterations=iterations, evaluations=search.evaluations)
 
@@ -341,10 +346,11 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, x: Array, be
     return Optimum(
         model, values, parameters, descent.start, objective, began,
         search.objective.label,
-        {item.label: value for item, value in zip(search.constraints, numbers, strict=True)},
+        dict(zip(search.labels, numbers, strict=True)),
         search.observations(z), search.violations(numbers), violation, search.at_bounds(z, ACTIVE), optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
         None if search.systems.plant.function is None else point.system,
+        growth(point.system) if search.needs_equations else "",
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.errors import counted
 
+HELD = "Narrow the bounds to values at which the mechanism is held."
 FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 
 
@@ -76,6 +77,8 @@ class Optimum(Columnar, Displayed):
     units: Mapping[str, str] = field(repr=False)
     starts: tuple[Descent, ...] = field(repr=False)
     plant: Any = field(default=None, repr=False)
+    unstable: str = field(default="", repr=False)
+    """The pole that grows fastest where the search ended, in words; "" where none does."""
 
     _index = "variable"
 
@@ -105,6 +108,8 @@ class Optimum(Columnar, Displayed):
                      f"constraint violation {self.violation:.1e}.")  # fmt: skip
         if not self.success:
             notes.append(f"Message of the solver: {self.message}")
+        if self.unstable:
+            notes.append(f"Unstable: {self.unstable} grows. {HELD}")
         if self.violation > FEASIBLE:
             notes.append("No values were found at which all constraints hold: relax one that is not met, widen the "
                          "bounds of variables, or add variables.")  # fmt: skip

@@ -14,6 +14,7 @@ from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError
 from mbsvib.studies.evaluation import DesignPoint, Dual, stacked
 
@@ -213,10 +214,7 @@ def quantity(value: Any) -> Quantity:
     """Return a quantity; a number () or (k,) becomes a constant one."""
     if isinstance(value, Quantity):
         return value
-    try:
-        fixed = np.atleast_1d(np.array(value, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise check.refuse("quantity", "value", value, "a quantity or numbers") from error
+    fixed = np.array(reals(value, "quantity", "value", "a quantity or numbers", ModelError), ndmin=1)
     if fixed.ndim != 1 or not np.isfinite(fixed).all():
         raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
     label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)

@@ -11,12 +11,14 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.common.expected import band_of
+from mbsvib.errors import ResponseError
 from mbsvib.random.mean_squares import Random
 from mbsvib.random.sources import Sources, sources
 from mbsvib.responses import extrema
 from mbsvib.responses.densities import density
 from mbsvib.responses.frequency_grid import span
+from mbsvib.responses.norms import growth
 from mbsvib.studies.evaluation import DesignPoint, Dual, stacked, steady_response
 from mbsvib.studies.quantities import Largest, Leaf, Quantity
 
@@ -80,7 +82,15 @@ class Peak(Largest):
 
     def members(self, point: DesignPoint, active: Array | None) -> Dual:
         """Return the magnitudes at angular frequencies."""
-        return self.true(point) if active is None else self.ports.size(point, active)
+        if active is None:
+            return self.true(point)
+        self._check_stable(point.system)  # a search is to go back from where no response is steady
+        return self.ports.size(point, active)
+
+    def _check_stable(self, system: Any) -> None:
+        if words := growth(system):
+            raise ResponseError(f"{self.label}: '{system.name}' is not stable: {words} grows, so that no steady "
+                                f"vibration has a peak; give values at which it is held.")  # fmt: skip
 
     def seeds(self, point: DesignPoint) -> Array:
         """Return angular frequencies distributed over the band, and at all modes."""
@@ -94,6 +104,7 @@ class Peak(Largest):
         system = point.system
         low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()
+        self._check_stable(system)
         _refuse_undamped(system, poles, low, high, lambda w: self.ports.magnitude(system, w), self.label)
         band = extrema.Band(lambda w: self.ports.magnitude(system, w) ** 2, extrema.panels(poles, low, high))
         where, square = band.maxima(np.asarray, LOWER**2)
@@ -130,24 +141,10 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
         raise ResponseError(f"rms: spectra = {check.shown(spectra)}; expected a density for each input, such as "
                             f"{{'floor.x': 1e-6}}.")  # fmt: skip
     known = {name: density(value, f"noise at '{name}'") for name, value in spectra.items()}
-    ports, span_ = PortResponses(outputs, known), band_of(band, lowest=0.0)
+    ports, span_ = PortResponses(outputs, known), band_of(band, "rms")
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
                 partial(_rms, ports=ports, spectra=known, band=span_))  # fmt: skip
-
-
-def band_of(band: Any, lowest: float | None = None) -> Band | None:
-    """Return a band of frequencies [Hz], checked."""
-    if band is None:
-        return None
-    try:
-        low, high = (float(f) for f in band)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"band = {check.shown(band)}; expected two frequencies [Hz].") from error
-    if not (lowest if lowest is not None else 1e-300) <= low < high < np.inf:
-        raise ResponseError(f"band = ({low:g}, {high:g}) Hz; expected two finite frequencies, ascending from "
-                            f"{'above ' if lowest is None else ''}0 Hz.")  # fmt: skip
-    return low, high
 
 
 def _rms(point: DesignPoint, ports: PortResponses, spectra: Mapping[str, Any], band: Band | None) -> Dual:
@@ -209,9 +206,7 @@ def _names(ports: Any, field: str) -> list[str] | None:
 def _known(known: tuple[str, ...], selected: list[str] | None, kind: str, name: str) -> list[str]:
     """Names in the system's order."""
     for port in selected or ():
-        if port not in known:
-            raise ResponseError(f"'{name}' has no {kind} '{port}'.{nearest(port, known)} It has "
-                                f"{', '.join(known) or 'none'}.")  # fmt: skip
+        check.known(port, known, f"'{name}' has no {kind} '{port}'", error=ResponseError)
     result = [port for port in known if selected is None or port in selected]
     if not result:
         raise ResponseError(f"'{name}' has no {kind}; add one by add_{kind}.")

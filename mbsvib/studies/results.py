@@ -17,9 +17,9 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import one_of, reals
 from mbsvib.common.labelled import Labelled, dataset
-from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.errors import ModelError, counted
 from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import over_variables
 
@@ -44,11 +44,9 @@ def points(values: Mapping[str, Any], how: str) -> Points:
     ``values`` (k,) or (): values of each variable. ``how``: "grid": every combination, the last variable runs fastest;
     "paired": the arrays have one length, and a number is the same at all points.
     """
-    if how not in HOW:
-        raise check.refuse("sweep", "how", how, "'grid' or 'paired'")
-    if not isinstance(values, Mapping) or not values:
-        raise check.refuse("sweep", "values", values, "a mapping from parameters to values, such as "
-                           "{'leg*.k.stiffness': [1e6, 2e6]}")  # fmt: skip
+    one_of(how, HOW, "sweep", "how", ModelError)
+    check.mapping("sweep", "values", values, "a mapping from parameters to values, such as "
+                  "{'leg*.k.stiffness': [1e6, 2e6]}")  # fmt: skip
     arrays = {str(name): _values(str(name), value) for name, value in values.items()}
     if how == "grid":
         axes = {name: np.atleast_1d(array) for name, array in arrays.items()}
@@ -107,9 +105,8 @@ class Sweep(Columnar, Displayed):
             return self.results[label]
         if label in self.parameters:
             return self.parameters[label]
-        known = [*self.results, *self.parameters]
-        raise ModelError(f"sweep of '{self.name}': there is no result '{label}'.{nearest(str(label), known)} "
-                         f"Results are: {', '.join(self.results) or 'none'}.", element=str(label))  # fmt: skip
+        raise check.unknown(label, [*self.results, *self.parameters],
+                            f"sweep of '{self.name}': there is no result '{label}'", None, "There are:")  # fmt: skip
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
@@ -147,13 +144,10 @@ class Sweep(Columnar, Displayed):
         modes do, ``label(1,2)`` of matrices, ``.re`` and ``.im`` of complex numbers;
         ``error`` of points that failed.
         """
-        result = self._by_entry(lambda label, index: label + (f"({','.join(map(str, index))})" if index else ""))
-        if self.errors:
-            result["error"] = np.array([self.errors.get(i, "") for i in range(len(self))])
-        return result
+        return self._by_entry(lambda label, index: label + (f"({','.join(map(str, index))})" if index else ""))
 
     def _by_entry(self, named: Callable[[str, tuple[int, ...]], str]) -> dict[str, NDArray[Any]]:
-        """Variables, and each entry of the results, which count from 1, with a name for its label and numbers."""
+        """Variables, each entry of the results, with a name for its label and numbers from 1, and errors."""
         result: dict[str, NDArray[Any]] = dict(self.parameters)
         for label, values in self.results.items():
             for index in np.ndindex(*values.shape[1:]):
@@ -162,7 +156,11 @@ class Sweep(Columnar, Displayed):
                     result[f"{name}.re"], result[f"{name}.im"] = column.real, column.imag
                 else:
                     result[name] = column
-        return result
+        return result | ({"error": self._messages()} if self.errors else {})
+
+    def _messages(self) -> NDArray[np.str_]:
+        """What went wrong at each point (n,), empty where nothing did."""
+        return np.array([self.errors.get(i, "") for i in range(len(self))])
 
     def to_xarray(self) -> Any:
         """Return variables and results as a data set of xarray.
@@ -194,8 +192,7 @@ class Sweep(Columnar, Displayed):
                 coordinates.setdefault(name, ((name,), np.arange(1, size + 1), None))
             variables[label] = (*axes, *own), values, self.units.get(label)
         if self.errors:
-            errors = np.array([self.errors.get(i, "") for i in range(len(self))])
-            variables["error"] = axes, errors.reshape(self.shape), None
+            variables["error"] = axes, self._messages().reshape(self.shape), None
         return dataset("to_xarray", variables, coordinates, self.name)
 
     def table(self) -> dict[str, Any]:

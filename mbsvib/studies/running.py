@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from mbsvib.api.batch import Batch
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
-from mbsvib.errors import MbsvibError, ModelError, nearest
+from mbsvib.errors import MbsvibError, ModelError, UnstableWarning, nearest
 from mbsvib.studies.plants import NO_PLANT, Plant, Systems, name_of
 
 Answer: TypeAlias = dict[str, NDArray[Any]]
@@ -64,6 +65,10 @@ class Question:
                 result |= {f"{prefix}{key}": _numbers(f"{prefix}{key}", entry) for key, entry in value.items()}
             else:
                 result[label] = _numbers(label, value)
+        if any(map(_is_magnitude, self.items.values())) and not np.all(asked.modes().stable):
+            warnings.warn(f"modes of '{asked.name}' grow at some of the points. Their natural frequency is the "
+                          f"magnitude of the eigenvalue, also where they do not vibrate; 'modes.stable' tells where.",
+                          UnstableWarning, stacklevel=2)  # fmt: skip
         return result
 
     def ask_batch(self, batch: Batch) -> Answer:
@@ -112,6 +117,11 @@ def follow(system: Any, path: str) -> Any:
                                  f"lambda system: system.{name}(...). ({error})", element=path,
                                  field="of") from error  # fmt: skip
     return value
+
+
+def _is_magnitude(item: Any) -> bool:
+    """Whether a result is the natural frequency of modes, which does not show whether they grow."""
+    return item in ("modes.natural", "modes.frequencies") or getattr(item, "quantity", None) == "frequency"
 
 
 def _label(of: Any) -> str:

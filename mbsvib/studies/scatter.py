@@ -18,10 +18,10 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_model, limits
+from mbsvib.common.expected import a_model, limits, one_of
 from mbsvib.common.number_text import real
 from mbsvib.common.progress import Progress
-from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.errors import ModelError, counted
 from mbsvib.mechanism.changes import resolved
 from mbsvib.plots import studies as figures
 from mbsvib.plots._sheet import Given
@@ -47,9 +47,8 @@ def parameter_tolerances(
     ``tolerances``: by name or pattern, in the unit of the parameter, or as a share of its value, "2 %". Names of
     ``ties`` and ``gains`` may be among them; these and ``relaxed`` are as of ``design``.
     """
-    if not isinstance(tolerances, Mapping) or not tolerances:
-        raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
-                           "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
+    check.mapping("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
+                  "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("tolerances", "ties", ties, "a mapping of variables to the parameters that they move")
     used = {name: rates for name, rates in (ties or {}).items() if name in tolerances}
@@ -95,8 +94,7 @@ def random_values(
     is three standard deviations; "uniform": all values within it are equally likely.
     """
     check.count(samples, "tolerances", "samples", 2)
-    if distribution not in DEVIATION:
-        raise check.refuse("tolerances", "distribution", distribution, "'normal' or 'uniform'")
+    one_of(distribution, DEVIATION, "tolerances", "distribution", ModelError)
     random = np.random.default_rng(None if seed is None else check.count(seed, "tolerances", "seed", 0))
     result = {}
     for name, width in tolerance.items():
@@ -211,9 +209,7 @@ class Tolerances(Columnar, Displayed):
         ModelError
             If there is no such number.
         """
-        if label not in self.labels:
-            raise ModelError(f"tolerances of '{self.name}': there is no '{label}'.{nearest(str(label), self.labels)} "
-                             f"There is: {', '.join(self.labels)}.", element=str(label))  # fmt: skip
+        check.known(label, self.labels, f"tolerances of '{self.name}': there is no '{label}'", told="There is:")
         return self.labels.index(label)
 
     _index = "quantity"
@@ -306,7 +302,7 @@ def tolerances(
     workers : int, optional
         How many processes.
     file : str or path-like, optional
-        Record of the samples, from which it is resumed; needs a seed.
+        Record of the samples, from which it is resumed; needs a seed. It is identified as that of ``sweep``.
     progress : bool, callable or None
         True: a progress bar; None: on terminals.
     plant : callable, optional

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex, Index
-from mbsvib.errors import MbsvibError, ModelError, nearest
+from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.studies.design import StudyVariables
 from mbsvib.studies.evaluation import DesignPoint, Dual, check_variables, frame, framed, stacked, station
@@ -61,9 +61,8 @@ def scales(design: StudyVariables, variables: Mapping[str, Any], start: Mapping[
     """
     begin = dict(start or {})
     for name in begin:
-        if name not in design.variables:
-            raise ModelError(f"optimize: start has '{name}', which is not one of the variables."
-                             f"{nearest(str(name), design.variables)}", element=str(name), field="start")  # fmt: skip
+        check.known(name, design.variables, f"optimize: start has '{name}', which is not one of the variables", "start",
+                    "Variables are:")  # fmt: skip
     rows = []
     for name in design.variables:
         low, high = _bounds(name, variables[name])
@@ -226,13 +225,19 @@ class Search:
         point = self.point(z[: len(self.scales.start)])
         return float(self.objective.at(point).value[0]), [c.quantity.at(point).value for c in self.constraints]
 
+    @property
+    def labels(self) -> list[str]:
+        """The labels of the constraints, with their places, from 1, where several have one."""
+        labels = [constraint.label for constraint in self.constraints]
+        return [label if labels.count(label) == 1 else f"{label} ({k})" for k, label in enumerate(labels, 1)]
+
     def violations(self, numbers: list[Array]) -> dict[str, float]:
         """Return how far constrained quantities are beyond their bounds, in parts of these, by label."""
         result = {}
-        for constraint, values, size in zip(self.constraints, numbers, self._sizes, strict=True):
+        for label, constraint, values, size in zip(self.labels, self.constraints, numbers, self._sizes, strict=True):
             below = -np.inf if constraint.low is None else constraint.low - values.min()
             above = -np.inf if constraint.high is None else values.max() - constraint.high
-            result[constraint.label] = max(0.0, float(below), float(above)) / size
+            result[label] = max(0.0, float(below), float(above)) / size
         return result
 
     def at_bounds(self, z: Array, near: float) -> dict[str, str]:

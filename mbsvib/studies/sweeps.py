@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import warnings
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
@@ -28,6 +29,7 @@ from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import ModelError
 from mbsvib.studies.design import Ties, design
 from mbsvib.studies.plants import PlantFunction, Systems, name_of, plant_of
+from mbsvib.studies.quantities import Quantity
 from mbsvib.studies.results import Points, Sweep, gathered, points
 from mbsvib.studies.running import Asked, Outcome, Question, question, run, task
 
@@ -66,7 +68,7 @@ def sweep(
         within ``parallel_config``.
     file : str or path-like, optional
         Record of the sweep, one line for each computed point. If the file exists, only missing points are computed. The
-        record is identified by model, values and names of functions; the body of a function is not compared.
+        record is identified by model, values, quantities and names of functions; bodies of functions are not compared.
     retry : bool
         Ask points of the record again that failed.
     progress : bool, callable or None
@@ -203,7 +205,8 @@ class Record:
 
 
 def head(model: Model, points: Points, values: Mapping[str, Any], question: Question) -> dict[str, Any]:
-    """Return the header that identifies a study: the model, the values of its parameters, and names of the results.
+    """Return the header that identifies a study: the model, the values of its parameters, names of the results, and
+    the numbers of quantities, such as noise and bands.
 
     ``values`` (n,): values of parameters at the points.
     """
@@ -218,7 +221,18 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
         results = {"plant": question.plant.name, "of": results}
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
-            "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip
+            "variables": list(points.columns), "points": len(points), "values": digest.hexdigest(),
+            **_quantities(question)}  # fmt: skip
+
+
+def _quantities(question: Question) -> dict[str, str]:
+    """A digest of the quantities that are asked for, none of those with functions that do not pickle."""
+    asked = [getattr(item, "quantities", item) for item in question.items.values()]
+    known = [item for item in asked if isinstance(item, (Quantity, Mapping))]
+    try:
+        return {"quantities": sha256(pickle.dumps(known)).hexdigest()} if known else {}
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return {}
 
 
 def _line(point: int, outcome: Outcome) -> str:

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import mode_index, names
 from mbsvib.common.progress import Progress
-from mbsvib.errors import MbsvibError, ModelError, nearest
+from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.modes import Modes
 from mbsvib.plots._sheet import Given
@@ -62,13 +63,13 @@ class Tracks(Sweep):
         ModelError
             If there is no such mode.
         """
-        if name not in self.modes:
-            raise ModelError(f"tracks of '{self.name}': there is no mode '{name}'.{nearest(str(name), self.modes)} "
-                             f"Modes are: {', '.join(self.modes)}.", element=str(name))  # fmt: skip
+        check.known(name, self.modes, f"tracks of '{self.name}': there is no mode '{name}'", told="Modes are:")
         return np.asarray(self[result][:, self.modes.index(name)])
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return everything as columns of n entries, results by the names of their modes."""
+        """Return everything as columns of n entries, results by the names of their modes; ``error`` of points that
+        failed.
+        """
         return self._by_entry(lambda label, index: f"{label}[{self.modes[index[0] - 1]}]")
 
     def root_locus(self, modes: Sequence[str] | None = None, *, ax: Given | None = None) -> Figure | Given:

@@ -199,6 +199,49 @@ def test_damping_floor_holds():
     assert floor.constraints["all damping ratios [1] >= 0.02"].shape == (2,)
 
 
+def test_an_optimum_that_is_not_stable_is_told():
+    """The gain far above the mode is least at the most negative stiffness; nothing said that it holds nothing."""
+    model = absorber(0.5, 1.0).with_values({"k1.damping": 1.0})
+    gain, bounds = st.gain("x", "F", [5.0]), {"k1.stiffness": (-50.0, 2000.0)}
+    with pytest.warns(mv.errors.UnstableWarning, match="'absorber' is not stable at the optimum: the pole .* grows"):
+        best = mv.optimize(model, bounds, gain)
+    assert best.values["k1.stiffness"] == pytest.approx(-50.0, rel=1e-9)
+    assert f"Unstable: {best.unstable} grows. Narrow the bounds" in str(best)
+    grows = best.model.linearize().poles().real.max()
+    assert f"the pole {grows:.6g} 1/s" == best.unstable
+    assert mv.optimize(model, {"k1.stiffness": (900.0, 2000.0)}, gain).unstable == ""
+
+
+def test_peaks_of_what_is_not_stable_are_refused_and_avoided():
+    """1 / |8 - 2 w^2 + ...| and 1 / |-8 - 2 w^2 + ...|: the second has no resonance, and searches ended there."""
+    model = mv.Model("cart")
+    model.add_body("mass", 2.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("k", "ground", "mass", start=(-1, 0, 0), end=(0, 0, 0), stiffness=8.0, damping=3.0)
+    model.add_input("F", "mass", "x")
+    model.add_output("x", "mass", "x")
+    best = mv.optimize(model, {"k.stiffness": (-8.0, 80.0)}, st.peak("x", "F"))
+    assert best.values["k.stiffness"] == pytest.approx(80.0, rel=1e-9)
+    assert best.unstable == ""
+    with pytest.raises(ResponseError, match=r"peak of x over F: 'cart' is not stable: the pole 1\.386 1/s grows"):
+        st.peak("x", "F")(model.with_values({"k.stiffness": -8.0}).linearize())
+
+
+def test_a_mode_that_diverges_has_the_damping_ratio_minus_1():
+    """-8 N/m beside 3 N s/m had that of 8 N/m, 0.375, so that damping_ratio() >= 0.1 held."""
+    model = mv.Model("cart")
+    model.add_body("mass", 2.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("k", "ground", "mass", start=(-1, 0, 0), end=(0, 0, 0), stiffness=8.0, damping=3.0)
+    for stiffness, ratio in ((8.0, 0.375), (-8.0, -1.0)):
+        system = model.with_values({"k.stiffness": stiffness}).linearize()
+        assert st.damping_ratio()(system) == pytest.approx(ratio, rel=1e-12)
+        assert system.modes().damping_ratios[0] == pytest.approx(ratio, rel=1e-12)
+    loose = model.with_values({"k.stiffness": -8.0})
+    found = mv.tolerances(loose, {"k.stiffness": "5 %"}, st.damping_ratio(), samples=4)
+    assert (found.nominal, found.first, found.sampled) == (-1.0, 0.0, pytest.approx(-np.ones((4, 1))))
+
+
 @pytest.mark.slow
 def test_flat_objectives_and_unfinished_searches_are_told():
     flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(2))
@@ -399,3 +442,15 @@ def test_constraints_that_cannot_be_met_and_bounds_that_are_reached_are_named():
     assert met.violations == {"slow.position.x <= 4": 0.0}
     assert met.at_bounds == {"slow.position.x": "lower"}
     assert "not met" not in str(met)
+
+
+@pytest.mark.slow
+def test_constraints_of_one_label_are_all_told():
+    """Root mean squares of one output under two kinds of noise: the first cannot be met, the second is."""
+    car = quarter_car(suspension_damping=300.0)
+    limits = [st.rms("body.z", {"load": density}) <= 1e-3 for density in (1e9, 1e-9)]
+    found = st.optimize(car, {"tyre.stiffness": (1e5, 3e5)}, st.frequency(1), limits, options={"maxiter": 1})
+    first, second = [f"{limits[0].label} ({k})" for k in (1, 2)]
+    assert list(found.constraints) == list(found.violations) == [first, second]
+    assert found.violations[second] == 0.0 < found.violations[first] == found.violation
+    assert f"{first}: " in str(found)

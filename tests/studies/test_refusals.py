@@ -118,5 +118,5 @@ def test_records_that_cannot_be_kept(tmp_path):
 def test_ipopt_says_what_to_install(monkeypatch):
     there = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == "casadi" else there(name))
-    with pytest.raises(mv.ModelError, match=r"pip install mbsvib\[casadi\]"):
+    with pytest.raises(mv.ModelError, match=r'pip install "mbsvib\[casadi\]"'):
         st.optimize(slide(), MASS, -st.frequency(1), method="ipopt")

@@ -110,6 +110,21 @@ def test_a_value_that_no_part_can_have_fails_alone():
     assert np.isfinite(result["modes.frequencies"][~result.failed]).all()
 
 
+@pytest.mark.parametrize("of", ["modes.frequencies", "modes.natural", studies.frequency(1)])
+def test_frequencies_of_modes_that_grow_come_with_a_word(of, recwarn):
+    """Those of real eigenvalues are magnitudes, so that -k has the frequency of k, and nothing said so."""
+    model = mv.Model("cart")
+    model.add_body("mass", 2.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("k", "ground", "mass", start=(-1, 0, 0), end=(0, 0, 0), stiffness=8.0)
+    sweep(model, {"k.stiffness": [8.0, 18.0]}, of)
+    sweep(model, {"k.stiffness": [8.0, -8.0]}, "modes.damping_ratios")
+    assert not recwarn.list
+    with pytest.warns(mv.errors.UnstableWarning, match="modes of 'cart' grow at some of the points"):
+        (values,) = sweep(model, {"k.stiffness": [8.0, -8.0]}, of).results.values()
+    assert np.ptp(values) < 1e-14 * values.max()
+
+
 def test_if_every_point_fails_the_sweep_says_so():
     with pytest.warns(UserWarning, match="all 2 points failed, the first by ZeroDivisionError"):
         result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda system: 1 / 0)
@@ -175,6 +190,25 @@ def test_quantities_are_named_by_their_label(tmp_path):
     assert "rms of body.z" in str(table)
     with pytest.raises(ModelError, match="record of another study"):
         sweep(car, values, studies.rms("wheel.z", floor), file=file)
+
+
+@pytest.mark.slow
+def test_records_tell_quantities_of_one_label_apart(tmp_path):
+    """Root mean squares of one output under other noise, gains at other frequencies; the same again is resumed."""
+    car, values = quarter_car(suspension_damping=300.0), {"tyre.stiffness": [1.8e5, 2e5]}
+    of = [studies.rms("body.z", {"load": isolation.shaped([gain], [1.0, 2.0])}) for gain in (1.0, 5.0)]
+    again = studies.rms("body.z", {"load": isolation.shaped([1.0], [1.0, 2.0])})
+    for k, study in enumerate((lambda quantity, file: sweep(car, values, quantity, file=file),
+                               lambda quantity, file: studies.tolerances(car, {"tyre.stiffness": "1 %"}, quantity,
+                                                                         samples=3, file=file).sweep)):  # fmt: skip
+        file = tmp_path / f"{k}.jsonl"
+        first = study(of[0], file)
+        size = file.stat().st_size
+        for quantity in (of[0], again):
+            np.testing.assert_array_equal(study(quantity, file)["rms of body.z"], first["rms of body.z"])
+        assert file.stat().st_size == size
+        with pytest.raises(ModelError, match=r"another study \(quantities is not the same\)"):
+            study(of[1], file)
 
 
 def test_records_of_other_studies_are_refused(tmp_path):

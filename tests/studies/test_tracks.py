@@ -51,6 +51,7 @@ def test_names_are_kept_over_grids_and_points_that_fail():
     assert np.allclose(table[..., 0], frequency(k)[:, None], rtol=1e-12)
     assert np.allclose(table[..., 1], frequency(400.0 / mass[good]), rtol=1e-12)
     assert np.isnan(result.grid("frequencies")[:, 1]).all()
+    assert ["mass" in words for words in result.columns()["error"]] == np.isin(result["fast.mass"], -1.0).tolist()
 
 
 def test_tracks_are_sweeps(tmp_path):
