@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, shown
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import kind_of
+from mbsvib.common.expected import kind_of, reals
 from mbsvib.common.patterns import matching
 from mbsvib.elements.dynamic import Dynamic
 from mbsvib.equations.equations import Connection
@@ -86,9 +86,8 @@ def part_of(name: Any, given: Any, positions: Mapping[str, Any] | None = None) -
     given_places = {port: np.array(check.vector(place, WHO, f"positions['{name}.{port}']"))
                     for port, place in (positions or {}).items()}  # fmt: skip
     for port in given_places:
-        if port not in ordered:
-            raise ModelError(f"{WHO}: positions has '{name}.{port}', which is not a port of '{name}'."
-                             f"{nearest(port, list(ordered))}", element=f"{name}.{port}")  # fmt: skip
+        check.known(port, ordered, f"{WHO}: positions has '{name}.{port}', which is not a port of '{name}'",
+                    element=f"{name}.{port}")  # fmt: skip
     return Part(name, linear, ordered, model_places(linear), given_places)
 
 
@@ -199,16 +198,14 @@ def _coefficients(how: Any, count: int, names: tuple[str, str]) -> tuple[Any, An
 
 
 def _matrix(value: Any, count: int, label: str, names: tuple[str, str]) -> Array:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros((0, 0))
+    expected = f"{count} numbers, or a matrix of {count} x {count}, in the order of the directions"
+    array = reals(value, WHO, f"{label} of '{names[0]}' and '{names[1]}'", expected,
+                  partial(ModelError, element=names[0], field=label))  # fmt: skip
     array = np.diag(array) if array.shape == (count,) else array
     size = np.sqrt(np.abs(np.diagonal(array))) if array.shape == (count, count) else array
     if array.shape != (count, count) or not np.isfinite(array).all():
-        raise ModelError(f"{WHO}: {label} of '{names[0]}' and '{names[1]}' = {shown(value)}; expected {count} numbers, "
-                         f"or a matrix of {count} x {count}, in the order of the directions.", element=names[0],
-                         field=label)  # fmt: skip
+        raise ModelError(f"{WHO}: {label} of '{names[0]}' and '{names[1]}' = {shown(value)}; expected {expected}.",
+                         element=names[0], field=label)  # fmt: skip
     unit = np.where(size > 0.0, size, 1.0)
     scaled = array / unit[:, None] / unit
     if np.abs(scaled - scaled.T).max() > ROUNDED or np.linalg.eigvalsh(scaled)[0] < -ROUNDED:

@@ -10,14 +10,15 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import shown
-from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.channels import HELD, Channels
-from mbsvib.fitting.mode_data import ModeData
+from mbsvib.fitting.mode_data import ModeData, shape_deviations
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData, weights
 from mbsvib.fitting.variables import FARTHEST
 from mbsvib.linalg.rank import EPS
+from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.estimation import local_polynomials
 from mbsvib.measurement.matching import Matching
@@ -34,8 +35,11 @@ BUTTERWORTH, BEYOND = 0.5**0.5, 2.0
 CLEAR = 3.0
 # and where the power of inputs around is at least this share of its median over all lines.
 QUIET, SMOOTHED = 1e-3, 15
-# Relative standard deviations of frequencies and damping ratios, and that of shapes in parts of their largest entry.
-FREQUENCY, DAMPING, SHAPE = 1e-3, 0.1, 0.05
+# Share of its variance below which the noise of a combination of pairs is rounding, as that of the sides of a joint;
+# numbers that correlations of all pairs may have.
+SAME, LARGEST = 1e-9, 100_000_000
+# Relative standard deviations of frequencies and damping ratios.
+FREQUENCY, DAMPING = 1e-3, 0.1
 
 
 def response_data(
@@ -51,12 +55,15 @@ def response_data(
     responses = np.moveaxis(measurement.responses, 2, 0)
     variance = None if measurement.variance is None else np.moveaxis(measurement.variance, 2, 0)
     sign = np.moveaxis(match.factor(measurement.omega), 2, 0)
-    whitening = None
-    if measurement.covariance is not None:
-        whitening, size = _whitening(measurement, np.isfinite(responses), name)
-        weight, is_known = np.where(np.isfinite(responses), np.sqrt(2.0) / size[:, :, None], 0.0), True
+    errors, whitening, dependent = measurement.common_errors, None, 0
+    if errors is None and measurement.covariance is not None:
+        whitening, weight = _whitening(measurement, np.isfinite(responses), name)
+        is_known = True
     else:
+        variance = variance if errors is None else np.moveaxis(errors.power(), 2, 0)
         weight, is_known = weights(responses, variance, measurement.averages)
+        if errors is not None:
+            whitening, dependent = _whitening_of_pairs(errors, weight > 0.0, name)
     weight = np.where(np.isfinite(sign), weight, 0.0)
     if not (weight > 0.0).any():
         raise ResponseError(f"fit: {name} has no line that was measured with a known noise; expected finite responses "
@@ -65,6 +72,7 @@ def response_data(
     return ResponseData(
         name, number, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
         whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, is_known,
+        dependent,
     ), added  # fmt: skip
 
 
@@ -86,8 +94,7 @@ def _matched(
 
 
 def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Complex, Array]:
-    """Inverse Cholesky factors (n, outputs, outputs) of the correlation of outputs, and their deviations (n, outputs).
-    """
+    """Inverse Cholesky factors (n, outputs, outputs) of the correlation of outputs, and the weights of responses."""
     if not (counts.all(axis=(1, 2)) | ~counts.any(axis=(1, 2))).all():
         raise ResponseError(f"fit: {name} has a covariance of its outputs, and pairs that were not measured at some "
                             f"lines; leave these outputs or lines out.")  # fmt: skip
@@ -98,10 +105,30 @@ def _whitening(measurement: Measurement, counts: Any, name: str) -> tuple[Comple
     size = np.where(size > 0.0, size, 1.0)
     try:
         factor: Any = np.linalg.cholesky(power / size[:, :, None] / size[:, None] + least)
-        return np.linalg.inv(factor), size
     except np.linalg.LinAlgError:
         raise ResponseError(f"fit: the covariance of the outputs of {name} is singular at some lines; expected a "
                             f"positive definite one, or a variance.") from None  # fmt: skip
+    return np.linalg.inv(factor), np.where(counts, np.sqrt(2.0) / size[:, :, None], 0.0)
+
+
+def _whitening_of_pairs(errors: CommonErrors, counts: Bools, name: str) -> tuple[Complex, int]:
+    """What takes the correlation out of all pairs whose errors have common causes (n, pairs, pairs), without their
+    combinations that have no noise, and the number of these.
+    """
+    n, pairs = len(counts), counts[0].size
+    if n * pairs**2 > LARGEST:
+        size, most = 16e-9 * n * pairs**2, 16e-9 * LARGEST
+        raise ResponseError(f"fit: errors of {name} have common causes, and the correlation of its {pairs} pairs at "
+                            f"{n} lines takes {size:.3g} GB; expected at most {most:.3g} GB. Leave channels or lines "
+                            f"out, data[outputs, inputs], data.within(low, high).")  # fmt: skip
+    power = errors.matrices()
+    size = np.sqrt(np.einsum("nkk->nk", power).real)
+    known = counts.reshape(n, pairs) & (size > 0.0)
+    unit = np.where(known, 1.0 / np.where(known, size, 1.0), 0.0)
+    shares, axes = np.linalg.eigh(power * unit[:, :, None] * unit[:, None])
+    noisy = shares > SAME
+    scale = np.where(noisy, 1.0 / np.sqrt(np.where(noisy, shares, 1.0)), 0.0)
+    return (axes * scale[:, None]) @ axes.conj().swapaxes(1, 2), int(known.sum() - noisy.sum())
 
 
 def _channels(
@@ -205,18 +232,9 @@ def mode_data(measured: MeasuredModes, name: str, number: int, scene: Any) -> Mo
         match, shapes = measured.matched(scene.model), np.asarray(measured.shapes, dtype=complex)
         rows = np.array([scene.plant.outputs.index(one) for one in match.output_names], dtype=np.intp)
         sign, powers = np.array([(partner.sign, partner.derivatives) for partner in match.outputs], dtype=np.intp).T
-    return ModeData(name, number, measured.frequencies, ratios, shapes, *_deviations(measured, shapes), rows, sign,
-                    powers)  # fmt: skip
-
-
-def _deviations(measured: MeasuredModes, shapes: Complex) -> tuple[Array, Array, Array]:
-    """Standard deviations of frequencies and damping ratios, relative, and of shapes."""
-    n = len(measured.frequencies)
-    frequency = np.full(n, FREQUENCY) if measured.sd is None else measured.sd / measured.frequencies
-    with np.errstate(all="ignore"):
-        largest = np.nanmax(np.abs(shapes), axis=0, initial=0.0) if len(shapes) else np.zeros(n)
-    shape = np.broadcast_to(SHAPE * largest, shapes.shape)
-    return frequency, np.full(n, DAMPING), np.where(shape > 0.0, shape, 1.0)
+    deviation = np.full(n, FREQUENCY) if measured.sd is None else measured.sd / measured.frequencies
+    return ModeData(name, number, measured.frequencies, ratios, shapes, deviation, np.full(n, DAMPING),
+                    shape_deviations(shapes), rows, sign.astype(float), powers)  # fmt: skip
 
 
 def conditioned(data: Any) -> list[tuple[dict[str, float], Any]]:

@@ -22,9 +22,10 @@ from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.problem import CONVERGED, Problem, real_rows
 from mbsvib.linalg.rank import TIE_BREAK
 
-# Directions with singular values below this share of the largest are not told; the deviation beyond which these are
-# none in parts of the size of values; shares of a value in one that are not named; of its square, that make it untold.
-SMALLEST_SHARE, LARGEST_DEVIATION, NAMED, TOLD = 1e-6, 1.0, 0.1, 0.01
+# Directions with singular values below this share of the largest are lost in rounding, and have this deviation; the
+# deviation from which these are not told, in parts of the size of values; shares of a value in one that are not named;
+# of its square, that make it untold.
+SMALLEST_SHARE, LOST, LARGEST_DEVIATION, NAMED, TOLD = 1e-6, 1e8, 1.0, 0.1, 0.01
 # Intervals leave as much to both sides as makes 95 %.
 QUANTILE = 0.975
 # Probability of residuals of noise alone that counts as none.
@@ -71,21 +72,37 @@ class Knowledge:
 def knowledge(problem: Problem, x: Array) -> Knowledge:
     """Return what is known at the solution x of a problem."""
     residuals = problem.residuals(x)
-    squares, vectors = np.linalg.eigh(problem.sums(x, far=False).normal)
-    sizes, rows = np.sqrt(np.maximum(squares[::-1], 0.0)), vectors.T[::-1]
-    told = (sizes > SMALLEST_SHARE * sizes[0]) & (sizes * LARGEST_DEVIATION > 1.0)
-    untold = rows[~told]
-    is_told = (untold**2).sum(axis=0) <= TOLD
-    inverse = rows[told] / sizes[told, None]
-    covariance = inverse.T @ inverse
-    freedom = max(1, problem.numbers - int(told.sum()))
-    test = _test(problem, residuals, freedom, int(told.sum()))
+    untold, covariance = _determined(problem.sums(x, far=False).normal)
+    is_told, told = (untold**2).sum(axis=0) <= TOLD, len(x) - len(untold)
+    freedom = max(1, problem.numbers - told)
+    test = _test(problem, residuals, freedom, told)
     if not test.passed:
         covariance = _from_residuals(covariance, _scores(problem, x), max(1.0, test.ratio) if test.ratio > 0.0 else 1.0)
     covariance[~is_told] = covariance[:, ~is_told] = 0.0
     covariance[~is_told, ~is_told] = np.inf
     return Knowledge(covariance, is_told, combinations(untold, problem.variables.names), test,
                      np.inf if problem.known else float(freedom))
+
+
+def _determined(normal: Array) -> tuple[Array, Array]:
+    """Orthonormal directions (k, v) that the data do not tell, and the covariance (v, v) with these held.
+
+    First values that are not told even if all others are known. Of the rest, what rounding leaves of J^T J shows with a
+    unit diagonal, whatever the size of the values is.
+    """
+    alone = normal.diagonal() * LARGEST_DEVIATION**2 <= 1.0
+    rest, every = np.flatnonzero(~alone), np.eye(len(normal))
+    scale = np.sqrt(normal.diagonal()[rest])
+    scaled = normal[np.ix_(rest, rest)] / scale[:, None] / scale
+    shares, axes = np.linalg.eigh(scaled)
+    lost, axes = shares <= SMALLEST_SHARE**2 * shares.max(initial=0.0), axes / scale[:, None]
+    deviations = np.where(lost, LOST / np.linalg.norm(axes, axis=0), 1.0 / np.sqrt(np.where(lost, 1.0, shares)))
+    directions, sizes, _ = np.linalg.svd(axes * deviations)
+    untold = directions[:, sizes >= LARGEST_DEVIATION].T
+    basis = np.linalg.svd(untold / scale)[2][len(untold) :] if len(untold) else np.eye(len(rest))
+    covariance = np.zeros_like(normal)
+    covariance[np.ix_(rest, rest)] = basis.T @ np.linalg.inv(basis @ scaled @ basis.T) @ basis / scale[:, None] / scale
+    return np.concatenate((every[alone], untold @ every[rest])), covariance
 
 
 def _scores(problem: Problem, x: Array) -> Array:

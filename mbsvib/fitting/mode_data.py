@@ -2,6 +2,8 @@
 
 With Q(s) = s^2 M + s C + K a mode, Q(lambda) x = 0, moves by [Q, Q' x; x^H, 0] [dx; d lambda] = [-dQ x; 0]. Measured
 shapes psi are known up to a complex factor, the best one: r = (a phi - psi) / sigma with a = phi^H psi / phi^H phi.
+Modes of one eigenvalue, as symmetry makes them, have any shape x = V c of their space: the one nearest to psi is taken,
+bordered by V, and d lambda is c^H mu / c^H c with what stands beside V in the solution.
 
 Source: Friswell & Mottershead, Finite Element Model Updating in Structural Dynamics (1995), sections 2 and 5; Golub &
 Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, for the factor.
@@ -10,21 +12,27 @@ Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, for the factor.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from mbsvib.common.arrays import Array, Complex, Index
+from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.response_data import Block
-from mbsvib.linalg.matching import mac
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes import modes as modes_of
 
 # A mode as far off as this factor in frequency loses as much as a correlation of shapes of 1 is worth.
 FAR_APART = 4.0
 # A mode without a shape that is farther from that of the model than by this factor may be another one.
 GUESSED = 1.3
+# Standard deviation of entries of shapes, in parts of the largest.
+SHAPE = 0.05
+# Shapes are real up to a factor if the sum of their squares is as large as that of sizes, but for this share.
+REAL = 1e-9
+# Relative difference of eigenvalues of one space.
+EQUAL = 1e-6
 SENSING = ("Cq", "Cv", "Ca")
 
 
@@ -32,7 +40,8 @@ SENSING = ("Cq", "Cv", "Ca")
 class ModeData:
     """Natural ``frequencies`` (n,) [Hz], ``damping_ratios`` (n,) and ``shapes`` (outputs, n), NaN where not measured,
     with standard deviations: relative ones of the first two, and of the shapes in their own unit (outputs, n). They are
-    displacements: ``sign`` lambda^``powers`` (outputs,) times what the ``rows`` of the model have.
+    displacements: ``sign`` lambda^``powers`` (outputs,) times what the ``rows`` of the model have, rotations among them
+    times a radius.
     """
 
     name: str
@@ -44,26 +53,42 @@ class ModeData:
     damping_deviation: Array
     shape_deviation: Array
     rows: Index
-    sign: Index
+    sign: Array
     powers: Index
     known: bool = True
 
+    def with_radius(self, equations: Any) -> ModeData:
+        """Return the same with rotations times the radius at which the modes of the model turn as much as they move,
+        normalised by mass: units do not change what a shape tells.
+        """
+        turns = np.array([equations.output_units[row].startswith("rad") for row in self.rows], dtype=bool)
+        if turns.all() or not turns.any():
+            return self
+        shapes = sum(getattr(equations, key)[self.rows] for key in SENSING) @ equations.modes().shapes
+        moved, turned = np.linalg.norm(shapes[~turns]), np.linalg.norm(shapes[turns])
+        scale = np.where(turns, moved / turned if moved * turned > 0.0 else 1.0, 1.0)
+        shapes = self.shapes * scale[:, None]
+        return replace(self, shapes=shapes, sign=self.sign * scale, shape_deviation=shape_deviations(shapes))
+
     @property
     def numbers(self) -> int:
-        """How many real numbers were measured; the factor of each shape is none."""
+        """How many real numbers were measured, one an entry of a shape that is real up to a factor, which is none."""
         shown = np.isfinite(self.shapes)
-        return int(np.isfinite(self.frequencies).sum() + np.isfinite(self.damping_ratios).sum() + 2 * shown.sum()
-                   - 2 * shown.any(axis=0).sum())  # fmt: skip
+        square = np.where(shown, self.shapes, 0.0) ** 2
+        parts = 1 + (np.abs(square.sum(axis=0)) < (1.0 - REAL) * np.abs(square).sum(axis=0))
+        return int(np.isfinite(self.frequencies).sum() + np.isfinite(self.damping_ratios).sum()
+                   + (parts * (shown.sum(axis=0) - shown.any(axis=0))).sum())  # fmt: skip
 
     def blocks(self, equations: Any, slopes: Mapping[str, Array] | None, values: Array, far: bool) -> Iterator[Block]:
         """Yield the residuals of all modes with their derivatives."""
-        eigenvalues, vectors, shapes, pairs = self._modes(equations)
+        eigenvalues, spaces, shapes, pairs = self._modes(equations)
         parts = []
         for k, at in enumerate(pairs):
             change: tuple[Complex, Complex] = np.zeros(0, dtype=complex), np.zeros((0, len(self.rows)), dtype=complex)
+            factors = self._factors(k, eigenvalues, at, shapes[at])
             if slopes is not None:
-                change = _changes(equations, slopes, eigenvalues[at], vectors[at], (self.rows, self.powers))
-            parts += list(self._residuals(k, eigenvalues[at], shapes[at], *change))
+                change = _changes(equations, slopes, eigenvalues[at], (spaces[at], factors), (self.rows, self.powers))
+            parts += list(self._residuals(k, eigenvalues[at], shapes[at] @ factors, *change))
         residual, changes = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         yield Block(residual, None if slopes is None else np.pad(changes, ((0, len(values) - len(changes)), (0, 0))))
 
@@ -76,14 +101,26 @@ class ModeData:
                 yield (f"{self.name}: the mode at {measured:.4g} Hz has no shape, and the nearest one of the model, "
                        f"which is taken for it, is at {model:.4g} Hz")  # fmt: skip
 
-    def _modes(self, equations: Any) -> tuple[Complex, list[Complex], Complex, Index]:
-        """Eigenvalues, vectors and shapes of the model's modes, and which of them each measured mode is."""
+    def _modes(self, equations: Any) -> tuple[Complex, list[Complex], list[Complex], Index]:
+        """Eigenvalues of the model's modes, vectors (m, g) of the space of each, of g modes, and their shapes (outputs,
+        g), and which mode each measured one is.
+        """
         eigenvalues = self._oscillating(equations)
-        vectors = [_null_vector(equations, value) for value in eigenvalues]
+        spaces = [_space(equations, eigenvalues[_equal(eigenvalues, k)]) for k in range(len(eigenvalues))]
         sensing = [getattr(equations, key)[self.rows] for key in SENSING]
-        shapes = np.array([self.sign * (_sensed(sensing, value, self.powers) @ x)
-                           for value, x in zip(eigenvalues, vectors, strict=True)])  # fmt: skip
-        return eigenvalues, vectors, shapes, self.paired(np.abs(eigenvalues) / (2.0 * np.pi), shapes)
+        shapes = [self.sign[:, None] * (_sensed(sensing, value, self.powers) @ space)
+                  for value, space in zip(eigenvalues, spaces, strict=True)]  # fmt: skip
+        return eigenvalues, spaces, shapes, self.paired(np.abs(eigenvalues) / (2.0 * np.pi), shapes)
+
+    def _factors(self, k: int, eigenvalues: Complex, at: int, shapes: Complex) -> Complex:
+        """What makes the shape of measured mode k of those (outputs, g) of the space of mode ``at``, of length 1."""
+        own: Complex = np.eye(shapes.shape[1], dtype=complex)[int(_equal(eigenvalues, at)[:at].sum())]
+        known = np.isfinite(self.shapes[:, k])
+        if len(own) == 1 or not known.any():
+            return own
+        found = np.linalg.lstsq(shapes[known], self.shapes[known, k], rcond=None)[0]
+        size = np.linalg.norm(found)
+        return np.asarray(found / size) if size > 0.0 else own
 
     def _oscillating(self, equations: Any) -> Complex:
         eigenvalues: Complex = modes_of(equations).pairs[:, 0]
@@ -93,10 +130,10 @@ class ModeData:
                                 f"oscillate; leave modes out or give the model more freedom.")  # fmt: skip
         return np.asarray(result)
 
-    def paired(self, frequencies: Array, shapes: Complex) -> Index:
+    def paired(self, frequencies: Array, shapes: Sequence[Complex]) -> Index:
         """Return the number of the model's mode of each measured one.
 
-        ``frequencies`` (k,) [Hz], ``shapes`` (k, outputs): those of the model.
+        ``frequencies`` (k,) [Hz], ``shapes`` (outputs, g) of the space of each: those of the model.
         """
         from scipy.optimize import linear_sum_assignment
 
@@ -104,7 +141,7 @@ class ModeData:
         for k, shape in enumerate(self.shapes.T):
             known = np.isfinite(shape)
             if known.sum() > 1:
-                distance[k] += 1.0 - mac(shape[known, None], shapes.T[known])[0]
+                distance[k] += [1.0 - _share(space[known], shape[known]) for space in shapes]
         return np.asarray(linear_sum_assignment(distance)[1])
 
     def _residuals(
@@ -132,26 +169,48 @@ class ModeData:
             yield (factor * phi - measured) / deviation, (factor * d_phi + d_factor[:, None] * phi) / deviation
 
 
-def _null_vector(equations: Any, value: complex) -> Complex:
-    """The vector x with Q(lambda) x = 0."""
+def shape_deviations(shapes: Complex) -> Array:
+    """Standard deviations (outputs, n) of the entries of shapes."""
+    with np.errstate(all="ignore"):
+        largest = np.nanmax(np.abs(shapes), axis=0, initial=0.0)
+    deviation = np.broadcast_to(SHAPE * largest, shapes.shape)
+    return np.where(deviation > 0.0, deviation, 1.0)
+
+
+def _equal(eigenvalues: Complex, k: int) -> Bools:
+    return np.asarray(np.abs(eigenvalues - eigenvalues[k]) <= EQUAL * np.abs(eigenvalues[k]))
+
+
+def _space(equations: Any, eigenvalues: Complex) -> Complex:
+    """Orthonormal vectors (m, g) with Q(lambda) x = 0 of g equal eigenvalues."""
+    value = eigenvalues.mean()
     q = equations.K + value * equations.C + value**2 * equations.M
-    return np.asarray(np.linalg.svd(q)[2][-1].conj())
+    return np.asarray(np.linalg.svd(q)[2][-len(eigenvalues) :].conj().T)
+
+
+def _share(space: Complex, shape: Complex) -> float:
+    """The share of a shape (outputs,) in the span of some (outputs, g); of one of these the MAC."""
+    u, size, _ = np.linalg.svd(space, full_matrices=False)
+    power = (np.abs(u[:, size > EPS * size.max(initial=0.0)].conj().T @ shape) ** 2).sum()
+    total = (np.abs(shape) ** 2).sum()
+    return float(power / total) if total else 0.0
 
 
 def _changes(
-    equations: Any, slopes: Mapping[str, Array], value: complex, x: Complex, ends: tuple[Index, Index]
+    equations: Any, slopes: Mapping[str, Array], value: complex, of: tuple[Complex, Complex], ends: tuple[Index, Index]
 ) -> tuple[Complex, Complex]:
-    """Derivatives of the eigenvalue (v,) and of the shape at the outputs (v, outputs)."""
-    m = len(x)
+    """Derivatives of the eigenvalue (v,) and of the shape at the outputs (v, outputs); ``of``: V (m, g) and c (g,)."""
+    space, factors = of
+    x, m = space @ factors, len(space)
     q = equations.K + value * equations.C + value**2 * equations.M
-    rate = (equations.C + 2.0 * value * equations.M) @ x
+    rate = (equations.C + 2.0 * value * equations.M) @ space
     scale = float(np.abs(q).max()) or 1.0  # borders as large as Q
-    bordered = np.zeros((m + 1, m + 1), dtype=complex)
-    bordered[:m, :m], bordered[:m, m], bordered[m, :m] = q, rate * (scale / np.linalg.norm(rate)), scale * x.conj()
+    unit = scale / np.linalg.norm(rate)
+    bordered = np.block([[q, rate * unit], [scale * space.conj().T, np.zeros((len(factors), len(factors)))]])
     force = np.array([-(k + value * c + value**2 * mass) @ x for k, c, mass in zip(
         slopes["K"], slopes["C"], slopes["M"], strict=True)])  # fmt: skip
-    solution = np.linalg.solve(bordered, np.pad(force, ((0, 0), (0, 1))).T).T
-    d_value = solution[:, m] * (scale / np.linalg.norm(rate))
+    solution = np.linalg.solve(bordered, np.pad(force, ((0, 0), (0, len(factors)))).T).T
+    d_value = solution[:, m:] @ factors.conj() * unit
     rows, powers = ends
     sensing = [getattr(equations, key)[rows] for key in SENSING]
     moved = _sensed([(k + powers)[:, None] * matrix for k, matrix in enumerate(sensing)], value, powers - 1) @ x

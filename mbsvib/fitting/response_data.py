@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
-from warnings import warn
+from warnings import catch_warnings, simplefilter, warn
 
 import numpy as np
 
@@ -157,9 +157,10 @@ TURNED = 0.05
 # Delays are looked for up to so many periods of the highest line, in steps of this share of one.
 PERIODS, STEP = 5, 0.05
 
-# Noise that is not known: constant parts tried in its variance, over the median of |H|^2 beside |H|^2, and the gain of
-# log-likelihood beyond which chance does not make it depend on the response.
-FLOORS, LIKELIER = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0
+# Noise that is not known: constant parts tried in its variance, over the median of |H|^2 beside |H|^2, the gain of
+# log-likelihood beyond which chance does not make it depend on the response, and the lines of a pair that count as much
+# as those of all inputs together.
+FLOORS, LIKELIER, ALIKE = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0, 4.0
 # Residuals below this share of what was measured are rounding of exact data.
 EXACT = 1e-10
 
@@ -174,11 +175,12 @@ class Block(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ResponseData:
     """Responses ``measured`` (n, outputs, inputs) at ``omega``, 0 where ``weight`` (n, outputs, inputs) is: sqrt(2)
-    over the standard deviation of the noise, up to one factor for each output where it is not ``known``.
+    over the standard deviation of the noise, up to one factor for each pair where it is not ``known``.
 
-    ``whitening`` (n, outputs, outputs) takes the correlation out of weighted outputs. ``rows`` and ``columns`` are
-    ports of the model; ``sign`` (outputs, inputs) has directions against its own. ``scene`` is the number of the
-    condition in which it was measured.
+    ``whitening`` takes the correlation out of weighted outputs (n, outputs, outputs), or out of all weighted pairs (n,
+    pairs, pairs). ``rows`` and ``columns`` are ports of the model; ``sign`` (outputs, inputs) has directions against
+    its own. ``scene`` is the number of the condition in which it was measured. ``dependent`` is how many numbers others
+    tell already.
     """
 
     name: str
@@ -192,6 +194,7 @@ class ResponseData:
     sign: Complex
     channels: Channels
     known: bool
+    dependent: int = 0
 
     @property
     def solved_at(self) -> Array:
@@ -215,8 +218,7 @@ class ResponseData:
                 if len(change) < len(values):
                     more = self.channels.slopes(values, self.omega[which], self.sign[which] * response, len(change))
                     every = np.concatenate((change, weight * more))
-                if self.whitening is not None and not far:
-                    every = self.whitening[which] @ every
+                every = every if far else self._whitened(which, every)
             yield Block(residual, every)
 
     def _weighted(self, which: slice, total: Complex, far: bool) -> tuple[Complex, Complex | Array]:
@@ -224,13 +226,20 @@ class ResponseData:
         measured, weight = self.measured[which], self.weight[which]
         counts = weight > 0.0
         if not far:
-            residual = weight * (total - measured) * counts
-            return residual if self.whitening is None else self.whitening[which] @ residual, weight
+            return self._whitened(which, weight * (total - measured) * counts), weight
         with np.errstate(divide="ignore", invalid="ignore"):
             counts &= (total != 0.0) & (measured != 0.0)
             spread = np.where(counts, np.sqrt(2.0) / (weight * np.abs(measured)), 1.0) if self.known else 0.0
             size = np.where(counts, 1.0 / np.hypot(LOG_DEVIATION, spread), 0.0)
             return np.where(counts, size * np.log(total / measured), 0.0), np.where(counts, size / total, 0.0)
+
+    def _whitened(self, which: slice, weighted: Complex) -> Complex:
+        """Weighted responses (..., n, outputs, inputs) without the correlation of their noise."""
+        if self.whitening is None:
+            return weighted
+        factor = self.whitening[which]
+        columns = weighted.reshape(*weighted.shape[:-2], factor.shape[-1], -1)
+        return np.asarray((factor @ columns).reshape(weighted.shape))
 
     def every(self, step: int) -> ResponseData:
         """Return the same with one line of ``step``."""
@@ -246,27 +255,30 @@ class ResponseData:
     @property
     def numbers(self) -> int:
         """How many real numbers were measured."""
-        return 2 * int((self.weight > 0.0).sum())
+        return 2 * (int((self.weight > 0.0).sum()) - self.dependent)
 
     def reweighted(self, residual: Complex, share: float) -> ResponseData:
-        """Return the same with the noise of each output that its residuals (n, outputs, inputs) tell: a constant, or
-        sigma^2 = s (c + |H|^2) where that is likelier by more than chance.
+        """Return the same with the noise of each pair that its residuals (n, outputs, inputs) tell: a constant s, or
+        sigma^2 = s (c + |H|^2) where that is likelier for its output by more than chance.
 
         ``share``: numbers over numbers less fitted values.
         """
         counts, weight = self.weight > 0.0, self.weight.copy()
         off = residual / np.where(counts, weight, 1.0)
-        power, size = np.abs(off) ** 2, np.abs(self.measured + off) ** 2
+        size = np.where(counts, np.abs(self.measured + off) ** 2, np.nan)
+        middle = _median(size)
+        power, size = np.abs(off) ** 2 / middle, size / middle
         for o in range(weight.shape[1]):
             p, h, known = power[:, o], size[:, o], counts[:, o]
             if not p[known].any():
                 continue
-            shapes = [np.ones_like(h), *(c * np.median(h[known]) + h for c in FLOORS if h[known].any())]
-            scales = [(p / v)[known].mean() for v in shapes]
-            likely = [-np.log(s * v[known]).sum() for s, v in zip(scales, shapes, strict=True)]
+            shapes = [np.ones_like(h), *(c + h for c in FLOORS)]
+            scales = [_scales(p / v, known) for v in shapes]
+            likely = [-(np.log(s * v) + p / (s * v))[known].sum() for s, v in zip(scales, shapes, strict=True)]
             k = int(np.argmax(likely))
             k = k if likely[k] - likely[0] > LIKELIER else 0
-            weight[:, o] = np.where(known, np.sqrt(2.0 / (share * scales[k] * shapes[k])), 0.0)
+            variance = share * middle[o] * scales[k] * shapes[k]
+            weight[:, o] = np.where(known, np.sqrt(2.0 / np.where(known, variance, 1.0)), 0.0)
         return replace(self, weight=weight)
 
     def fitted(self, equations: Any, values: Array) -> Complex:
@@ -309,6 +321,10 @@ class ResponseData:
             warn(f"fit: the phases of {self.name} turn against those of the model over the frequency. If its responses "
                  f"are those of exp(-i w t), give their complex conjugates, np.conj(responses).", AccuracyWarning,
                  stacklevel=5)  # fmt: skip
+        seen = self.measured[self.weight > 0.0]
+        if not seen.imag.any() and seen.any() and np.abs(model.imag).max() > TURNED * np.abs(model).max():
+            warn(f"fit: the responses of {self.name} have no imaginary part, unlike those of the model. Magnitudes and "
+                 f"decibels have no phase: give complex responses.", AccuracyWarning, stacklevel=5)
 
 
 def _turn(responses: Complex, step: int) -> float:
@@ -328,14 +344,12 @@ def weights(responses: Complex, variance: Array | None, averages: float | None) 
     """Return the weights of responses (n, outputs, inputs), 0 where they are not measured, and whether they are known.
 
     A variance of few averages is noise itself: none counts much more than those of neighbouring lines. Without a
-    variance each output has the noise of its median response, up to a factor that the residuals tell.
+    variance each pair has the noise of its median response, up to a factor that the residuals tell.
     """
     counts = np.isfinite(responses)
     if variance is None:
-        size = np.where(counts & (responses != 0.0), np.abs(responses), np.nan)
-        with np.errstate(all="ignore"):
-            median = np.array([np.nanmedian(row) if np.isfinite(row).any() else 1.0 for row in size.swapaxes(0, 1)])
-        return np.where(counts, np.sqrt(2.0) / median[:, None], 0.0), False
+        size = _median(np.where(counts, np.abs(responses), np.nan))
+        return np.where(counts, np.sqrt(2.0) / size, 0.0), False
     least = np.where(counts & (variance > 0.0), variance, np.inf).min(axis=0)
     variance = np.where(variance > 0.0, variance, least)  # a coherence of 1 is not known to so many digits
     counts &= np.isfinite(variance)
@@ -345,3 +359,19 @@ def weights(responses: Complex, variance: Array | None, averages: float | None) 
     padded = np.pad(result, ((AROUND, AROUND), (0, 0), (0, 0)), mode="edge")
     around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0), axis=-1)
     return np.where(around > 0.0, np.minimum(result, MOST_WEIGHT * around), result), True
+
+
+def _median(size: Array) -> Array:
+    """Medians (outputs, inputs) of sizes (n, outputs, inputs) that are known and not 0; of the output, or 1, else."""
+    size = np.where(size > 0.0, size, np.nan)
+    with np.errstate(all="ignore"), catch_warnings():
+        simplefilter("ignore", RuntimeWarning)  # pairs without lines
+        of_pair, of_output = np.nanmedian(size, axis=0), np.nanmedian(size, axis=(0, 2))[:, None]
+    return np.where(np.isnan(of_pair), np.where(np.isnan(of_output), 1.0, of_output), of_pair)
+
+
+def _scales(ratio: Array, known: Bools) -> Array:
+    """Mean squares (inputs,) of residuals against a noise, with some lines of their geometric mean over all inputs."""
+    total, count = np.where(known, ratio, 0.0).sum(axis=0), known.sum(axis=0)
+    mean = np.where(total > 0.0, total, 1.0) / np.maximum(count, 1)
+    return np.asarray((total + ALIKE * np.exp(np.log(mean[total > 0.0]).mean())) / (count + ALIKE))

@@ -5,7 +5,7 @@ A positive value is p = e^x, any other p = s x with a natural size s: a change o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,10 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Bools
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from mbsvib.mechanism.parameters import Parameters
+    from mbsvib.mechanism.parameters import Parameter, Parameters
 
 # Fields whose numbers are positive, if the model has them so; those of several of a kind end with a number.
 POSITIVE = frozenset({
@@ -186,24 +186,32 @@ def _row(parameters: Parameters, name: str, group: tuple[str, ...]) -> tuple[str
         units = " and ".join(sorted({entry.unit for entry in entries}))
         raise ModelError(f"fit: '{name}' ties parameters in {units}; expected one unit.", element=name, field="tied")
     values = np.array([entry.value for entry in entries])
-    positive = bool((values > 0.0).all()) and all(
-        entry.field.rstrip("0123456789") in POSITIVE and len(set(entry.index)) < 2 for entry in entries)
+    intrinsic = all(entry.field.rstrip("0123456789") in POSITIVE and not _is_product(entry) for entry in entries)
+    positive = intrinsic and bool((values > 0.0).all())
     start = float(np.exp(np.log(values).mean()) if positive else values.mean())
     size = max(map(abs, values.tolist()))
-    if not size:  # the largest of its unit in the model
-        size = max((abs(entry.value) for entry in parameters.entries if entry.unit == entries[0].unit), default=0.0)
-    return entries[0].unit, start, size or 1.0, positive
+    if entries[0].index and not intrinsic:  # depends on axes or on the origin, and may be small by chance
+        size = max(size, _largest(parameters, entries, entries[0].part if _is_product(entries[0]) else ""))
+    return entries[0].unit, start, size or _largest(parameters, entries) or 1.0, positive
+
+
+def _is_product(entry: Parameter) -> bool:
+    """Whether an entry is off the diagonal of an inertia or of another matrix."""
+    return len(set(entry.index)) > 1 or (entry.field == "inertia" and bool(entry.index) and entry.index[0] > 2)
+
+
+def _largest(parameters: Parameters, entries: Sequence[Parameter], part: str = "") -> float:
+    """The largest value of the unit of some entries, of a part or of the model."""
+    return max((abs(entry.value) for entry in parameters.entries
+                if entry.unit == entries[0].unit and part in ("", entry.part)), default=0.0)  # fmt: skip
 
 
 def _by_name(names: tuple[str, ...], given: Any, field: str, expected: str) -> dict[str, tuple[Any, Any]]:
     """Pairs of numbers by the names of values."""
-    if given is not None and not isinstance(given, Mapping):
-        raise check.refuse("fit", field, given, f"a mapping of names to {expected}")
+    check.mapping("fit", field, {} if given is None else given, f"a mapping of names to {expected}", empty=True)
     result = {}
     for name, pair in (given or {}).items():
-        if name not in names:
-            raise ModelError(f"fit: {field} has '{name}', which is not fitted.{nearest(str(name), names)}",
-                             element=str(name), field=field)  # fmt: skip
+        check.known(name, names, f"fit: {field} has '{name}', which is not fitted", field)
         try:
             first, second = (None if number is None else float(number) for number in pair)
         except (TypeError, ValueError):

@@ -36,6 +36,15 @@ class CommonErrors:
         left, right = (np.nan_to_num(np.abs(one) ** 2) for one in (rows, columns))
         return np.moveaxis(left @ variance @ right.swapaxes(1, 2), 0, -1)
 
+    def matrices(self) -> Complex:
+        """Return the covariances (n, pairs, pairs) of all pairs of outputs and inputs, inputs within outputs."""
+        rows, variance, columns = (np.nan_to_num(np.moveaxis(one, -1, 0))
+                                   for one in (self.rows, self.variance, self.columns))  # fmt: skip
+        shared = np.einsum("nib,njb,nab->naij", columns, columns.conj(), variance, optimize=True)
+        result = np.einsum("noa,npa,naij->noipj", rows, rows.conj(), shared, optimize=True)
+        pairs = rows.shape[1] * columns.shape[1]
+        return np.asarray(result.reshape(-1, pairs, pairs)) + 0j
+
     def combined(self, outputs: Array, inputs: Array) -> CommonErrors:
         """Return the errors of T_o G T_i^T, of real matrices (new outputs, outputs) and (new inputs, inputs)."""
         return CommonErrors(np.tensordot(outputs, self.rows, 1), self.variance, np.tensordot(inputs, self.columns, 1))

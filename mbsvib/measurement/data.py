@@ -13,10 +13,10 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_pair
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import limits, reals
+from mbsvib.common.expected import ascending, limits, one_of, reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
-from mbsvib.errors import ResponseError, an, counted, nearest
+from mbsvib.errors import ResponseError, an, counted
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
 from mbsvib.measurement.matching import ORDERS, Matched, unit_of
@@ -131,10 +131,8 @@ class Measurement(Matched, Columnar, Doors, Displayed):
 
     def __post_init__(self) -> None:
         set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
-        omega = np.array(reals(self.omega, WHO, "omega", "ascending angular frequencies [rad/s]"))
-        if omega.ndim != 1 or not np.isfinite(omega).all() or (omega < 0.0).any() or (np.diff(omega) <= 0.0).any():
-            raise ResponseError(f"{WHO}: omega {_not_ascending(omega)}; expected a vector of ascending angular "
-                                f"frequencies [rad/s], from 0 on, each once.")  # fmt: skip
+        expected = "a vector of ascending angular frequencies [rad/s], from 0 on, each once"
+        omega = ascending(self.omega, WHO, "omega", expected, least=0.0, count=0)
         try:
             known = np.shape(self.responses)
         except ValueError as error:
@@ -164,7 +162,8 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             wrong = known & ~((coherence >= -_ROUNDED) & (coherence <= 1.0 + _ROUNDED))
             self._refuse_at(wrong, coherence, "coherence", "values from 0 to 1")
             set_("coherence", np.clip(coherence, 0.0, 1.0))
-        if self.averages is not None and not (np.ndim(self.averages) == 0 and self.averages >= 1):
+        if self.averages is not None and not (np.asarray(self.averages).dtype.kind in "iuf"
+                                              and np.ndim(self.averages) == 0 and 1 <= self.averages < np.inf):
             raise ResponseError(f"{WHO}: averages = {shown(self.averages)}; expected their number, 1 or more.")
         if self.covariance is not None:
             full = _array(self.covariance, (shape[0], shape[0], shape[2]), "covariance", complex)
@@ -197,7 +196,11 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         for name, value in channels_of(self, self.outputs, self.inputs, WHO).items():
             set_(name, value)
         for name in ("modes", "lines", "left_out", "notes"):
-            set_(name, tuple(getattr(self, name)))
+            given = getattr(self, name)
+            set_(name, (given,) if isinstance(given, str) else tuple(given))
+        if not all(isinstance(mode, MeasuredMode) for mode in self.modes):
+            raise ResponseError(f"{WHO}: modes = {shown(self.modes)}; expected MeasuredMode objects, as from_uff has "
+                                f"them. Modes alone are mv.MeasuredModes.")  # fmt: skip
 
     @property
     def frequencies(self) -> Array:
@@ -348,14 +351,6 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         return f"Measurement({', '.join(counted(len(items), kind) for items, kind in groups)})"
 
 
-def _not_ascending(omega: Array) -> str:
-    if omega.ndim != 1:
-        return f"has shape {omega.shape}"
-    bad = np.flatnonzero(~np.isfinite(omega) | (omega < 0.0) | (np.diff(omega, prepend=-1.0) <= 0.0))[0]
-    before = f" behind {omega[bad - 1]:g}" if bad else ""
-    return f"has {omega[bad]:g} rad/s{before} (index {bad})"
-
-
 def _array(value: Any, shape: tuple[int, ...], field: str, kind: type) -> Any:
     try:
         result: Any = np.array(reals(value, WHO, field, "real numbers") if kind is float else value, dtype=kind)
@@ -372,6 +367,9 @@ def channels_of(of: Any, outputs: Sequence[str], inputs: Sequence[str], who: str
     result: dict[str, Any] = {"nodes": nodes_of(of.nodes)}
     for kind, names in (("output", outputs), ("input", inputs)):
         units = getattr(of, f"{kind}_units") or ("",) * len(names)
+        if not all(isinstance(unit, str) for unit in units):
+            raise ResponseError(f"{who}: {kind}_units = {shown(list(units))}; expected texts such as 'm/s^2', '' where "
+                                f"a unit is not known.")  # fmt: skip
         if len(units) != len(names):
             raise ResponseError(f"{who}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected one of "
                                 f"each.")  # fmt: skip
@@ -389,9 +387,8 @@ def quantities_of(given: Any, names: Sequence[str], units: Sequence[str]) -> tup
     result: list[str] = []
     for name, quantity, unit in zip(names, listed, units, strict=True):
         by_unit = QUANTITIES[ORDERS[unit][1]] if unit in ORDERS else ""
-        if quantity and quantity not in QUANTITIES:
-            raise ResponseError(f"{WHO}: quantity of '{name}' = {quantity!r}; expected displacement, velocity or "
-                                f"acceleration.{nearest(str(quantity), QUANTITIES)}")  # fmt: skip
+        if quantity:
+            one_of(quantity, tuple(QUANTITIES), WHO, f"quantity of '{name}'")
         if quantity and by_unit and quantity != by_unit:
             raise ResponseError(f"{WHO}: quantity of '{name}' = {quantity!r}, yet its unit is {unit}, of "
                                 f"{an(by_unit)}; expected the same.")  # fmt: skip

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.columnar import pandas_for
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import one_of, reals
 from mbsvib.common.labelled import Labelled, of_responses
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
@@ -86,14 +86,13 @@ class Doors(ArrayFiles):
         ------
         Pintelon, R., Schoukens, J., System Identification: A Frequency Domain Approach (2012), chapters 2 and 7.
         """
-        if method not in METHODS:
-            raise ResponseError(f"from_records: method = {method!r}; expected one of {', '.join(METHODS)}.")
-        windowed = method in ("H1", "H2", "Hv")
+        windowed = one_of(method, METHODS, "from_records", "method") in ("H1", "H2", "Hv")
         for name, value, belongs in (("segments", segments, windowed), ("period", period, method == "periodic")):
             if (value is not None) != belongs:
                 raise ResponseError(f"from_records: {name} = {shown(value)} with method={method!r}; expected "
                                     f"{'one' if belongs else 'none'}.")  # fmt: skip
-        if noise_ratio is not None and (method != "Hv" or not noise_ratio > 0.0):
+        if noise_ratio is not None and (method != "Hv" or np.ndim(noise_ratio) or not 0.0 < reals(
+                noise_ratio, "from_records", "noise_ratio", "a positive number") < np.inf):  # fmt: skip
             raise ResponseError(f"from_records: noise_ratio = {shown(noise_ratio)} with method={method!r}; expected a "
                                 f"positive number with 'Hv', else none.")  # fmt: skip
         if reference is not None and method not in ("H1", "local"):
@@ -155,6 +154,10 @@ class Doors(ArrayFiles):
         ------
         SDyPy Enhancement Proposal 5, a format of time series.
         """
+        channels = list(channels)
+        if not all(hasattr(channel, "items") for channel in channels):
+            raise ResponseError(f"from_sep005: channels = {shown(channels)}; expected dicts with 'name', 'data', and "
+                                f"'fs' or 'time'.")  # fmt: skip
         missing = [key for key in ("name", "data") if any(key not in channel for channel in channels)]
         if missing or not channels:
             raise ResponseError(f"from_sep005: {'no channels' if not channels else f'{missing[0]!r} is missing'}; "
@@ -166,8 +169,11 @@ class Doors(ArrayFiles):
         steps = {}
         for channel in channels:
             name, data = str(channel["name"]), reals(channel["data"], "from_sep005", "data", "numbers")
-            times = channel.get("time")
-            if times is None and not (rate := float(channel.get("fs") or 0.0)) > 0.0:
+            if data.ndim != 1:
+                raise ResponseError(f"from_sep005: 'data' of '{name}' has shape {data.shape}; expected one record.")
+            times, rate = channel.get("time"), channel.get("fs") or 0.0
+            rate = float(reals(rate, "from_sep005", f"'fs' of '{name}'", "a rate [Hz]")) if times is None else 0.0
+            if times is None and not 0.0 < rate < np.inf:
                 raise ResponseError(f"from_sep005: '{name}' has neither 'time' nor a positive 'fs'.")
             step = 1.0 / rate if times is None else step_of(times, len(data))
             steps[name] = (round(step, 12), len(data), str(channel.get("start_timestamp", "")))
@@ -330,7 +336,8 @@ class Doors(ArrayFiles):
         -------
         Measurement
             Other channels, then those of the point, with their variances; ``common_errors`` keeps for ``mv.assemble``
-            which sensors they come from. ``consistency`` says which share of each channel a rigid motion explains.
+            and ``fit`` which sensors they come from. ``consistency`` says which share of each channel a rigid motion
+            explains.
 
         Raises
         ------

@@ -284,7 +284,9 @@ def stacked(
 def step_of(t: ArrayLike, count: int, who: str = "from_records") -> float:
     """Return the time between samples [s]."""
     times = reals(t, who, "t", "even times [s], or the time between samples [s]")
-    if times.ndim == 0 and times > 0.0:
+    if times.ndim == 0:
+        if not 0.0 < times < np.inf:
+            raise ResponseError(f"{who}: t = {times:g}; expected a positive time between samples [s].")
         return float(times)
     if times.shape != (count,) or count < 2 or not np.isfinite(times).all():
         raise ResponseError(f"{who}: t has shape {times.shape}, records have {count} samples; expected one time "
@@ -300,7 +302,7 @@ def step_of(t: ArrayLike, count: int, who: str = "from_records") -> float:
 def samples_of(count: int, step: float, segments: int | None, period: float | None) -> int:
     """Return the samples of a segment, of a period, or of the record."""
     if period is not None:
-        samples = period / step
+        samples = float(reals(period, "from_records", "period", "a time [s]")) / step
         if not samples >= 2.0 or abs(samples - round(samples)) > EVEN:
             raise ResponseError(f"from_records: period = {period!r} s is {samples:.6g} samples; expected a "
                                 f"whole number.")  # fmt: skip

@@ -83,9 +83,13 @@ def point_of(label: str) -> Point | None:
 
 def nodes_of(given: Any) -> list[Node]:
     """Return nodes as a list, from nodes, or from positions by their numbers."""
-    if not isinstance(given, dict):
-        return list(given)
-    return [Node(int(number), "", check.vector(at, "nodes", str(number))) for number, at in given.items()]
+    numbered = isinstance(given, dict)
+    nodes = list(given)
+    if not all(isinstance(node, (int, np.integer) if numbered else Node) for node in nodes):
+        raise ResponseError(f"nodes = {check.shown(given)}; expected positions [m] by their numbers, "
+                            f"{{101: (0.3, 0.2, 0.3)}}, or Node objects.")  # fmt: skip
+    return [Node(int(number), "", check.vector(at, "nodes", str(number))) for number, at in given.items()] \
+        if numbered else nodes  # fmt: skip
 
 
 def points_of(given: Any, names: Sequence[str], nodes: Sequence[Node], who: str) -> tuple[list[Point], list[Node]]:

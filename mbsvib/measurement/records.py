@@ -11,7 +11,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import one_of, reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.measurement.data import channels_of
@@ -82,8 +82,7 @@ class Records(Matched, Columnar, Displayed):
         records, sizes = stacked({"output": self.outputs, "input": self.inputs, "reference": {}}, WHO, ("output",))
         count = records.shape[-1]
         values: dict[str, Any] = {"t": step_of(self.t, count, WHO)}
-        if self.hold not in HOLDS:
-            raise ResponseError(f"{WHO}: hold = {shown(self.hold)}; expected one of {', '.join(map(repr, HOLDS))}.")
+        one_of(self.hold, HOLDS, WHO, "hold")
         check_length(count * values["t"], self.band, None, "local", WHO)
         for kind, part in zip(("outputs", "inputs"), np.split(records, [sizes[0]], axis=1), strict=True):
             names = signal_names(tuple(getattr(self, kind)), part.shape[1], kind, WHO)

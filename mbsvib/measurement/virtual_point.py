@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError, counted
@@ -39,16 +40,16 @@ def with_virtual_point(data: Any, name: str, position: Any, outputs: Any, inputs
         shares = _consistency(np.moveaxis(responses, axis, 0)[numbers], rigid)
         consistency |= dict(zip([names[k] for k in numbers], shares, strict=True))
     arrays: dict[str, Any] = {"responses": _moved(_moved(responses, rows, t_out, 0), columns, t_in, 1)}
-    for field in ("variance", "noise_variance"):
-        if getattr(data, field) is not None:
-            arrays[field] = _moved(_moved(getattr(data, field), rows, t_out**2, 0), columns, t_in**2, 1)
-    if data.covariance is not None:
-        arrays["covariance"] = _moved(_moved(data.covariance, rows, t_out, 0), rows, t_out, 1)
+    if data.noise_variance is not None:
+        arrays["noise_variance"] = _moved(_moved(data.noise_variance, rows, t_out**2, 0), columns, t_in**2, 1)
+    if data.covariance is not None:  # of new inputs it is another one for each
+        arrays["covariance"] = None if columns else _moved(_moved(data.covariance, rows, t_out, 0), rows, t_out, 1)
     errors = errors_of(data)
     if errors is not None:
-        arrays["common_errors"] = errors.combined(*(
+        arrays["common_errors"] = errors = errors.combined(*(
             _moved(np.eye(len(names)), numbers, transform, 0)
             for names, (numbers, transform, _) in zip((data.outputs, data.inputs), sides, strict=True)))  # fmt: skip
+        arrays["variance"] = np.where(np.isnan(arrays["responses"]), np.nan, errors.power())
     for kind, (numbers, transform, _) in zip(("output", "input"), sides, strict=True):
         arrays |= _channels(data, name, point, kind, numbers, transform)
     if t_out.size:
@@ -67,6 +68,8 @@ def _side(
     names = getattr(data, f"{kind}s")
     listed = [given] if isinstance(given, str) else list(given)
     numbers = list(dict.fromkeys(k for one in listed for k in selected(one, names, kind, WHO)))
+    if not numbers:
+        raise ResponseError(f"{WHO}: {kind}s = {shown(given)}; expected some on the rigid part, or None for none.")
     rows = []
     for k in numbers:
         place = places.get((kind, names[k]))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.fitting.variables import physical
+from mbsvib.api.fitting import _in_words
+from mbsvib.fitting.variables import physical, variables
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 40.0, 60)
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -51,3 +52,46 @@ def test_the_nearest_inertia_that_a_body_can_have():
         got = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         back = 0.5 * np.trace(got) * np.eye(3) - got
         np.testing.assert_allclose(back, (axes * np.maximum(moments, 1e-9 * moments.max())) @ axes.T, atol=1e-12)
+
+
+def turned(product, x=0.0):
+    """A body on a bushing, turned about x, of which rotations about x and y are measured."""
+    model = mv.Model("turned")
+    model.add_body("b", 5.0, [[0.05, product, 0], [product, 0.06, 0], [0, 0, 0.08]], position=(x, 0, 0.1))
+    model.add_bushing("k", "ground", "b", (0, 0, 0), (1e5, 1.2e5, 2e5, 3e3, 4e3, 2e3), (20, 20, 40, 1, 1, 1))
+    model.add_input("F", "b", "rx", position=(0, 0, 0.1))
+    for axis in ("rx", "ry", "z"):
+        model.add_output(axis, "b", axis, position=(0, 0, 0.1))
+    return model
+
+
+def measured_turns():
+    omega = 2 * np.pi * np.linspace(5.0, 60.0, 40)
+    exact = turned(-0.01).linearize().frequency_response(omega)
+    variance = np.full(exact.shape, (0.01 * np.abs(exact[:2]).mean()) ** 2)
+    noise = np.random.default_rng(3).standard_normal((2, *exact.shape)) * np.sqrt(variance / 2.0)
+    return mv.Measurement(omega, exact + noise[0] + 1j * noise[1], ["rx", "ry", "z"], ["F"], variance=variance)
+
+
+def test_products_of_inertia_change_their_sign():
+    fit = turned(0.004).fit(measured_turns(), ["b.inertia.xx", "b.inertia.xy"])
+    assert fit.residual_test.passed
+    low, high = fit.intervals["b.inertia.xy"]
+    assert low < -0.01 < high < -0.0095
+
+
+def test_changes_of_places_that_are_not_seen_have_units():
+    """Masses change by a share, places by a length: a share of a place depends on the origin."""
+    model = turned(-0.01)
+    chosen = variables(model.parameters, ["b.mass", "b.position.x"], (), None, None)
+    assert _in_words({"b.mass": 1.0, "b.position.x": -0.5}, chosen) == \
+        "b.mass +1 % and b.position.x -0.0005 m together leave the data as they are"  # fmt: skip
+
+
+def test_a_place_near_the_origin_is_told_as_well_as_one_at_it():
+    data, free = measured_turns(), ["b.inertia.xy", "b.position.x"]
+    at, near = (turned(0.0, x).fit(data, free) for x in (0.0, 1e-12))
+    assert near.unidentified == ()
+    for name in free:
+        low, high = at.intervals[name]  # searches end within 1e-3 standard deviations
+        np.testing.assert_allclose(near.intervals[name], [low, high], rtol=0.0, atol=1e-3 * (high - low))

@@ -119,3 +119,85 @@ def test_damping_ratios_of_zero_are_not_measured():
     with_zeros, without = (model.fit(mv.MeasuredModes(f, ratios), "k1.stiffness") for ratios in (0.0, None))
     assert with_zeros.values == without.values
     assert with_zeros.values["k1.stiffness"] == pytest.approx(2e4, rel=1e-6)
+
+
+def standing(stiffness=(1e5, 1e5, 2e5, 3e3, 3e3, 2e3), unit=1.0, height=0.05):
+    """A body on a bushing that is the same along and about x and y: two pairs of equal modes."""
+    model, scale = mv.Model("standing"), np.repeat([1.0, unit**2], 3)
+    model.add_body("b", 5.0, unit**2 * np.array([0.05, 0.05, 0.08]))
+    model.add_bushing("k", "ground", "b", (0, 0, height * unit), scale * stiffness, 2e-4 * scale * stiffness)
+    for axis in ("x", "y", "rx", "ry"):
+        model.add_output(axis, "b", axis)
+    return model
+
+
+def seen(model):
+    """Frequencies and shapes of the modes that the outputs show."""
+    system = model.linearize()
+    modes = system.modes()
+    shapes = system.Cq @ modes.shapes
+    which = np.abs(shapes).max(axis=0) > 1e-6
+    return modes.frequencies[which], shapes[:, which]
+
+
+@pytest.mark.parametrize("height", [0.0, 0.05])
+@pytest.mark.parametrize("shown", [True, False])
+def test_modes_of_one_frequency_part_from_a_start_of_symmetry(shown, height):
+    """Shapes choose vectors of the common space; without shapes the sum of both tells the frequencies."""
+    true, outputs = standing((1.05e5, 0.97e5, 2e5, 3.1e3, 2.9e3, 2e3), height=height), ["x", "y", "rx", "ry"]
+    free = ["k.stiffness.x", "k.stiffness.y", "k.stiffness.rx", "k.stiffness.ry"]
+    frequencies, shapes = seen(true)
+    known = {"shapes": shapes, "outputs": outputs} if shown else {}
+    start = standing((1.0001e5, 1e5, 2e5, 3e3, 3e3, 2e3), height=height)
+    fit = start.fit(mv.MeasuredModes(frequencies, **known), free)
+    assert fit.residual_test.passed
+    np.testing.assert_allclose(seen(fit.model)[0], frequencies, rtol=1e-6)
+    if shown:
+        np.testing.assert_allclose([fit.values[name] for name in free], [1.05e5, 0.97e5, 3.1e3, 2.9e3], rtol=1e-5)
+        frequencies, shapes = seen(standing(height=height))  # any two vectors of each space
+        back = true.fit(mv.MeasuredModes(frequencies, shapes=shapes, outputs=outputs), free)
+        np.testing.assert_allclose([back.values[name] for name in free], [1e5, 1e5, 3e3, 3e3], rtol=1e-4)
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_slopes_of_modes_of_one_frequency(shown):
+    """With both stiffnesses of a pair f changes by half of their share, and shapes stay."""
+    model = standing(height=0.0)
+    frequencies, shapes = seen(model)
+    known = {"shapes": shapes @ np.kron(np.eye(2), [[0.8, 0.6], [-0.6, 0.8]]), "outputs": ["x", "y", "rx", "ry"]}
+    chosen = variables(model.parameters, (), ["k.stiffness.[xy]", "k.stiffness.r[xy]"])
+    problem = _problem(model, conditioned(mv.MeasuredModes(frequencies, **(known if shown else {}))), chosen, ())
+    ((_, block),) = problem.blocks(problem.variables.unknowns(problem.variables.start))
+    rows = np.flatnonzero(np.abs(block.slopes).max(axis=0) > 1e-3)  # those of frequencies
+    np.testing.assert_allclose(np.sort(np.abs(block.slopes[:, rows]), axis=0), [[0.0] * 4, [500.0] * 4], rtol=1e-9,
+                               atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(np.abs(block.residual), 0.0, atol=1e-6)
+
+
+def test_real_shapes_have_one_number_an_entry():
+    """Residuals of normal modes have no imaginary parts: of noise as stated, chi^2 is as large as its freedom."""
+    model, rng, ratios = chain(damping=(0.0, 0.0, 0.0)), np.random.default_rng(3), []
+    exact = modes_of(model, damping=False, factors=(1.0, 1.0, 1.0))
+    size = 0.05 * np.abs(exact.shapes).max(axis=0)
+    for _ in range(8):
+        noisy = exact.shapes.real + size * rng.standard_normal(exact.shapes.shape)
+        known = mv.MeasuredModes(exact.frequencies * (1.0 + 1e-3 * rng.standard_normal(3)), shapes=noisy,
+                                 outputs=exact.outputs)  # fmt: skip
+        problem = _problem(model, conditioned(known), variables(model.parameters, "k*.stiffness", ()), ())
+        assert problem.numbers == 3 + 9 - 3
+        x = problem.variables.unknowns(problem.variables.start)
+        ratios.append(2.0 * problem.cost(x, far=False) / problem.numbers)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=3.0 * np.sqrt(2.0 / (8 * 9)))
+
+
+def test_units_of_length_do_not_change_what_shapes_tell():
+    """Rotations beside displacements of the same machine in m and in mm, with errors of frequencies and shapes."""
+    exact, rng = seen(standing((1.05e5, 0.97e5, 2e5, 3.1e3, 2.9e3, 2e3))), np.random.default_rng(1)
+    frequencies = exact[0] * (1.0 + 1e-3 * rng.standard_normal(4))
+    shapes = exact[1] * (1.0 + 0.1 * rng.standard_normal((4, 4)))
+    free = ["k.stiffness.x", "k.stiffness.ry", "k.position.z"]
+    metres, other = (standing(unit=unit).fit(mv.MeasuredModes(
+        frequencies, shapes=shapes * np.array([[unit], [unit], [1], [1]]), outputs=["x", "y", "rx", "ry"]), free)
+        for unit in (1.0, 1e3))  # fmt: skip
+    for name, scale in zip(free, (1.0, 1e6, 1e3), strict=True):
+        np.testing.assert_allclose(other.intervals[name], scale * np.array(metres.intervals[name]), rtol=1e-7)

@@ -36,7 +36,7 @@ def test_bounds_of_a_positive_value(bounds, low, high):
 
 
 def test_bounds_and_sizes_of_values_of_any_sign():
-    """A value of 0 has the size of its bounds, else that of the largest of its unit; others have their own."""
+    """A place has the size of the largest in the model, however near to the origin; a value of 0 that of its bounds."""
     model = spinning()
     names = ["shaft.position.x", "shaft.position.y", "near.orientation.ry"]
     given = {"shaft.position.y": (-0.2, 0.3), "shaft.position.x": (None, 0.4), "near.orientation.ry": (-1.0, None)}
@@ -44,9 +44,15 @@ def test_bounds_and_sizes_of_values_of_any_sign():
     assert known.low.tolist() == [-np.inf, -0.2, -1.0]
     assert known.high.tolist() == [0.4, 0.3, np.inf]
     metres = max(abs(entry.value) for entry in model.parameters.entries if entry.unit == "m")
-    assert known.size.tolist() == [0.1, 0.5, 1.0]
+    assert known.size.tolist() == [metres, 0.5, 1.0]
     assert variables(model.parameters, names[1], (), None, None).size.tolist() == [metres]
     assert variables(model.parameters, names[1], (), None, {names[1]: (-0.2, None)}).size.tolist() == [metres]
+    products = mv.Model("m", gravity=(0, 0, -9.81))
+    products.add_body("b", 1.0, [[2e-3, 1e-5, 0], [1e-5, 3e-3, 0], [0, 0, 3e-3]])
+    products.add_body("house", 1e6, (1e6, 1e6, 1e6))
+    inertia = variables(products.parameters, ["b.inertia.xx", "b.inertia.xy", "b.inertia.xz"], (), None, None)
+    assert inertia.positive.tolist() == [True, False, False]
+    assert inertia.size.tolist() == [2e-3, 3e-3, 3e-3]
     x = known.unknowns(np.array([-0.05, 0.1, 0.2]))
     np.testing.assert_allclose(known.values(x), [-0.05, 0.1, 0.2])
     step = 1e-6
@@ -166,6 +172,24 @@ def test_bands_are_where_the_mean_of_seven_lines_is_twice_that_of_all():
     assert knowledge._bands(f[:3], np.array([1.0, 1.0, 1.0])) == []
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e9])
+def test_what_data_tell_does_not_depend_on_the_size_of_other_values(size):
+    """Values 0 and 1 by their sum alone, 3 not at all, whatever a change by 1 of the fourth, which is told, means."""
+    rng = np.random.default_rng(6)
+    rows = rng.standard_normal((12, 3))
+    slopes = 1e3 * np.column_stack((rows[:, 0], rows[:, 0], rows[:, 1] * size, 1e-9 * rows[:, 2], rows[:, 2]))
+    untold, covariance = knowledge._determined(slopes.T @ slopes)
+    shares = np.array([[1, 1, 0, 0, 0], [0, 0, 0, 0, 1], [0, 0, 1, 0, 0]])[: 2 if size < 1e-3 else 3].T
+    shares = shares / np.linalg.norm(shares, axis=0)  # less than 100 % of it is not told
+    exact = shares @ np.linalg.inv((slopes @ shares).T @ (slopes @ shares)) @ shares.T
+    scale = np.sqrt(np.where(exact.diagonal() > 0.0, exact.diagonal(), 1.0))
+    np.testing.assert_allclose(covariance / np.outer(scale, scale), exact / np.outer(scale, scale), atol=1e-8)
+    assert len(untold) == (3 if size < 1e-3 else 2)
+    np.testing.assert_allclose(untold @ untold.T, np.eye(len(untold)), atol=1e-8)
+    np.testing.assert_allclose(np.linalg.norm(untold @ np.array([[1, -1, 0, 0, 0], [0, 0, 0, 1, 0]]).T, axis=0),
+                               [np.sqrt(2.0), 1.0], atol=1e-8)  # fmt: skip
+
+
 def test_covariance_of_residuals_is_not_below_that_of_the_noise():
     """C S^T S C n / (n - v), of each value at least the ratio times C."""
     rng = np.random.default_rng(3)
@@ -201,16 +225,24 @@ def test_scores_of_blocks_add_up_to_the_gradient():
     assert problem.numbers == 2 * (80 * 6 + 40) + 1
 
 
-def test_noise_that_is_not_known_is_scaled_for_each_output():
-    """Mean square of residuals over the numbers that were measured, more by what the fitted values take away."""
+def test_noise_that_is_not_known_is_scaled_for_each_pair():
+    """Mean square of residuals and, as of four more lines, its geometric mean over inputs against responses, over the
+    numbers that were measured, more by what the fitted values take away.
+    """
     rng = np.random.default_rng(5)
     data = replace(one_output(np.zeros(20)), measured=np.ones((20, 3, 2), dtype=complex), weight=np.ones((20, 3, 2)))
+    data.measured[..., 1] = 50.0
     data.weight[:10, 1, 0] = 0.0
     residual = rng.standard_normal((20, 3, 2)) + 1j * rng.standard_normal((20, 3, 2))
-    residual[:10, 1, 0] = residual[:, 2] = 0.0
-    power = [np.sum(np.abs(residual[:, o]) ** 2) * 1.25 / count for o, count in enumerate((80, 60))]
+    residual[:10, 1, 0] = residual[:, 2] = residual[:, 0, 0] = 0.0
+    squares, counts = np.sum(np.abs(residual) ** 2, axis=0), np.array([[20, 20], [10, 20]])
+    middle = np.median(np.where(data.weight > 0, np.abs(data.measured + residual), np.nan) ** 2, axis=0)
+    middle[1, 0] = np.median(np.abs(1.0 + residual[10:, 1, 0]) ** 2)
+    mean = np.exp(np.log(squares[1] / counts[1] / middle[1]).mean())
+    power = np.array([[4 * squares[0, 1] / 20 / middle[0, 1] * middle[0, 0] / 24, squares[0, 1] / 20],
+                      (squares[1] + 4 * mean * middle[1]) / (counts[1] + 4)])  # fmt: skip
     scaled = data.reweighted(residual, 1.25).weight
-    np.testing.assert_allclose(scaled, data.weight / np.sqrt([*power, 1.0])[:, None])
+    np.testing.assert_allclose(scaled, data.weight / np.sqrt([*(1.25 * power / 2.0).tolist(), [1.0, 1.0]]))
 
 
 def test_intervals_of_noise_from_residuals_are_those_of_student():
@@ -327,9 +359,11 @@ def test_modes_are_paired_by_shape_before_frequency():
     problem = _problem(model, conditioned(mv.MeasuredModes([10.0, 11.0, 12.0], shapes=shapes, outputs=system.outputs)),
                        variables(model.parameters, "k*.stiffness", (), None, None), ())  # fmt: skip
     (data,) = problem.data
-    model_shapes = (system.Cq @ modes.shapes).T
+    model_shapes = [shape[:, None] for shape in (system.Cq @ modes.shapes).T]
     assert data.paired(modes.frequencies, model_shapes).tolist() == [2, 0, 1]
-    assert data.numbers == 3 + 2 * 8 - 2 * 3
+    assert data.numbers == 3 + 8 - 3  # real up to factors
+    turned = replace(data, shapes=data.shapes * np.array([[1.0], [1.0], [1j]]))
+    assert turned.numbers == 3 + 2 * 8 - 2 * 3
     np.testing.assert_allclose(data.shape_deviation[1], 0.05 * np.nanmax(np.abs(shapes), axis=0))
     alone = replace(data, shapes=np.full_like(shapes, np.nan), frequencies=modes.frequencies[[1, 2, 0]] * 1.2)
     assert alone.paired(modes.frequencies, model_shapes).tolist() == [1, 2, 0]

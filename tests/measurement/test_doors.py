@@ -85,6 +85,27 @@ def test_numpy_file_there_and_back(tmp_path):
         mv.Measurement.from_npz(MIRROR, response="responses_100")
 
 
+def test_files_of_arrays_keep_what_channels_share_of_the_noise(tmp_path):
+    """A virtual point from a file tells as much to further assemblies and fits; damaged entries are refused."""
+    rng = np.random.default_rng(0)
+    places, names = {1: (0, 0, 0), 2: (0, 0.1, 0), 3: (0, 0, 0.1)}, ["1X+", "1Y+", "1Z+", "2X+", "2Z+", "3X+"]
+    data = mv.Measurement([1.0, 2.0], rng.standard_normal((6, 1, 2)), names, ["F"], quantity="velocity", nodes=places,
+                          variance=rng.uniform(1.0, 2.0, (6, 1, 2)))  # fmt: skip
+    point = data.virtual_point("p", (0.1, 0.2, 0.3), "*")
+    where = point.to_npz(tmp_path / "point.npz")
+    back = mv.Measurement.from_npz(where)
+    np.testing.assert_array_equal(back.common_errors.matrices(), point.common_errors.matrices())
+    assert data.to_npz(tmp_path / "plain.npz").exists()
+    assert mv.Measurement.from_npz(tmp_path / "plain.npz").common_errors is None
+    with np.load(where) as file:
+        arrays = dict(file)
+    for changed in ({"common_rows": arrays["common_rows"][1:]}, {"common_variance": -arrays["common_variance"]},
+                    {"common_columns": np.array("a")}):  # fmt: skip
+        np.savez(tmp_path / "wrong.npz", **(arrays | changed))
+        with pytest.raises(mv.ResponseError, match=r"common_rows .* with responses .*; expected"):
+            mv.Measurement.from_npz(tmp_path / "wrong.npz")
+
+
 def test_all_arrays_of_a_numpy_file(tmp_path):
     """Noise of all kinds, unsorted frequencies of other programs in Hz, names of other programs."""
     data = noisy()

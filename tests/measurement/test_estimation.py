@@ -210,7 +210,7 @@ U, Y = records(400, 8)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"method": "H3"}, "method = 'H3'; expected one of H1"),
+        ({"method": "H3"}, "method = 'H3'; expected 'H1', 'H2',"),
         ({"segments": None}, "segments = None with method='H1'; expected one"),
         ({"segments": 200}, "segments = 200; expected a whole number from 1 to 100"),
         ({"segments": 1}, "1 independent averages for 1 inputs; expected more"),

@@ -67,8 +67,8 @@ def test_motions_and_forces_of_a_rigid_part(quantity):
     rng = np.random.default_rng(7)
     factor = rng.standard_normal((11, 11, 3)) + 1j * rng.standard_normal((11, 11, 3))
     covariance = np.einsum("ijn,kjn->ikn", factor, factor.conj())
-    noise = {"variance": rng.uniform(1.0, 2.0, (11, 9, 3)), "noise_variance": rng.uniform(0.1, 1.0, (11, 9, 3)),
-             "covariance": covariance, "averages": 7, "coherence": np.full((11, 9, 3), 0.5)}  # fmt: skip
+    noise = {"noise_variance": rng.uniform(0.1, 1.0, (11, 9, 3)), "covariance": covariance, "averages": 7,
+             "coherence": np.full((11, 9, 3), 0.5)}  # fmt: skip
     data, (rows, r_out, q_out), (columns, r_in, q_in), point = rigid(quantity, **noise)
     virtual = data.virtual_point("P", POINT, "s*", "h*")
     assert virtual.outputs == ("a", "b", *(f"P.{d}" for d in DIRECTIONS))
@@ -81,17 +81,26 @@ def test_motions_and_forces_of_a_rigid_part(quantity):
     np.testing.assert_allclose(virtual.responses[:2, 1:], q_in, atol=1e-12)
     np.testing.assert_array_equal(virtual.responses[:2, 0], data.responses[[2, 10], 1])
     out, into = wide(rows, r_out, 11), wide(columns, r_in, 9)
-    for field in ("variance", "noise_variance"):
-        expected = np.einsum("oi,ijn,kj->okn", out**2, getattr(data, field), into**2)
-        np.testing.assert_allclose(getattr(virtual, field), expected, rtol=1e-10)
-    np.testing.assert_allclose(virtual.covariance, np.einsum("oi,ijn,kj->okn", out, covariance, out), rtol=1e-8,
-                               atol=1e-9)  # fmt: skip
+    expected = np.einsum("oi,ijn,kj->okn", out**2, data.noise_variance, into**2)
+    np.testing.assert_allclose(virtual.noise_variance, expected, rtol=1e-10)
+    shared = np.einsum("oi,ijn,kj->okn", out, covariance, out)
+    variance = np.einsum("oon,kj->okn", shared.real, into**2)
+    np.testing.assert_allclose(virtual.variance, variance, rtol=1e-8)
+    assert virtual.covariance is None  # that of each new input is another one
+    np.testing.assert_allclose(data.virtual_point("P", POINT, "s*").covariance, shared, rtol=1e-8, atol=1e-9)
     assert (virtual.averages, virtual.coherence) == (None, None)
     assert set(virtual.consistency) == {*data.outputs, *data.inputs} - {"a", "b", "F"}
     assert min(virtual.consistency.values()) > 1.0 - 1e-12
     ports = {node.number: node for node in virtual.nodes}
     for point_of in (*virtual.output_points[2:], *virtual.input_points[1:]):
         np.testing.assert_allclose(ports[point_of.node].position, POINT)
+
+
+def test_variances_of_independent_sensors_add_up():
+    data, (rows, r_out, _), (columns, r_in, _), _ = rigid(
+        variance=np.random.default_rng(8).uniform(1.0, 2.0, (11, 9, 3)))  # fmt: skip
+    expected = np.einsum("oi,ijn,kj->okn", wide(rows, r_out, 11) ** 2, data.variance, wide(columns, r_in, 9) ** 2)
+    np.testing.assert_allclose(data.virtual_point("P", POINT, "s*", "h*").variance, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("which", ["outputs", "inputs"])
