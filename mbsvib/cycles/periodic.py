@@ -29,7 +29,7 @@ from mbsvib.cycles.machine import Machine
 from mbsvib.cycles.prescribed import EVEN, RESOLVED, period_of
 from mbsvib.cycles.result import CycleData
 from mbsvib.cycles.total_derivatives import total_derivatives
-from mbsvib.errors import AccuracyWarning, ModelError, nearest
+from mbsvib.errors import AccuracyWarning, ModelError
 
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11
@@ -202,9 +202,7 @@ def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]
         raise check.refuse(who, "released", released, "at least one of the drives")
     result = {}
     for name, pair in pairs.items():
-        if name not in cycle.drives:
-            raise ModelError(f"cycle: released '{name}' is none of its drives.{nearest(str(name), cycle.drives)} "
-                             f"They are {', '.join(cycle.drives)}.", element=str(name), field="released")  # fmt: skip
+        check.known(name, cycle.drives, f"cycle: released '{name}' is none of its drives", "released", "They are")
         k, c = check.numbers(pair, (2,), f"drive '{name}'", "released", "stiffness and damping, two numbers")
         result[name] = (k, c)
     return result

@@ -10,7 +10,8 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
-from mbsvib.errors import ModelError, nearest
+from mbsvib.common.expected import reals
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
@@ -75,8 +76,7 @@ def prescribed(
         motion = {drive: (angles, rate, 0.0)}
     elif angles is not None or speed is not None:
         raise ModelError("cycle: angles and speed go with a drive; motion= says the rates itself.", field="angles")
-    if not isinstance(motion, Mapping) or not motion:
-        raise check.refuse(WHO, "motion", motion, "{'joint.rz': (q, qd, qdd), ...} with an array over time each")
+    check.mapping(WHO, "motion", motion, "{'joint.rz': (q, qd, qdd), ...} with an array over time each")
     columns: list[list[Array]] = [[], [], []]
     for name, three in motion.items():
         _check_drive(model, name)
@@ -96,10 +96,7 @@ def prescribed(
 
 def _samples(values: Any, name: str) -> Array:
     expected = f"a number, or an array (n,) of samples of '{name}'"
-    try:
-        array = np.atleast_1d(np.array(values, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise check.refuse(WHO, "angles", values, expected) from error
+    array = np.array(reals(values, WHO, "angles", expected, ModelError), ndmin=1)
     if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
         raise check.refuse(WHO, "angles", values, f"{expected}, all finite")
     return array
@@ -107,11 +104,7 @@ def _samples(values: Any, name: str) -> Array:
 
 def _check_drive(model: Mechanism, name: Any) -> None:
     known = [f"{joint.name}.{direction}" for joint in model.joints.values() for direction, _ in joint.freedom]
-    if not isinstance(name, str) or name not in known:
-        raise ModelError(f"cycle: {name!r} is not a joint coordinate of model '{model.name}'."
-                         f"{nearest(str(name), known)} It has {', '.join(known[:8])}"
-                         f"{', ...' if len(known) > 8 else ''}.",
-                         element=str(name), field="drive")  # fmt: skip
+    check.known(name, known, f"cycle: {name!r} is not a joint coordinate of model '{model.name}'", "drive")
     joint = model.joints[name.rpartition(".")[0]]
     if turns(name) and joint.turns_by_vector:
         raise ModelError(f"cycle: '{name}' is a component of the rotation vector of joint '{joint.name}' "
@@ -123,10 +116,7 @@ def period_of(motion: Prescribed, period: float | None) -> float:
     """Return the period [s]: of a drive at constant speed, that of its turn, over which samples must be evenly spread.
     """
     if period is not None:
-        length = check.number(period, WHO, "period", "a positive number [s]")
-        if length <= 0.0:
-            raise check.refuse(WHO, "period", period, "a positive number [s]")
-        return length
+        return check.positive(period, WHO, "period", "s")
     n, drive, rates, angles = len(motion.values), motion.names[0], motion.rates[:, 0], motion.values[:, 0]
     if len(motion.names) > 1 or not rates[0] or np.ptp(rates) > EVEN * abs(rates[0]):
         raise check.refuse(WHO, "period", None, "the period [s], over which the samples are evenly spread, where "

@@ -11,7 +11,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
-from mbsvib.errors import nearest
+from mbsvib.common.expected import one_of
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.cycles.machine import Machine
@@ -75,10 +76,7 @@ class CycleData(Displayed):
         ModelError
             If there is no such quantity or drive.
         """
-        if quantity not in QUANTITIES:
-            raise check.refuse("cycle", "quantity", quantity, "'force', 'moment' or 'torque'",
-                               nearest(str(quantity), QUANTITIES).strip())  # fmt: skip
-        if quantity != "torque":
+        if one_of(quantity, QUANTITIES, "cycle", "quantity", ModelError) != "torque":
             return self.shaking_force if quantity == "force" else self.shaking_moment
         name = self.drives[0] if drive is None and len(self.drives) == 1 else drive
         if name is None or name not in self.torques:

@@ -91,8 +91,8 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
 def with_rigid_parts(model: M) -> M:
     """Return the same mechanism with fixed joints in place of beams and superelements, and their nodes as bodies.
 
-    Their weight acts as loads, as in ``linearize``. Inputs and outputs, which may refer to elements of beams, are left
-    out. Without flexible parts the model is returned as it is.
+    Fixed joints hold its hubs. Flexible parts have their weight as loads, as in ``linearize``; beside them inputs and
+    outputs, which may refer to elements of beams, are left out.
     """
     model = on_held(model)
     if not model.composed:
@@ -114,9 +114,8 @@ def with_preloads_of(model: M, equilibrium: Equilibrium[M]) -> Equilibrium[M]:
 
     ``equilibrium`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism.
     """
-    if not model.composed:
+    if not (model.composed or model.hubs):
         return equilibrium
-
     changes = {name: {field.name: getattr(part, field.name) for field in fields(part)
                       if field.name in ("preload", "free_length")}
                for name, part in equilibrium.model.springs.items()}  # fmt: skip

@@ -66,6 +66,11 @@ class Balance:
         result[self.reduction.independent] = False
         return result
 
+    @property
+    def scaled_tangent(self) -> Array:
+        """The tangent with coordinates scaled alike."""
+        return np.asarray(self.tangent * np.multiply.outer(self.scale, self.scale))
+
     def all_joints(self, step: Array) -> Array:
         """Return the motion of all joints of the tree (n,) for a step (m,) of the minimal coordinates."""
         if self.reduction.matrix is None:
@@ -85,7 +90,7 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
     arms = partial(arm, numbers.topology, at.kinematics.described.centre[:-1])
     reduction = reduce(numbers.coordinates, numbers.cuts, phi, independent, arms)
     count = len(springs.owner)
-    rows, k = reduction.apply_exactly(relative.dense(locked, relative.shape[0]), count), springs.stiffness
+    rows, k = reduction.apply_exactly(relative.dense(locked, relative.shape[0])), springs.stiffness
     if shared is not None:
         rows, k, *_ = shared.elastic_rows(rows[count:], rows[:count], k, springs.damping, springs.owner)
     stiffness = weighted_gram(rows, k)

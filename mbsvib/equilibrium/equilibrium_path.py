@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import AnyArray, Array, Bools
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
@@ -23,7 +24,7 @@ from mbsvib.equilibrium.moved import cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import refuse_unstated, static_model
 from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import with_angles
 
@@ -183,11 +184,8 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
 
 def _check(model: Mechanism, coordinate: str, names: tuple[str, ...]) -> None:
     name = coordinate.rpartition(".")[0]
-    if coordinate not in names or name not in model.joints:
-        known = [other for other in names if other.rpartition(".")[0] in model.joints]
-        raise ModelError(f"path: '{coordinate}' is not a joint coordinate of model '{model.name}'."
-                         f"{nearest(coordinate, known)} It has {', '.join(known[:8])}"
-                         f"{', ...' if len(known) > 8 else ''}.", element=coordinate, field="coordinate")  # fmt: skip
+    check.known(coordinate, [other for other in names if other.rpartition(".")[0] in model.joints],
+                f"path: '{coordinate}' is not a joint coordinate of model '{model.name}'", "coordinate")  # fmt: skip
     rotations = [free for free, _ in model.joints[name].freedom if free.startswith("r")]
     if len(rotations) > 1:
         raise ModelError(f"path: joint '{name}' of '{coordinate}' has {len(rotations)} free rotations; expected a "

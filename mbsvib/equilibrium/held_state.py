@@ -10,9 +10,9 @@ import numpy as np
 from mbsvib.common.arrays import Array
 from mbsvib.equations.statics import shares
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.motion import PosedModel, close, leaps, same_branch
-from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
-from mbsvib.errors import EquilibriumError, ModelError, SingularPoseError
+from mbsvib.equilibrium.motion import PosedModel
+from mbsvib.equilibrium.path import BALANCED, NEWTON_STEPS, after_step
+from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 
 # The longest correction [rad, mechanism sizes].
@@ -41,7 +41,7 @@ class State:
     @cached_property
     def _tangent(self) -> Array:
         """The scaled tangent of the forces."""
-        return np.asarray(self.forces.tangent * np.multiply.outer(self.forces.scale, self.forces.scale))
+        return self.forces.scaled_tangent
 
     @cached_property
     def free(self) -> Array:
@@ -98,18 +98,9 @@ def stepped(state: State, step: Array) -> State | None:
     """Return the state after a scaled step (m,) with loops closed, forces not balanced; None where loops cannot be, or
     forces are not defined there or on the way.
     """
-    forces = state.forces
-    by = forces.scale * step
-    depends, motion = forces.depends, forces.all_joints(by)
-    try:
-        at, opening = close(state.at.moved(motion), depends)
-        if leaps(state.at, at, motion):
-            return None
-        if opening > max(CLOSED, at.rounding) or (at.cuts is not None and not same_branch(state.at, at, depends)):
-            return None
-        return State(at, balance(at, [state.led]), state.led, state.value + float(by[state.i]))
-    except (ModelError, SingularPoseError):
-        return None
+    by = state.forces.scale * step
+    reached = after_step(state.at, state.forces.all_joints(by), state.forces, state.led)
+    return None if reached is None else State(*reached, state.led, state.value + float(by[state.i]))
 
 
 def corrected(state: State | None, exact: bool = False) -> tuple[State, int] | None:

@@ -18,7 +18,7 @@ from mbsvib.equilibrium.articulation import warn_beyond, with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.motion import kinematics_of
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError, nearest
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, UnreachableError
 from mbsvib.kinematics.closing import TOLERANCE, Closing, Reached
 from mbsvib.kinematics.loops import kept_rows, reduce
 from mbsvib.kinematics.pose import Pose
@@ -26,7 +26,7 @@ from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.dead_points import is_unknown
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
-from mbsvib.mechanism.unit_warnings import with_angles
+from mbsvib.mechanism.unit_warnings import angles_doubted, with_angles
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -35,6 +35,8 @@ USER = 6
 # Motions that turn bodies by more than springs allow are looked at in steps of at most this [rad], less than the angles
 # beyond the limit of springs, from 3 rad to 2 pi - 3 rad.
 LOOK = 0.25
+# Share of the mechanism's size up to which loops are closed but for rounding.
+ROUNDED_GAP = 1e-9
 
 
 def moved(
@@ -70,15 +72,15 @@ def moved(
     NearSingularWarning
         If the new pose is a dead centre of a coordinate, or next to one.
     """
-    if not isinstance(values, Mapping):
-        raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
+    check.mapping("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}", empty=True)
     displacements = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
     model = with_angles(model, displacements)
     stiff = with_rigid_parts(model)
     cut_joints = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
     try:
-        pose = rigid_pose(stiff, displacements, cut_joints, {} if relaxed else model.springs)
-        return model_in_pose(model, pose, relaxed)
+        with angles_doubted(displacements):
+            pose = rigid_pose(stiff, displacements, cut_joints, {} if relaxed else model.springs)
+            return model_in_pose(model, pose, relaxed)
     except ModelError:
         if relaxed or not model.composed or not set(displacements) <= _all_coordinates(stiff):
             raise
@@ -114,10 +116,7 @@ class Poses:
         kinematics = kinematics_of(stiff, cut_elsewhere_of(stiff, asked, caller) if cut is None else cut)
         known = kinematics.coordinates.names
         for name in asked:
-            if name not in known:
-                raise ModelError(f"{caller}: '{name}' is not a joint coordinate of model '{stiff.name}'."
-                                 f"{nearest(name, known)} It has {', '.join(known[:8])}"
-                                 f"{', ...' if len(known) > 8 else ''}.", element=name, field="values")  # fmt: skip
+            check.known(name, known, f"{caller}: '{name}' is not a joint coordinate of model '{stiff.name}'", "values")
         blocks: tuple[tuple[Index, Index], ...] = ()
         if kinematics.cuts is not None:
             arms = partial(arm, kinematics.topology, kinematics.described.centre[:-1])
@@ -210,10 +209,12 @@ class Poses:
         upto = self._in_words(done * values)
         cuts = self.closing.kinematics.cuts
         loops = ", ".join(cuts.joints if cuts else ())
-        open_by = f" beyond it they stay open by {gap:.1e} of the mechanism's size" if np.isfinite(gap) else \
-            " there the other joints would have to jump"  # fmt: skip
+        why = "there the other joints would have to jump"
+        if np.isfinite(gap):
+            why = (f"beyond it they stay open by {gap:.1e} of the mechanism's size" if gap > ROUNDED_GAP else
+                   "there they come to a singular pose, such as a dead centre or flat bars")  # fmt: skip
         return UnreachableError(
-            f"{caller}: the loops closed by {loops} can be closed up to {upto} and no further;{open_by}. Ask for a "
+            f"{caller}: the loops closed by {loops} can be closed up to {upto} and no further; {why}. Ask for a "
             f"pose short of it, or name another coordinate.", field="values",
             element=self.names[0] if self.names else None,
         )  # fmt: skip

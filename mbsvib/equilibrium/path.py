@@ -82,15 +82,20 @@ def _shared(vector: Vector, share: float) -> Vector:
     return share * x, share * y, share * z
 
 
-def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedModel, Balance] | None:
-    """The pose after a motion of all joints with loops closed and the forces there; None if loops cannot be closed
-    before a dead point of the coordinates of ``forces``, or the forces are not defined there or on the way.
+def after_step(
+    at: PosedModel, step: Array, forces: Balance, led: str | None = None
+) -> tuple[PosedModel, Balance] | None:
+    """Return the pose after a motion (n,) of all joints with loops closed, and the forces there; None if loops cannot
+    be closed before a dead point of the coordinates of ``forces``, or the forces are not defined there or on the way.
+
+    ``led``: a coordinate of ``forces`` that keeps its value, as all minimal ones then do, while loops are closed.
     """
     try:
-        after, opening = close(at.moved(step))
+        after, opening = close(at.moved(step), None if led is None else forces.depends)
         if opening > max(CLOSED, after.rounding) or leaps(at, after, step):
             return None
-        return (after, balance(after)) if at.cuts is None or same_branch(at, after, forces.depends) else None
+        there = None if led is None else [led]
+        return (after, balance(after, there)) if at.cuts is None or same_branch(at, after, forces.depends) else None
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):
@@ -99,7 +104,7 @@ def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedMode
 
 def stiffness(forces: Balance) -> tuple[Array, Array]:
     """Return eigenvalues and vectors of the symmetric part of the tangent, coordinates being scaled alike."""
-    matrix = forces.tangent * np.multiply.outer(forces.scale, forces.scale)
+    matrix = forces.scaled_tangent
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return values, vectors
 
@@ -117,8 +122,7 @@ def newton_step(forces: Balance) -> Array:
     scale, residual = forces.scale, forces.scale * forces.residual
     values, vectors = stiffness(forces)
     if is_stable(values):
-        matrix = forces.tangent * np.multiply.outer(scale, scale)
-        return forces.all_joints(scale * np.linalg.solve(matrix, residual))
+        return forces.all_joints(scale * np.linalg.solve(forces.scaled_tangent, residual))
     size = np.abs(values)
     soft = size <= ZERO_STIFFNESS * size.max()
     along = vectors.T @ residual
@@ -135,7 +139,7 @@ def refined(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance, list[
         values, _ = stiffness(forces)
         if forces.share <= EPS or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
             break
-        following = _after_step(at, newton_step(forces), forces)
+        following = after_step(at, newton_step(forces), forces)
         if following is None or not following[1].share < forces.share:
             break
         previous, (at, forces) = forces.share, following
@@ -189,7 +193,7 @@ def _newton_steps(at: PosedModel, forces: Balance) -> tuple[SearchResult, bool]:
                 break
             length, newton_steps = np.inf, 0
         else:
-            following, newton_steps = _after_step(at, step, forces), newton_steps + 1
+            following, newton_steps = after_step(at, step, forces), newton_steps + 1
             if following is None:
                 stopped = ("its loops cannot be closed any further, or a spring would turn beyond its limit of 172 "
                            "degrees")  # fmt: skip
@@ -205,14 +209,14 @@ def _shortened(at: PosedModel, forces: Balance, step: Array) -> tuple[PosedModel
 
     A mechanism that is softer along the step, or not stable on it, may snap through, which load steps decide.
     """
-    following = _after_step(at, step, forces)
+    following = after_step(at, step, forces)
     for halvings in range(HALVINGS):
         if following is None:
             return None
         suits = _work(following[1], step) > -OVERSHOOT * _work(forces, step)
         if suits and not halvings:
             return None
-        half = _after_step(at, 0.5 * step, forces)
+        half = after_step(at, 0.5 * step, forces)
         if suits:
             ends = () if half is None else (following[1], half[1])
             return following if ends and all(is_stable(stiffness(there)[0]) for there in ends) else None
@@ -268,7 +272,7 @@ def _downhill(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance] | N
     step = step * min(1.0, LONGEST / float(np.abs(step / at.scale).max()))
     along = _work(forces, step)
     for _ in range(HALVINGS):
-        following = _after_step(at, step, forces)
+        following = after_step(at, step, forces)
         if following is not None:
             _, after = following
             if after.share < 0.5 * forces.share or _work(after, step) > -0.2 * along:

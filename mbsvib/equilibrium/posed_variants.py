@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common.arguments import names_in, shown
+from mbsvib.common.arguments import names_in, shown, unknown
 from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved import Poses, moved
 from mbsvib.equilibrium.moved_parts import check_couplers, model_in_pose
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.kinematics.pose import Pose
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -115,7 +115,7 @@ def pose_coordinates(model: Mechanism, patterns: str | Sequence[str], caller: st
     for pattern in asked:
         found = matching(pattern, known)
         if not found:
-            raise ModelError(f"{caller}: pose = '{pattern}' matches no joint coordinate of model '{model.name}'."
-                             f"{nearest(pattern, known)}", element=pattern, field="pose")  # fmt: skip
+            raise unknown(pattern, known, f"{caller}: pose = '{pattern}' matches no joint coordinate of model "
+                          f"'{model.name}'", "pose")  # fmt: skip
         result += found
     return tuple(dict.fromkeys(result))

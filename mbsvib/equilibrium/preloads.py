@@ -13,6 +13,7 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
 from mbsvib.elements.connection import PreloadForm
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.hubs import on_held
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import changed, static_model
@@ -56,7 +57,7 @@ def without_rounding(model: M) -> M:
     The length L of a spring of stiffness k resolves no force below eps k L. Where that is more than the check of
     statics accepts, the spring is given its force as a preload.
     """
-    at = posed_model(static_model(model))
+    at = posed_model(static_model(on_held(model)))
     forces = balance(at)
     if forces.strict_share <= RESIDUAL:
         return model

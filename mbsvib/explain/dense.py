@@ -42,12 +42,8 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     lines = [f"{system.name}: {system.dof} DOF"]
     if system.provenance.closed_loop:
         lines.append("  a controller acts on it: C and K contain its gains; the rest is said of the open loop")
-    if system.dof == 0 and system.provenance.removed is not None:
-        lines.append("  No part is controllable and observable with the given inputs and outputs: y = D u.")
-    elif system.dof == 0:
-        condensed = system.provenance.separation is not None
-        lines.append("  No motion has mass or damping: outputs follow inputs without dynamics." if condensed else
-                     "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
+    if system.dof == 0:
+        lines.append(f"  {system.provenance.rest}")
     lines += ["topology", *_topology(system), "loops", *_loops(system)]
     lines += [*alignments(system.provenance.origin), "coordinates", *_coordinates(system)]
     statics = system.provenance.statics
@@ -117,8 +113,11 @@ def _topology(system: Equations) -> list[str]:
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
+        separation = system.provenance.separation
         system_text = "the mechanism" if system.provenance.removed is None else "what is left"
-        lines.append(f"  without effect, as no motion of {system_text} strains them: {listed(idle)}")
+        lines.append("  without effect on modes, as at most motions without mass strain them: " + listed(idle)
+                     if separation is not None and separation.condensed else
+                     f"  without effect, as no motion of {system_text} strains them: {listed(idle)}")  # fmt: skip
     return lines
 
 

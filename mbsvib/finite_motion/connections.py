@@ -61,6 +61,9 @@ def connected(part: Any, motion: Kinematics) -> Connected:
     rest = _force_at_rest(part, law, numbers, k, described)
     # a damper about one axis needs the rate of its angle alone, which has no limit
     angle = _largest_angle(x, law.rotations, [k, rest] if x.shape[0] == 1 else [k, c, rest])
+    if law.across is not None:
+        across = law.across(motion.relative(part.first, part.second).displacement, columns)
+        angle = across if angle is None else ca.fmax(angle, across)
     if angle is not None:  # beyond the limit the moment is no number, so that nothing goes on with it
         defined = ca.if_else(angle < LARGEST_ANGLE, 1.0, ca.SX(np.nan))
         k, c = k * defined, c * defined

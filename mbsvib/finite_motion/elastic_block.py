@@ -104,8 +104,8 @@ class ElasticBlock:
 
     @property
     def mode_names(self) -> tuple[str, ...]:
-        """Names of the coordinates z."""
-        return tuple([f"{self.name}.mode{k + 1}" for k in range(len(self.eigenvalues))])
+        """Names of the coordinates z; "NAME.mode1" is an internal coordinate of a superelement in linear equations."""
+        return tuple([f"{self.name}.fixed_mode{k + 1}" for k in range(len(self.eigenvalues))])
 
 
 def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:

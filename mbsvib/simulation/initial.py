@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Index
-from mbsvib.errors import ModelError, SingularPoseError, nearest
+from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.finite_motion.loops import DrivenLoops
 from mbsvib.kinematics.pose import size_of
 from mbsvib.linalg.dead_points import is_unknown
@@ -33,15 +33,12 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
     """
     q, qd = np.zeros(len(run.names)), np.zeros(len(run.names))
     displaced = {} if displaced is None else displaced
-    if not isinstance(displaced, Mapping):
-        raise check.refuse("simulate", "initial", displaced, "a mapping of joint coordinates to a displacement, or to "
-                           "(displacement, rate): {'hinge.rz': (0.1, 2.0)}")  # fmt: skip
+    check.mapping("simulate", "initial", displaced, "a mapping of joint coordinates to a displacement, or to "
+                  "(displacement, rate): {'hinge.rz': (0.1, 2.0)}", empty=True)  # fmt: skip
     fixed, cut, following = [], run.statement.motion.cut, {}
     for name, value in displaced.items():
-        if name not in run.names and name not in cut:
-            raise ModelError(f"simulate: '{name}' is not a coordinate of the spanning tree of model '{run.model.name}'."
-                             f"{nearest(str(name), run.names)} It has {', '.join(run.names[:12])}.",
-                             element=str(name), field="initial")  # fmt: skip
+        check.known(name, (*run.names, *cut),
+                    f"simulate: '{name}' is not a coordinate of model '{run.model.name}'", "initial")  # fmt: skip
         pair = (value, 0.0) if np.ndim(value) == 0 else value
         both = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, rate)")
         if name in cut:

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.responses.driven import Drive
@@ -79,12 +79,9 @@ def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:
     """
     if inputs is None:
         inputs = {}
-    if not isinstance(inputs, Mapping):
-        raise check.refuse("simulate", "inputs", inputs, "a mapping of inputs to samples or functions, {'F': f}")
+    check.mapping("simulate", "inputs", inputs, "a mapping of inputs to samples or functions, {'F': f}", empty=True)
     for name in inputs:
-        if name not in names:
-            raise ModelError(f"simulate: '{name}' is not an input of the model.{nearest(str(name), names)} It has "
-                             f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
+        check.known(name, names, f"simulate: '{name}' is not an input of the model", "inputs")
     functions = {name: value for name, value in inputs.items() if callable(value)}
     breaks = _breaks(functions, t)
     start, length = breaks[:-1], np.diff(breaks)

@@ -15,10 +15,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import ascending
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.progress import Progress, counting
 from mbsvib.elements.motion_input import MotionInput
-from mbsvib.errors import ModelError, SimulationError, nearest
+from mbsvib.errors import ModelError, SimulationError
 from mbsvib.finite_motion.elastic import warn_of_bending
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.mechanism.mechanism import Mechanism
@@ -82,10 +83,8 @@ def events(start: Trace, until: Any) -> Events:
         known = (*start.names, *start.measured.all_names)
         if name in start.measured.refused:
             raise ModelError(f"simulate: until: {start.measured.refused[name]}.", element=name, field="until")
-        if name not in known:
-            raise ModelError(f"simulate: until: '{name}' is neither a coordinate nor an output of the model."
-                             f"{nearest(str(name), known)} It has {', '.join(known)}.", element=str(name),
-                             field="until")  # fmt: skip
+        check.known(name, known, f"simulate: until: '{name}' is neither a coordinate nor an output of the model",
+                    "until")  # fmt: skip
         levels[name] = check.number(value, "simulate", f"until[{name!r}]")
     return Events(start, levels)
 
@@ -104,7 +103,7 @@ def simulate(
     ``failed``: makes the run that an error carries of the trace until then. Returns states at the times; whether it
     came to the last one, or to an event.
     """
-    time = _times(t)
+    time = ascending(t, "simulate", "t", "two or more times in ascending order [s]", ModelError, count=2)
     error = check.number(tolerance, "simulate", "tolerance", f"a number between {LEAST:g} and {MOST:g}")
     if not LEAST <= error <= MOST:
         raise check.refuse("simulate", "tolerance", tolerance, f"a number between {LEAST:g} and {MOST:g}")
@@ -160,24 +159,10 @@ def _driven(model: Mechanism, names: tuple[str, ...], inputs: Any, time: Array) 
     return moved_ends(signals(inputs, tuple(model.inputs), time), known, names)
 
 
-def _times(t: Any) -> Array:
-    expected = "two or more times in ascending order [s]"
-    try:
-        time = np.array(t, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise check.refuse("simulate", "t", t, expected) from error
-    if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
-        raise check.refuse("simulate", "t", t, expected)
-    return time
-
-
 def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
     result = tuple(as_names(without, "simulate", "without", ModelError))
     for name in result:
-        if name not in model.loads:
-            raise ModelError(f"simulate: '{name}' is not a load of model '{model.name}'."
-                             f"{nearest(str(name), model.loads)} It has {', '.join(model.loads) or 'none'}.",
-                             element=str(name), field="without")  # fmt: skip
+        check.known(name, model.loads, f"simulate: '{name}' is not a load of model '{model.name}'", "without")
     return result
 
 

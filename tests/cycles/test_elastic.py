@@ -133,7 +133,7 @@ def test_the_steady_state_of_a_run():
     cycle = slider_crank(**words).cycle("crank.rz", turn(n), speed=speed)
     t = (12.0 * np.pi + turn(n)) / speed
     run = slider_crank(**words, inertia=1e7).simulate([0.0, *t], initial={"crank.rz": (0, speed)}, tolerance=1e-8)
-    for name in ("rod.mode1", "rod.mode2", "slide.z"):
+    for name in ("rod.fixed_mode1", "rod.fixed_mode2", "slide.z"):
         values = np.asarray(run.coordinates[name])[1:]
         assert values == pytest.approx(cycle.coordinates[name], abs=1e-6 * np.abs(values).max())
 

@@ -168,6 +168,17 @@ def test_springs_that_are_turned_beyond_their_limit(samples):
     assert model.cycle("hinge.rz", [2.9, -2.9], speed=1.0).torque == pytest.approx([0.87, -0.87], rel=1e-12)
 
 
+@pytest.mark.parametrize("values", [{"stiffness": 0.3}, {"damping": 0.1}])
+def test_torsion_springs_that_swing_by_half_a_turn(values):
+    """A body that has turned by half a turn across the axis of a spring has no angle about it, nor a rate."""
+    model = disk()
+    model.add_torsion_spring("coil", "ground", "disk", (1, 0, 0), **values)
+    with pytest.raises(mv.ModelError, match="'coil' is turned so far") as error:
+        model.cycle("hinge.rz", [1.5, 3.1, 4.5], speed=1.0)
+    assert 3.0 < angle_in(error) < TURN - 3.0
+    assert model.cycle("hinge.rz", [2.9, -2.9], speed=1.0).torque == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
 def test_dampers_and_bushings_of_forces_alone_turn_without_limit():
     model = disk()
     model.add_torsion_spring("bearing", "ground", "disk", (0, 0, 1), damping=0.1)

@@ -173,6 +173,18 @@ def test_a_pose_out_of_reach_says_how_far_it_goes():
     assert 0.8 + reached == pytest.approx(limit, abs=1e-3)
 
 
+def test_a_parallelogram_that_gets_flat_is_said_to_be_singular():
+    """It was said to stay open by 4e-16 of its size."""
+    model = mv.Model("parallelogram")
+    for name, position in (("crank", (0, 0.5, 0)), ("rod", (0.5, 1, 0)), ("rocker", (1, 0.5, 0))):
+        model.add_body(name, 1.0, (0.01, 0.02, 0.02), position=position)
+    for name, first, second, position in (("A", "ground", "crank", (0, 0, 0)), ("B", "crank", "rod", (0, 1, 0)),
+                                          ("C", "rod", "rocker", (1, 1, 0)), ("D", "rocker", "ground", (1, 0, 0))):
+        model.add_joint(name, "revolute", first, second, position=position)
+    with pytest.raises(mv.ModelError, match=r"up to A\.rz = 1\.57\d* and no further; there they come to a singular"):
+        model.moved({"A.rz": 1.6})
+
+
 @pytest.mark.slow
 def test_stewart_platform_turned_about_its_axis():
     model = mv.library.stewart()

@@ -239,3 +239,20 @@ def test_shares_of_a_motion_without_stiffness_are_0():
     shares = model.linearize().stiffness_shares()
     assert shares.frequencies[0] == 0.0
     assert not shares.shares.any()
+
+
+def test_a_spring_that_holds_a_motion_without_mass_is_not_without_effect():
+    """The output follows the input by this spring; it was listed as without effect, and the mechanism as locked."""
+    model = mv.Model()
+    model.add_body("a", 0.0, (0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "a", axis=(0, 0, 1))
+    model.add_spring("s", "ground", "a", (0, 0, -1), (0, 0, 0), 10.0)
+    model.add_input("F", "a", "z")
+    model.add_output("z", "a", "z")
+    system = model.linearize()
+    assert system.D[0, 0] == pytest.approx(0.1)
+    assert "without effect on modes, as at most motions without mass strain them: s" in system.explain()
+    why = "No motion has mass or damping: outputs follow inputs without dynamics."
+    assert system.modes().remarks() == (f"No modes. {why}",)
+    with pytest.raises(mv.ResponseError, match=f"has no modes to draw. {why}"):
+        mv.plots.modes(system)

@@ -239,6 +239,28 @@ def test_moved_takes_joints_on_hubs_along():
         there.linearize()
 
 
+def test_preloads_on_a_hub_are_all_that_equilibrium_adds():
+    model = pendulum((0, 1, 0))
+    model.add_spring("stay", "hub", "bob", (0, 0, 0.5), (1.3, 0, 0), 800.0, free_length=1.0)
+    model.add_spring("other", "hub", "bob", (0, 0, -0.5), (1.3, 0, 0), 800.0)
+    held = model.equilibrium(preload="other")
+    assert list(held.joints) == ["hinge"]
+    assert held.springs["other"].preload == pytest.approx(800.0 * (np.hypot(1.3, 0.5) - 1.0), rel=1e-12)
+
+
+def test_a_path_of_a_slider_on_a_hub():
+    """The force that holds it: (k - m W^2) z from where the spring balances the centrifugal force."""
+    k, mass, radius = 200.0, 2.0, 0.5
+    model = mv.Model("slider")
+    model.add_hub("hub", SPEED, (0, 0, 1))
+    model.add_body("slider", mass, (0.1, 0.1, 0.1), (radius, 0, 0))
+    model.add_joint("rail", "prismatic", "hub", "slider", axis=(1, 0, 0))
+    model.add_spring("spring", "hub", "slider", (0.1, 0, 0), (radius, 0, 0), k, preload=mass * SPEED**2 * radius)
+    path = model.path("rail.z", [0.05, 0.1, -0.2])
+    np.testing.assert_allclose(path.forces, (k - mass * SPEED**2) * path.values, rtol=1e-12)
+    assert [*path.models[0].joints] == ["rail"]
+
+
 def test_campbell_data_of_hubs_name_the_sweep():
     """The sweep that is named is the diagram: w^2 = W^2 (Jz - Jx + m l r) / (Jy + m l^2), r from the axis, l from the
     hinge to the centre of mass.

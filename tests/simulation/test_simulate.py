@@ -269,7 +269,7 @@ def flat_toggle():
 
 
 REFUSED = [
-    (lambda m: m.simulate([0.0]), "t = .*two or more times in ascending order"),
+    (lambda m: m.simulate([0.0]), "t with .*two or more times in ascending order"),
     (lambda m: m.simulate([0.0, 1.0, 0.5]), "ascending order"),
     (lambda m: m.simulate([0.0, 1.0], {"G": 1.0}), "'G' is not an input"),
     (lambda m: m.simulate([0.0, 1.0], {"F": [1.0, 2.0, 3.0]}), "2 samples, one for each time"),

@@ -149,3 +149,15 @@ def test_a_run_stops_where_a_spring_turns_too_far_also_if_steps_are_longer():
     with pytest.raises(mv.errors.SimulationError, match="'coil' is turned so far") as error:
         model.simulate(np.linspace(0.0, 5.0, 6), initial={"shaft.rz": (0.0, 5.0)}, tolerance=1e-4)
     assert error.value.time == pytest.approx(3.0 / 300.0, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_run_stops_where_a_body_swings_by_half_a_turn_across_a_torsion_spring():
+    """The angle about the axis then goes round within a few steps, from where there is no way to tell it."""
+    model = mv.Model("tumbling")
+    model.add_body("ball", 1.0, (0.2, 0.2, 0.2))
+    model.add_joint("centre", "spherical", "ground", "ball", (0, 0, 0))
+    model.add_torsion_spring("coil", "ground", "ball", (1, 0, 0), 0.1)
+    with pytest.raises(mv.errors.SimulationError, match="'coil' is turned so far") as error:
+        model.simulate(np.linspace(0.0, 2.0, 21), initial={"centre.ry": (0.0, 2.0), "centre.rx": (0.0, 0.003)})
+    assert error.value.time == pytest.approx(1.5, rel=1e-3)
