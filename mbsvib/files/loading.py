@@ -52,12 +52,15 @@ def _loaded(document: Document, path: Path, open_files: tuple[Path, ...], name: 
     if not isinstance(data, dict):
         problem = "the file is empty" if data is None else f"{_what(data)} stands at the top"
         raise document.error((), f"{problem}; expected the sections of a model: {', '.join(ALL_SECTIONS)}.")
+    if "state_space" in data or {"A", "B"} <= data.keys():
+        raise document.error((), "the file holds a state space and no model; mbsvib_export.from_json reads those of "
+                             "to_json.")  # fmt: skip
     _check_version(document, data)
     head = head_words()
     for key in data:
         if key not in ALL_SECTIONS and key not in head and key not in (MARK, SCHEMA):
-            raise document.error((key,), "there is no such section."
-                                 f"{_misplaced(key) or _known(key, [*ALL_SECTIONS, *head, MARK])}")  # fmt: skip
+            hint = _outdented(key, data) or _misplaced(key) or _known(key, [*ALL_SECTIONS, *head, MARK])
+            raise document.error((key,), f"there is no such section.{hint}")
     model = _model(document, {key: data[key] for key in head if key in data}, name or path.stem)
     entries = [(section, name, entry) for section in ALL_SECTIONS
                for name, entry in _entries(document, section, data.get(section))]  # fmt: skip
@@ -211,6 +214,15 @@ def _with_line(document: Document, key_path: KeyPath, error: ModelError) -> Mode
 
 def _calls(section: str) -> str:
     return " or ".join(f"add_{kind} ({', '.join(words(kind))})" for kind in ALL_SECTIONS[section])
+
+
+def _outdented(key: str, data: Mapping[str, Any]) -> str:
+    """Return a hint for an entry of the section above that begins where sections begin."""
+    above = next((other for other in reversed(list(data)[: list(data).index(key)]) if other in ALL_SECTIONS), None)
+    entry = data[key]
+    fits = above is not None and isinstance(entry, dict) and entry and any(
+        entry.keys() <= {*words(kind), "type"} for kind in ALL_SECTIONS[above])
+    return f" It reads as one of the {above} above: indent it as these." if fits else ""
 
 
 def _misplaced(key: str) -> str:

@@ -265,6 +265,9 @@ class _Builder:
             raise self.fault(event, key_path, "a list or mapping cannot be a key; expected a name.")
         kind = {bool: "a truth value", type(None): "empty"}.get(type(key), "a number")
         value = getattr(event, "value", "")
+        if key_path is not None and len(key_path) > 1:  # a part has words, which are no numbers
+            raise self.fault(event, key_path, f"{value} stands where a word should, such as stiffness: ...; a comma "
+                                              f"ends a number: write 5000 and not 5,000.")  # fmt: skip
         raise self.fault(event, key_path, f"the key {value} is {kind} in YAML, and a name is text; "
                                           f"write it in quotes: '{value}'.")  # fmt: skip
 

@@ -34,6 +34,7 @@ __all__ = [
     "six_link", "sleeping_top", "slider_crank", "stanford", "stewart", "stewart_isolator", "toggle", "tree",
     "trifilar_pendulum", "two_link", "wafer_stage",
 ]  # fmt: skip
+__dir__ = __all__.copy
 
 # where each function is; a file is imported when one of its functions is asked for
 _HOMES = {
@@ -142,10 +143,8 @@ def _function(name: str) -> Callable[..., Model]:
 def __getattr__(name: str) -> Any:
     """Import a model's function on first use."""
     if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from mbsvib.common.misplaced import absent
+
+        raise absent(__name__, name)
     globals()[name] = value = _function(name)
     return value
-
-
-def __dir__() -> list[str]:
-    return __all__

@@ -11,7 +11,6 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, Vector
 from mbsvib.library._dh import from_dh
-from mbsvib.library._families import positive
 from mbsvib.library._stewart import LOADS, box, cylinder
 
 # Thickness of slender links as a share of their length, for the moment of inertia about their own line.
@@ -153,7 +152,7 @@ def six_link(
     who = "six_link"
     if not isinstance(joints, str) or len(joints) != 6 or set(joints) - set("RP"):
         raise check.refuse(who, "joints", joints, "six letters R or P, such as 'RRPRRR'")
-    a = positive(length, who, "length", "m")
+    a = check.positive(length, who, "length", "m")
     rows = [_slender(a, mass, 0.3, who) | {"b": a / 3.0, "alpha": 0.5 * pi * (-1) ** i, "joint": letter}
             for i, letter in enumerate(joints)]  # fmt: skip
     return from_dh(rows, name=who, gravity=gravity)
@@ -200,7 +199,7 @@ def stanford(*, gravity: ArrayLike | None = None) -> Model:
 
 def _slender(length: Any, mass: Any, angle: Any, who: str) -> dict[str, Any]:
     """The row of a slender link along the x axis of the frame that it carries."""
-    long, heavy = positive(length, who, "length", "m"), positive(mass, who, "mass", "kg")
+    long, heavy = check.positive(length, who, "length", "m"), check.positive(mass, who, "mass", "kg")
     across = heavy * long**2 / 12.0
     return {"a": long, "theta": angle, "mass": heavy, "cm": (-0.5 * long, 0.0, 0.0),
             "inertia": (SLENDER**2 * across, across, across)}  # fmt: skip

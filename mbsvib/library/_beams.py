@@ -12,7 +12,6 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.elements.beam_expansion import elastic_part
 from mbsvib.errors import ModelError
-from mbsvib.library._families import count, positive
 
 
 def cantilever(
@@ -53,7 +52,7 @@ def cantilever(
     Source: Societe francaise des mecaniciens, "Guide de validation des progiciels de calcul de structures", case
     SDLL 15 without eccentricity, for the data.
     """
-    end = (positive(length, "cantilever", "length", "m"), 0.0, 0.0)
+    end = (check.positive(length, "cantilever", "length", "m"), 0.0, 0.0)
     model = Model("cantilever")
     model.add_body("tip", tip_mass, (0.0, 0.0, 0.0), end)
     model.add_beam("tube", "ground", "tip", {"type": "tube", "radius": radius, "wall": wall},
@@ -117,9 +116,9 @@ def singular_beam(
         If a value is refused, or the gap is so large that the arms do not reach the bent beam.
     """
     who = "singular_beam"
-    mass, long = positive(arm_mass, who, "arm_mass", "kg"), positive(arm, who, "arm", "m")
+    mass, long = check.positive(arm_mass, who, "arm_mass", "kg"), check.positive(arm, who, "arm", "m")
     distance = check.number(gap, who, "gap", "a distance [m]")
-    if count(elements, who, "elements", 2) % 2:
+    if check.count(elements, who, "elements", 2) % 2:
         raise check.refuse(who, "elements", elements, "an even number, as the arms hang from the middle")
     middle = f"beam.{elements // 2}"
     model = Model(who)
@@ -196,9 +195,9 @@ def parallel_guide(
     Source: Smith, Flexures: Elements of Elastic Mechanisms (2000), chapter 4.
     """
     who = "parallel_guide"
-    span, side = positive(distance, who, "distance", "m"), positive(width, who, "width", "m")
-    height, half = span / 3.0, 0.5 * positive(length, who, "length", "m")
-    m = positive(mass, who, "mass", "kg")
+    span, side = check.positive(distance, who, "distance", "m"), check.positive(width, who, "width", "m")
+    height, half = span / 3.0, 0.5 * check.positive(length, who, "length", "m")
+    m = check.positive(mass, who, "mass", "kg")
     model = Model(who)
     model.add_body("stage", m, [m / 12.0 * (a * a + b * b) for a, b in ((side, height), (span, height), (span, side))],
                    (0.0, 0.0, half))  # fmt: skip
@@ -248,7 +247,7 @@ def cross_hinge(
     Source: Wittrick, The theory of symmetrical crossed flexure pivots, Aust. J. Sci. Res. A 1 (1948), 121-134.
     """
     who = "cross_hinge"
-    side, apart, m, r = (positive(value, who, field, unit) for value, field, unit in (
+    side, apart, m, r = (check.positive(value, who, field, unit) for value, field, unit in (
         (width, "width", "m"), (gap, "gap", "m"), (mass, "mass", "kg"), (radius, "radius", "m")))  # fmt: skip
     lean = check.number(angle, who, "angle", "an angle [rad]")
     if not 0.0 < lean < 0.5 * pi:

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library._families import positive
 
 ACROSS, UP = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -54,7 +53,7 @@ def bicycle(
     and steer of a bicycle", Proc. R. Soc. A 463 (2007) 1955-1982, table 1; its z points down and its y to the right.
     """
     who = "bicycle"
-    w, r, f = (positive(value, who, field, "m") for value, field in
+    w, r, f = (check.positive(value, who, field, "m") for value, field in
                ((wheel_base, "wheel_base"), (rear_radius, "rear_radius"), (front_radius, "front_radius")))  # fmt: skip
     c = check.number(trail, who, "trail", "a length [m]")
     angle = check.number(tilt, who, "tilt", "an angle [rad]")

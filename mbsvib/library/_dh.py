@@ -13,7 +13,7 @@ from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.elements.joint_kinds import KINDS
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import nearest
 
 JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
 ABOUT = ("cm", "origin")
@@ -101,12 +101,9 @@ def about_x(angle: float) -> Array:
 
 
 def _check_words(description: Any, who: str, words: tuple[str, ...]) -> None:
-    if not isinstance(description, Mapping):
-        raise check.refuse(who, "row", description, f"a mapping with the words {', '.join(words)}")
+    check.mapping(who, "row", description, f"a mapping with the words {', '.join(words)}", empty=True)
     for word in description:
-        if word not in words:
-            raise ModelError(f"{who}: there is no word {word!r}.{nearest(str(word), words)} A row has "
-                             f"{', '.join(words)}.", element=who, field=str(word))  # fmt: skip
+        check.known(word, words, f"{who}: there is no word {word!r}", str(word), "A row has", element=who)
 
 
 def _offset_and_turn(description: Mapping[str, Any], who: str) -> dict[str, Array]:

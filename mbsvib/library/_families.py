@@ -35,8 +35,8 @@ class FamilyBuilder:
         self, who: str, size: tuple[str, Any], joint: Any, axis: Any, springs: Any, *, total: bool, mass: Any,
         inertia: Any, stiffness: Any, damping: Any,
     ) -> None:  # fmt: skip
-        self.size = count(size[1], who, size[0])
-        self.springs = count(springs, who, "springs", least=0)
+        self.size = check.count(size[1], who, size[0])
+        self.springs = check.count(springs, who, "springs", least=0)
         self.kind = joint_kind(joint, who)
         self.axis = check.axis(axis, who, "axis")
         self.mass, self.inertia = mass, inertia
@@ -74,25 +74,6 @@ class FamilyBuilder:
             for a in turns for r in arms
         ]  # fmt: skip
         return _components(shifts, ("x", "y", "z")), _components(turns, ("rx", "ry", "rz"))
-
-
-def count(value: Any, who: str, field: str, least: int = 1) -> int:
-    """Return ``value`` if it is a whole number of at least ``least``."""
-    try:
-        number = value.__index__()
-    except AttributeError:
-        number = least - 1
-    if isinstance(value, bool) or number < least:
-        raise check.refuse(who, field, value, f"a whole number of at least {least}")
-    return int(number)
-
-
-def positive(value: Any, who: str, field: str, unit: str) -> float:
-    """Return ``value`` if it is a positive number."""
-    number = check.number(value, who, field, f"a positive number [{unit}]")
-    if number <= 0.0:
-        raise check.refuse(who, field, value, f"a positive number [{unit}]")
-    return number
 
 
 def joint_kind(value: Any, who: str) -> str:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.library._families import positive
 from mbsvib.library._pendulums import FREE_FALL
 from mbsvib.library._spatial_linkages import Point, add_planar_bar, meeting, turned
 
@@ -55,7 +54,7 @@ def four_bar(
     EquilibriumError
         If the spring pulls where the linkage does not move, so that it cannot hold it.
     """
-    per_length = positive(mass_per_length, "four_bar", "mass_per_length", "kg/m")
+    per_length = check.positive(mass_per_length, "four_bar", "mass_per_length", "kg/m")
     four = check.listed(pins, "four_bar", "pins", "four points, x and z [m]")
     if len(four) != 4:
         raise check.refuse("four_bar", "pins", pins, "four points, x and z [m]")
@@ -113,8 +112,8 @@ def slider_crank(
     EquilibriumError
         If the slider is at a dead centre, where no spring at it holds the crank.
     """
-    r = positive(crank, "slider_crank", "crank", "m")
-    long = positive(rod, "slider_crank", "rod", "m")
+    r = check.positive(crank, "slider_crank", "crank", "m")
+    long = check.positive(rod, "slider_crank", "rod", "m")
     crank_angle = check.number(angle, "slider_crank", "angle", "an angle [rad]")
     if r >= long:
         raise check.refuse("slider_crank", "rod", rod, f"more than the crank, {r:g} m")
@@ -176,8 +175,8 @@ def toggle(
         If a value is not positive, or the angle out of its range.
     """
     who = "toggle"
-    length = positive(arm, who, "arm", "m")
-    mass = positive(arm_mass, who, "arm_mass", "kg")
+    length = check.positive(arm, who, "arm", "m")
+    mass = check.positive(arm_mass, who, "arm_mass", "kg")
     theta = check.number(angle, who, "angle", "an angle [rad]")
     if not 0.0 < theta < 1.57:
         raise check.refuse(who, "angle", angle, "more than 0 (the stretched pose) and less than pi / 2 rad")
@@ -259,9 +258,9 @@ def hoeken(
     G. G. Lowen, "A new method for completely force balancing simple linkages", J. Eng. Ind. 91 (1969), 21-26.
     """
     who = "hoeken"
-    a1, a0, a2, a3 = (positive(value, who, field, "m") for value, field in (
+    a1, a0, a2, a3 = (check.positive(value, who, field, "m") for value, field in (
         (crank, "crank"), (ground, "ground"), (coupler, "coupler"), (rocker, "rocker")))  # fmt: skip
-    per_length = positive(mass_per_length, who, "mass_per_length", "kg/m")
+    per_length = check.positive(mass_per_length, who, "mass_per_length", "kg/m")
     turn = check.number(angle, who, "angle", "an angle [rad]")
     o, d, a = (0.0, 0.0), (a0, 0.0), turned(a1, turn)
     b = _left_of(a, a2, d, a3)
@@ -272,7 +271,7 @@ def hoeken(
                                     ("pin23", "link2", "link3", b), ("rocker", "ground", "link3", d)):  # fmt: skip
         model.add_joint(name, "revolute", first, second, (*at, 0.0), axis=Z)
     if balance_radius is not None:
-        radius, coupler_mass = positive(balance_radius, who, "balance_radius", "m"), per_length * a2
+        radius, coupler_mass = check.positive(balance_radius, who, "balance_radius", "m"), per_length * a2
         for i, pivot, end, length in ((1, o, a, a1), (3, d, b, a3)):
             mass = 0.5 * (per_length * length + coupler_mass) * length / radius
             x, y = (p - radius * (e - p) / length for p, e in zip(pivot, end, strict=True))
@@ -318,8 +317,8 @@ def carpet_scraper(
     Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), section 4.5 and figure B.2.
     """
     who = "carpet_scraper"
-    length = positive(crank, who, "crank", "m")
-    per_length = positive(mass_per_length, who, "mass_per_length", "kg/m")
+    length = check.positive(crank, who, "crank", "m")
+    per_length = check.positive(mass_per_length, who, "mass_per_length", "kg/m")
     turn = check.number(angle, who, "angle", "an angle [rad]")
     o, r, p, pin = (0.0, 0.0), (2.0 * length, 0.0), (2.0 * length, 8.0 * length), turned(length, turn)
     middle = _left_of(pin, 2.5 * length, r, 2.5 * length)

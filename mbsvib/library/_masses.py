@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.library._families import count, positive
 from mbsvib.library._pendulums import FREE_FALL
 
 
@@ -50,7 +49,7 @@ def inclined_chain(
 
     Source: Commission VPCS, "Guide de validation des progiciels de calcul de structures" (AFNOR, 1990), SDLD02.
     """
-    number = count(n, "inclined_chain", "n")
+    number = check.count(n, "inclined_chain", "n")
     x, y, z = along = check.axis(line, "inclined_chain", "line")
     distance = check.number(spacing, "inclined_chain", "spacing", "the distance between neighbours [m]")
     points = [(s * x, s * y, s * z) for s in (distance * i for i in range(number + 2))]
@@ -164,8 +163,8 @@ def engine_on_mounts(
     ModelError
         If a distance is not positive, or a value is refused by the part it is for.
     """
-    a = positive(half_length, "engine_on_mounts", "half_length", "m")
-    b = positive(half_width, "engine_on_mounts", "half_width", "m")
+    a = check.positive(half_length, "engine_on_mounts", "half_length", "m")
+    b = check.positive(half_width, "engine_on_mounts", "half_width", "m")
     stiffness = (lateral_stiffness, lateral_stiffness, vertical_stiffness, 0.0, 0.0, 0.0)
     model = Model("engine_on_mounts", gravity=None if gravity is None else (0.0, 0.0, -gravity))
     model.add_body("engine", mass, inertia)

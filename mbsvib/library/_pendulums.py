@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from mbsvib.api.model import Model
-from mbsvib.library._families import count, positive
+from mbsvib.common import arguments as check
 
 FREE_FALL = 9.81  # [m/s^2]
 
@@ -38,8 +38,9 @@ def hinged_rod(
     ModelError
         If a size or the density is not positive.
     """
-    a, long = (positive(value, "hinged_rod", field, "m") for value, field in ((width, "width"), (length, "length")))
-    mass = positive(density, "hinged_rod", "density", "kg/m^3") * a * a * long
+    a, long = (check.positive(value, "hinged_rod", field, "m") for value, field in
+               ((width, "width"), (length, "length")))  # fmt: skip
+    mass = check.positive(density, "hinged_rod", "density", "kg/m^3") * a * a * long
     across = mass * (a * a + long * long) / 12.0
     model = Model("hinged_rod", gravity=(0.0, 0.0, -gravity))
     model.add_body("rod", mass, (across, across, mass * a * a / 6.0), (0.0, 0.0, -0.5 * long))
@@ -79,8 +80,8 @@ def pendulum_chain(n: int = 3, *, mass: float = 1.0, length: float = 1.0, gravit
     ModelError
         If n < 1, or a value is refused by the part it is for.
     """
-    masses = count(n, "pendulum_chain", "n")
-    step = positive(length, "pendulum_chain", "length", "m")
+    masses = check.count(n, "pendulum_chain", "n")
+    step = check.positive(length, "pendulum_chain", "length", "m")
     model = Model("pendulum_chain", gravity=(0.0, 0.0, -gravity))
     above = "ground"
     for k in range(1, masses + 1):
@@ -125,9 +126,9 @@ def trifilar_pendulum(
     ModelError
         If a length is not positive, or a value is refused by the part it is for.
     """
-    r, long = (positive(value, "trifilar_pendulum", field, "m") for value, field in
+    r, long = (check.positive(value, "trifilar_pendulum", field, "m") for value, field in
                ((radius, "radius"), (length, "length")))  # fmt: skip
-    moment = positive(inertia, "trifilar_pendulum", "inertia", "kg m^2")
+    moment = check.positive(inertia, "trifilar_pendulum", "inertia", "kg m^2")
     model = Model("trifilar_pendulum", gravity=(0.0, 0.0, -gravity))
     model.add_body("plate", mass, (0.5 * moment, 0.5 * moment, moment))
     for k in range(3):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbsvib.api.model import Model
-from mbsvib.library._families import positive
+from mbsvib.common import arguments as check
 from mbsvib.library._pendulums import FREE_FALL
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -85,7 +85,7 @@ def sleeping_top(
     ModelError
         If the height is not positive, or a value is refused by the part it is for.
     """
-    above = positive(height, "sleeping_top", "height", "m")
+    above = check.positive(height, "sleeping_top", "height", "m")
     model = Model("sleeping_top", gravity=(0.0, 0.0, -gravity))
     model.add_body("top", mass, (across, across, axial), (0.0, 0.0, above))
     model.add_joint("tip", "spherical", "ground", "top", ORIGIN)

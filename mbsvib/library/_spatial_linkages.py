@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.library._families import positive
+from mbsvib.common.expected import one_of
+from mbsvib.errors import ModelError
 
 Point = tuple[float, float]
 # Moment of inertia of a planar bar about its own line as a share of that across it; it has no effect in the plane.
@@ -100,8 +101,7 @@ def rssr(
 
     Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), section 4.6.
     """
-    if rocker_ball not in ROCKER_BALLS:
-        raise check.refuse("rssr", "rocker_ball", rocker_ball, "'spherical' or 'universal'")
+    one_of(rocker_ball, ROCKER_BALLS, "rssr", "rocker_ball", ModelError)
     model, a, b, line = _linkage("rssr", crank, crank_angle, rocker, rocker_angle, rocker_pivot, masses,
                                  axial_inertia, gravity)  # fmt: skip
     model.add_joint("ball12", "spherical", "link1", "link2", a)
@@ -154,7 +154,7 @@ def _linkage(
     masses: ArrayLike, axial_inertia: float, gravity: ArrayLike | None,
 ) -> tuple[Model, Vector, Vector, Vector]:  # fmt: skip
     """Crank, coupler and rocker on their pivots; the coupler's ends and its direction."""
-    r1, r3 = positive(crank, who, "crank", "m"), positive(rocker, who, "rocker", "m")
+    r1, r3 = check.positive(crank, who, "crank", "m"), check.positive(rocker, who, "rocker", "m")
     first, third = (check.number(value, who, field, "an angle [rad]")
                     for value, field in ((crank_angle, "crank_angle"), (rocker_angle, "rocker_angle")))  # fmt: skip
     pivot = check.vector(rocker_pivot, who, "rocker_pivot")

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, Vector
+from mbsvib.common.expected import one_of
+from mbsvib.errors import ModelError
 
 GROUPS = ("platform", "legs", "base")
 LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")
@@ -134,8 +136,7 @@ def stewart(
 
     Source: T. Dehaeze, stewart-simscape (github.com/tdehaeze/stewart-simscape), identification study.
     """
-    if foot not in ("universal", "spherical"):
-        raise check.refuse("stewart", "foot", foot, "'universal' or 'spherical'")
+    one_of(foot, ("universal", "spherical"), "stewart", "foot", ModelError)
     groups = port_groups(ports, "stewart")
     low = circle(base_radius, base_height, base_angles, "stewart", "base")
     high = circle(platform_radius, platform_height, platform_angles, "stewart", "platform")

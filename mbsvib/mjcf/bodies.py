@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.patterns import matching
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
 from mbsvib.mjcf.scene import Link, Scene
@@ -226,8 +226,7 @@ def add_ports(scene: Scene, patterns: Sequence[str]) -> None:
         found = matching(pattern, names)
         picked.update(found)
         if pattern != "*" and not found:
-            raise ModelError(f"sites: {pattern!r} is not a site of {file.path}.{nearest(str(pattern), names)}",
-                             element=str(pattern), field="sites")  # fmt: skip
+            raise check.unknown(pattern, names, f"sites: {pattern!r} is not a site of {file.path}", "sites", told="")
         if pattern in names and scene.bodies[int(m.site_bodyid[names[pattern]])] == GROUND:
             raise ModelError(f"sites: '{pattern}' is fixed to the ground; name a site that moves.", element=pattern,
                              field="sites")  # fmt: skip

@@ -16,7 +16,7 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.expected import names
 from mbsvib.common.file_content import shortened
 from mbsvib.common.patterns import matching
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.mjcf.kind import check_kind
 
 # Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
@@ -139,8 +139,8 @@ def _leave(file: Compiled, leave: Iterable[str]) -> None:
         found = set(matching(pattern, known))
         hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if name in found]
         if not hits:
-            raise ModelError(f"{file.path}: leave: {pattern!r} is not an actuator, tendon or equality constraint."
-                             f"{nearest(str(pattern), known)}", element=str(pattern), field="leave")  # fmt: skip
+            raise check.unknown(pattern, known, f"{file.path}: leave: {pattern!r} is not an actuator, tendon or "
+                                f"equality constraint", "leave", told="")  # fmt: skip
         for kind, i in hits:
             if kind == "equality":
                 m.eq_active0[i] = 0
@@ -162,9 +162,8 @@ def _keyframe(file: Compiled, keyframe: str | int | None) -> int | None:
         return known.index(keyframe)
     if isinstance(keyframe, int) and not isinstance(keyframe, bool) and 0 <= keyframe < len(known):
         return keyframe
-    hint = f"There are {', '.join(known)}." if known else "The file has none."
-    raise ModelError(f"{file.path}: keyframe = {keyframe!r} is none of it.{nearest(str(keyframe), known)} {hint}",
-                     element=file.path, field="keyframe")  # fmt: skip
+    raise check.unknown(keyframe, known, f"{file.path}: keyframe = {keyframe!r} is none of it", "keyframe",
+                        element=file.path)  # fmt: skip
 
 
 def _set_pose(file: Compiled, pose: Mapping[str, Any]) -> None:
@@ -198,8 +197,5 @@ def _command(file: Compiled, control: Mapping[str, float]) -> None:
 
 def known(name: str, numbers: Mapping[str, int], field: str, kind: str) -> int:
     """Return the number of an element by name."""
-    if name not in numbers:
-        hint = f"There are {', '.join(numbers)}." if numbers else "The file has none."
-        raise ModelError(f"{field}: {name!r} is no {kind}.{nearest(str(name), numbers)} {hint}",
-                         element=str(name), field=field)  # fmt: skip
+    check.known(name, numbers, f"{field}: {name!r} is no {kind}", field, "The file has")
     return numbers[name]

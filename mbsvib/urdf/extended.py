@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from mbsvib.common import arguments as check
 from mbsvib.common.file_content import content_of
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.files.reading import read_yaml
 from mbsvib.urdf.loops import Loop
 from mbsvib.urdf.reading import Robot
@@ -78,8 +79,7 @@ def _loop(robot: Robot, pair: Any, kind: Any, path: str | PathLike[str]) -> Loop
     links = []
     for frame in map(str, pair):
         if frame not in robot.links and frame not in robot.joints:
-            raise ModelError(f"{path}: closed_loop: '{frame}' is not a link.{nearest(frame, robot.links)}",
-                             element=frame, field="closed_loop")  # fmt: skip
+            raise check.unknown(frame, robot.links, f"{path}: closed_loop: '{frame}' is not a link", "closed_loop", "")
         links.append(frame if frame in robot.links else robot.joints[frame].child)
     if str(kind).lower() not in TYPES:
         raise ModelError(f"{path}: type of {links} = {kind!r}; expected 6d or 3d.", element=links[0], field="type")
@@ -88,9 +88,7 @@ def _loop(robot: Robot, pair: Any, kind: Any, path: str | PathLike[str]) -> Loop
 
 
 def _known(name: Any, joints: dict[str, Any], path: str | PathLike[str], key: str) -> Any:
-    if name not in joints:
-        raise ModelError(f"{path}: {key}: {name!r} is not a joint.{nearest(str(name), joints)}", element=str(name),
-                         field=key)  # fmt: skip
+    check.known(name, joints, f"{path}: {key}: {name!r} is not a joint", key, "")
     return joints[name]
 
 

@@ -17,8 +17,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 
 Frame = tuple[Array, Array]
 Numbers = Callable[[Element | None, str, str | None, int, str, str], Array]
@@ -116,9 +117,7 @@ class Reader:
         if link is None and end.get("name") is not None:
             link = end.get("name")
             self.taken.append(f"name= of <{tag}> of '{name}' as link=")
-        if link not in self.links:
-            raise ModelError(f"{who}: {role} = {link!r} is not a link.{nearest(link or '', self.links)}", element=name,
-                             field=role)  # fmt: skip
+        check.known(link, self.links, f"{who}: {role} = {link!r} is not a link", role, "", element=name)
         return end, str(link)
 
     def _constraint(self, element: Element) -> Loop:

@@ -15,7 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.file_content import ContentError, content_of, read_xml
 from mbsvib.common.number_text import real
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError
 from mbsvib.urdf.extensions import Remarks, left_out, refuse_macros
 from mbsvib.urdf.loops import Coupling, Loop, Reader
 from mbsvib.urdf.motion import Hinge, Mimic, moved
@@ -90,9 +90,8 @@ def read(path: str | PathLike[str]) -> Robot:
     joints = {name: _joint(element, name, links, path) for name, element in elements.items()}
     independent = [name for name, element in elements.items() if element.get("independent") in ("true", "1")]
     for motor in motors:
-        if motor.joint not in joints:
-            raise ModelError(f"{path}: transmission of '{motor.name}': {motor.joint!r} is not a joint."
-                             f"{nearest(motor.joint, joints)}", element=motor.name, field="joint")  # fmt: skip
+        check.known(motor.joint, joints, f"{path}: transmission of '{motor.name}': {motor.joint!r} is not a joint",
+                    "joint", "", element=motor.name)  # fmt: skip
         joint = joints[motor.joint]
         joints[motor.joint] = replace(joint, armature=joint.armature + motor.inertia * motor.ratio**2)
     joints = {name: _held(joint, joints, path) for name, joint in joints.items()}
@@ -143,9 +142,8 @@ def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> 
     while leader.mimic is not None and factor != 0.0:
         factor, offset = factor * leader.mimic.factor, offset + factor * leader.mimic.offset
         target = leader.mimic.joint
-        if target not in joints:
-            raise ModelError(f"{path}: joint '{leader.name}': mimics '{target}', which is not a joint."
-                             f"{nearest(target, joints)}", element=leader.name, field="mimic")  # fmt: skip
+        check.known(target, joints, f"{path}: joint '{leader.name}': mimics '{target}', which is not a joint", "mimic",
+                    "", element=leader.name)  # fmt: skip
         if target in chain:
             raise ModelError(f"{path}: joint '{joint.name}': mimics itself in the end.",
                              element=joint.name, field="mimic")  # fmt: skip
@@ -233,8 +231,7 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path
     for role in ("parent", "child"):
         end = element.find(role)
         link = "" if end is None else end.get("link", "")
-        if link not in links:
-            raise ModelError(f"{who}: {role} = {link!r} is not a link.{nearest(link, links)}", element=name, field=role)
+        check.known(link, links, f"{who}: {role} = {link!r} is not a link", role, "", element=name)
         ends.append(link)
     origin, axes = _frame(element.find("origin"), who, name)
     axis_element = element.find("axis")

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import names
+from mbsvib.common.expected import names, one_of
 from mbsvib.common.tables import listed
 from mbsvib.elements.ports import Input
-from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
+from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.unit_warnings import with_angles
 from mbsvib.urdf.closing import Frames, coupled, ends
@@ -102,8 +102,7 @@ def load_urdf(
         If the file is no URDF or is not expanded, a name or value is refused, or loops cannot be closed: which one, by
         how much it is open, and what joints of ``pose`` hold it open.
     """
-    if inertia not in ("as given", "repair"):
-        raise ModelError(f'inertia = {inertia!r}; expected "as given" or "repair".', field="inertia")
+    one_of(inertia, ("as given", "repair"), "load_urdf", "inertia", ModelError)
     robot = read(path)
     if loops is not None:
         robot = extended(robot, loops)
@@ -288,8 +287,7 @@ def _six(values: Array, directions: tuple[int, ...]) -> Array:
 
 
 def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: Frames) -> None:
-    if tip not in frames:
-        raise ModelError(f"tip = {tip!r} is not a link.{nearest(tip, frames)}", element=tip, field="tip")
+    check.known(tip, frames, f"tip = {tip!r} is not a link", "tip", "")
     body = groups[tip].name
     if body == GROUND:
         raise ModelError(f"tip = {tip!r} is fixed to the ground; name a link that moves.", element=tip, field="tip")
@@ -313,5 +311,4 @@ def _known(field: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
     for name in by_joint:
         if name not in moving and (name != ALL or field == "pose"):
-            raise ModelError(f"{field}: {name!r} is not a joint that moves.{nearest(str(name), moving)} There are "
-                             f"{', '.join(moving)}.", element=str(name), field=field)  # fmt: skip
+            raise check.unknown(name, moving, f"{field}: {name!r} is not a joint that moves", field, "There are")

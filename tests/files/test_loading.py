@@ -210,3 +210,10 @@ def test_no_value_makes_any_other_error(tmp_path_factory, data):
         assert "e" in names
     else:
         assert re.search(rf"model\.json, line \d+, {section}\.e(\.\w+)?: ", message)
+
+
+@pytest.mark.parametrize("content", [{"A": [[-1.0]], "B": [[1.0]]}, {"format": "x", "state_space": {}}])
+def test_a_state_space_is_no_model(tmp_path, content):
+    (tmp_path / "law.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(mv.ModelError, match="holds a state space and no model"):
+        mv.load(tmp_path / "law.json")

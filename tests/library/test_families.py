@@ -221,7 +221,7 @@ def test_the_tree_is_measured_at_both_ends_of_its_last_layer():
 
 @pytest.mark.parametrize(
     ("make", "words", "hint"),
-    [(chain, {"n": 0}, "a whole number of at least 1"), (chain, {"n": 2.5}, "n = 2.5"),
+    [(chain, {"n": 0}, "a whole number, at least 1"), (chain, {"n": 2.5}, "n = 2.5"),
      (tree, {"layers": True}, "layers"), (ladder, {"layers": -1}, "layers = -1"),
      (chain, {"joint": "Q"}, "R, P, C or S"), (tree, {"joint": "revolut"}, "Did you mean 'revolute'"),
      (chain, {"joint": None}, "joint = None"), (ladder, {"springs": -1}, "at least 0"),

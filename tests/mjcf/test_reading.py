@@ -111,7 +111,7 @@ def test_keyframes_and_controls(tmp_path):
     system = mv.load_mjcf(path).linearize()
     assert system.inputs == ("hinge.torque", "servo")
     np.testing.assert_allclose(system.B, [[1.0, 80.0]], rtol=1e-14)
-    for words, message in (({"keyframe": "upp"}, "Did you mean 'up'"), ({"keyframe": 3}, "There are up"),
+    for words, message in (({"keyframe": "upp"}, "Did you mean 'up'"), ({"keyframe": 3}, "It has up"),
                         ({"control": {"serv": 1.0}}, "Did you mean 'servo'"), ({"leave": ["x"]}, "leave: 'x'"),
                         ({"leave": 3}, "leave = 3; expected a name"), ({"sites": [3]}, "sites = .3.; expected a name"),
                         ({"control": {"servo": None}}, "control = None")):  # fmt: skip

@@ -160,5 +160,5 @@ def test_inertia_that_no_body_has_is_refused_or_repaired(robot):
         body = mv.load_urdf(path, floating=True, inertia="repair").bodies["a"]
     # second moments (1.5, 1.5, -0.5) become (1.5, 1.5, 0)
     np.testing.assert_allclose(body.inertia[:3], (1.5, 1.5, 3.0), rtol=1e-14)
-    with pytest.raises(mv.ModelError, match="expected \"as given\" or \"repair\""):
+    with pytest.raises(mv.ModelError, match="expected 'as given' or 'repair'"):
         mv.load_urdf(path, inertia="guess")
