@@ -22,7 +22,7 @@ VARIABLE = "MBSVIB_BINARIES"
 WANTED = os.environ.get(VARIABLE, "")
 
 
-class BinariesHook(BuildHookInterface[Any]):
+class BinariesHook(BuildHookInterface[Any]):  # type: ignore[misc]
     """Compiles before a wheel is put together, if that is wished."""
 
     def dependencies(self) -> list[str]:

@@ -94,6 +94,7 @@ __all__ = [
     "tunable",
     "tune",
 ]
+__dir__ = __all__.copy
 
 _HOMES = {
     "Dynamic": "mbsvib.elements.dynamic",
@@ -136,13 +137,10 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name not in _HOMES:
-        raise AttributeError(f"module 'mbsvib' has no attribute {name!r}")
+        from mbsvib.common.misplaced import absent
+
+        raise absent(__name__, name)
     home = import_module(_HOMES[name])
     value = home if home.__name__ == f"mbsvib.{name}" else getattr(home, name)
     globals()[name] = value
     return value
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__

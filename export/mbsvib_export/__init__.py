@@ -44,6 +44,7 @@ __all__ = [
     "to_control", "to_dmig", "to_exudyn", "to_fmu", "to_frd", "to_hdf5", "to_json", "to_mat", "to_modelica", "to_npz",
     "to_npz_batch", "to_op4", "to_scipy", "to_ssp", "to_transfer_function", "to_uff", "to_xarray", "with_names",
 ]  # fmt: skip
+__dir__ = __all__.copy
 
 # The names of each file, which is imported when one of them is asked for.
 _NAMES = {
@@ -65,12 +66,9 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name not in _HOMES:
-        raise AttributeError(f"module 'mbsvib_export' has no attribute {name!r}")
+        from mbsvib.common.misplaced import absent
+
+        raise absent(__name__, name)
     value = getattr(import_module(f"mbsvib_export.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
-
-
-def __dir__() -> list[str]:
-    """Return the public names, imported or not."""
-    return __all__

@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_path, kind_of
+from mbsvib.common.expected import a_path, kind_of, one_of
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
@@ -99,8 +99,7 @@ def to_c(
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
     space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c", outputs,
                            inputs)  # fmt: skip
-    if precision not in ("double", "single"):
-        raise ExportError(f"to_c: precision = {precision!r}; expected 'double' or 'single'.")
+    one_of(precision, ("double", "single"), "to_c", "precision", ExportError)
     if not space.inputs or not space.outputs:
         missing = "inputs (model.add_input)" if not space.inputs else "outputs (model.add_output)"
         raise ExportError(f"to_c: '{space.name}' has no {missing}; its code would compute nothing.")

@@ -19,7 +19,7 @@ from mbsvib.api.system import System
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import kind_of
+from mbsvib.common.expected import angular, kind_of
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.equilibrium.search import at_equilibrium
@@ -322,7 +322,7 @@ def to_casadi_response(
     output_name, input_name = (only_port(system, name, kind, "to_casadi_response")
                                for name, kind in ((output, "output"), (input, "input")))  # fmt: skip
     row, column = system.outputs.index(output_name), system.inputs.index(input_name)
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    w = angular(omega, "to_casadi_response")
 
     def response(variant: System) -> Complex:
         result: Complex = variant.frequency_response(w)[row, column]

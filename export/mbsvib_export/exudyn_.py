@@ -249,6 +249,8 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
         if part.law is None or part.law.energy is not None:
             refuse(name, f"the force of a {part.family} is not linear; simulate by model.simulate.")
+        if isinstance(part, Spring) and min(part.stiffness, part.damping) < 0.0:
+            refuse(name, "exudyn takes no line spring with a stiffness or damping below 0; simulate by model.simulate.")
     for kind, group in (("hub", plain.hubs), ("coupler", plain.couplers), ("rotor", plain.rotors),
                         ("rolling wheel", plain.rolling)):  # fmt: skip
         for name in group:

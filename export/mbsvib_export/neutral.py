@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from mbsvib.api.driven import DrivenSystem
 from mbsvib.api.system import System
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.selection import port_fields
-from mbsvib.errors import ExportError, ResponseError, counted, nearest
+from mbsvib.errors import ExportError, ResponseError, counted
 from mbsvib.feedback.controller import Controller
 from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
@@ -247,8 +248,8 @@ def only_port(system: Any, name: str | None, kind: str, caller: str) -> str:
     if name is None and len(known) != 1:
         raise ExportError(f"{caller}: '{system.name}' has {len(known)} {kind}s; expected the name of one: {kind}=... "
                           f"of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
-    if name is not None and name not in known:
-        raise ResponseError(f"{caller}: there is no {kind} '{name}'.{nearest(str(name), known)}")
+    if name is not None:
+        check.known(name, known, f"{caller}: there is no {kind} '{name}'", error=ResponseError)
     return known[0] if name is None else name
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import one_of
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.discrete import first_order_hold, tustin
@@ -70,9 +71,7 @@ def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple
     counts.
     """
     check_step(dt, caller)
-    if method not in METHODS:
-        raise ExportError(f"{caller}: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}.")
-    if method == "tustin":
+    if one_of(method, METHODS, caller, "method", ExportError) == "tustin":
         power = exponents(space.A, space.B, space.C)
         try:
             a, b, c, d = tustin(*scaled_by(power, space.A, space.B, space.C), space.D, dt)

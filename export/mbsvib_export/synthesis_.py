@@ -1,4 +1,4 @@
-"""hinfsyn, h2syn and mixsyn of python-control by ctrlsys, which has wheels where slycot has none; with names."""
+"""hinfsyn and mixsyn of python-control by ctrlsys, which has wheels where slycot has none, and h2syn; with names."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ def h2syn(plant: control.StateSpace, nmeas: int, ncon: int) -> NamedStateSpace:
     Raises
     ------
     ExportError
-        If ctrlsys is not installed, or the plant or the numbers do not fit.
+        If the plant or the numbers do not fit.
     ResponseError
         If no controller is found.
 
-    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
+    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5.
     """
     matrices = _checked(plant, nmeas, ncon, "h2syn")
     synthesis = h2_synthesis(matrices, nmeas, ncon, "h2syn")

@@ -22,7 +22,7 @@ from mbsvib.api.system import System
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path, kind_of
+from mbsvib.common.expected import a_path, ascending, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, LeftOutWarning, ResponseError, counted
@@ -109,10 +109,9 @@ def _measured(source: Any, omega: ArrayLike | None, binary: bool, modes: bool) -
     if modes and not isinstance(linear, System):
         raise ExportError("to_uff: modes = True; only a System has modes in which its bodies move.")
     grid = resonant_grid(linear.poles()) if omega is None else omega
-    frequency = np.atleast_1d(np.asarray(grid, dtype=float)) / (2 * np.pi)
-    if frequency.ndim != 1 or not len(frequency) or (frequency < 0.0).any() or (np.diff(frequency) <= 0.0).any():
-        raise ExportError("to_uff: omega does not ascend from 0 on; expected a vector of ascending angular frequencies "
-                          "[rad/s], each once, as readers of the format take them: np.unique(omega).")  # fmt: skip
+    frequency = ascending(grid, "to_uff", "omega", "a vector of ascending angular frequencies [rad/s] from 0 on, each "
+                          "once, as readers of the format take them: np.unique(omega)", ExportError, 0.0, ndmin=1)
+    frequency /= 2 * np.pi
     frequency = frequency if binary else np.unique(_five_digits(frequency))
     points = 2 * np.pi * frequency
     nodes, input_points, output_points = geometry_of(linear)

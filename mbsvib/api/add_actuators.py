@@ -23,8 +23,10 @@ from numpy.typing import ArrayLike
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import one_of
 from mbsvib.elements import Body
 from mbsvib.elements.connection import line_between
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.names import check_name
 
 WEIGHTLESS = (0.0, 0.0, 0.0)
@@ -142,8 +144,7 @@ class ActuatedMechanism(RigidMechanism, PortedMechanism):
         T = check.not_zero(constant, who, "constant", "the force per voltage [N/V]")
         c = _least(damping, who, "damping", "a damping [N s/m] of 0 or more")
         R = _least(resistance, who, "resistance", "a resistance [Ohm] of 0 or more")
-        if not isinstance(drive, str) or drive not in ("voltage", "charge"):
-            raise check.refuse(who, "drive", drive, "'voltage' or 'charge'")
+        one_of(drive, ("voltage", "charge"), who, "drive", ModelError)
         if drive == "charge" and R:
             raise check.refuse(who, "resistance", resistance, "none with drive = 'charge'")
         blocked = 0.0

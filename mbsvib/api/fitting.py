@@ -102,9 +102,11 @@ def _problem(
         else:
             parts.append(mode_data(measured, name, number, scene))
     chosen = limited(chosen, *known)
-    parts = [part if not isinstance(part, RecordData) else
-             part.with_free_states(scenes[part.scene](chosen.map @ chosen.start, None)[0], chosen.start)
-             for part in parts]  # fmt: skip
+    for k, part in enumerate(parts):
+        if isinstance(part, RecordData):
+            parts[k] = part.with_free_states(scenes[part.scene](chosen.map @ chosen.start, None)[0], chosen.start)
+        elif isinstance(part, ModeData) and len(part.shapes):
+            parts[k] = part.with_radius(scenes[part.scene](chosen.map @ chosen.start, None)[0])
     problem = Problem(chosen, tuple(scenes), tuple(parts))
     if problem.numbers < len(chosen.names):
         raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers} numbers were measured; give "
@@ -153,7 +155,8 @@ def _started(problem: Problem) -> Problem:
 def _best(problem: Problem, starts: int, seed: int, tell: Any) -> Found:
     """The best of some searches, each from afar and then to the end: the first start is the model's."""
     rng, first = np.random.default_rng(seed), problem.variables.unknowns(problem.variables.start)
-    spread = np.where(problem.variables.positive, np.log(SPREAD), SPREAD - 1.0)
+    share = np.where(first == 0.0, 1.0, np.minimum(np.abs(first), 1.0))  # of their size, which may be larger than they
+    spread = np.where(problem.variables.positive, np.log(SPREAD), (SPREAD - 1.0) * share)
     spread[len(spread) - int((~problem.variables.map.any(axis=0)).sum()) :] = 0.0  # channels have starts of their own
     found, refused = [], None
     # responses that short records tell may lead astray, so that these are searched without them as well
@@ -214,8 +217,13 @@ def _intervals(chosen: Variables, known: Knowledge, x: Array) -> dict[str, tuple
 
 
 def _in_words(combination: Mapping[str, float], chosen: Variables) -> str:
-    """A direction that the data do not tell, by the relative changes that leave them as they are."""
+    """A direction that the data do not tell, by changes that leave them as they are: relative ones of positive values.
+    """
     if len(combination) == 1:
         return next(iter(combination))
-    changes = [f"{name} {'+' if share > 0.0 else '-'}{abs(share):.2g} %" for name, share in combination.items()]
+    known = dict(zip(chosen.names, zip(chosen.positive, chosen.size, chosen.units, strict=True), strict=True))
+    changes = []
+    for name, share in combination.items():
+        positive, size, unit = known[name]
+        changes.append(f"{name} {share:+.2g} %" if positive else f"{name} {0.01 * size * share:+.2g} {unit}".rstrip())
     return f"{', '.join(changes[:-1])} and {changes[-1]} together leave the data as they are"

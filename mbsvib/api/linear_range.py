@@ -126,7 +126,8 @@ def linear_range(system: Equations, modes: Modes, share: float, conservative: bo
     if not 0.0 < number < np.inf:
         raise ResponseError(f"linear_range: share = {number:g}; expected a positive share such as 0.1.")
     if find_spec("casadi") is None:
-        raise ModelError("linear_range: needs CasADi for second derivatives; pip install mbsvib[casadi]", field="share")
+        raise ModelError('linear_range: needs CasADi for second derivatives; pip install "mbsvib[casadi]"',
+                         field="share")  # fmt: skip
     from mbsvib.simulation.linear_range import linear_range as computed
 
     none = np.zeros((0, len(system.outputs)))

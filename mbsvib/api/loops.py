@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mbsvib.api.elsewhere import FUNCTIONS, tell_functions
 from mbsvib.feedback import closed_loop, sampled
 from mbsvib.random.verbs import RandomVerbs
 
@@ -24,3 +25,6 @@ class ClosedLoop(RandomVerbs, closed_loop.ClosedLoop):
     """
 
     sampled_form = SampledLoop
+
+
+tell_functions(ClosedLoop, FUNCTIONS, "loop")

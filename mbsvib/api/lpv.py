@@ -21,7 +21,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.mat_file import cells, variable_names
 from mbsvib.equations.matrices import MATRICES
-from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.sparse_interpolation import SparseInterpolant, points_of
 
 if TYPE_CHECKING:
@@ -209,9 +209,7 @@ class LPVSystem(Displayed):
         check_mapping(pose, "at")
         known = [*self.names, *self.fixed]
         for name in pose:
-            if name not in known:
-                raise ModelError(f"at: '{name}' is not a coordinate of the family.{nearest(str(name), known)} It has "
-                                 f"{', '.join(known)}.", element=str(name), field="pose")  # fmt: skip
+            check.known(name, known, f"at: '{name}' is not a coordinate of the family", "pose")
         limits = dict(zip(self.names, zip(self.low.tolist(), self.high.tolist(), strict=True), strict=True))
         limits |= {name: (value, value) for name, value in self.fixed.items() if name in pose}
         for name, (low, high) in limits.items():

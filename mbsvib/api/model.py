@@ -14,13 +14,14 @@ from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_models import NestedMechanism
 from mbsvib.api.add_ports import PortedMechanism
-from mbsvib.api.elsewhere import tell_where
+from mbsvib.api.elsewhere import OF_MODELS, tell_functions, tell_where
 from mbsvib.api.pose import Posed
 from mbsvib.api.run import Simulated
 from mbsvib.api.running import Running
 from mbsvib.api.system import System
+from mbsvib.common import arguments as check
 from mbsvib.elements.families import FAMILIES
-from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.errors import counted
 
 if TYPE_CHECKING:
     from mbsvib.api.batch import Batch
@@ -213,7 +214,7 @@ class Model(
         return family(self, values, grid, independent, relaxed)
 
     def fit(
-        self, data: Any, free: str | Sequence[str], tied: str | Sequence[str] = (),
+        self, data: Any, free: str | Sequence[str] = (), tied: str | Sequence[str] = (),
         prior: Mapping[str, tuple[float, float]] | None = None,
         bounds: Mapping[str, tuple[float | None, float | None]] | None = None, channels: str | Sequence[str] = (),
         starts: int = 1, seed: int = 0, progress: Progress = None,
@@ -228,7 +229,7 @@ class Model(
             What was measured. Data of another payload or pose are pairs of values and measured object,
             ``({"payload.mass": 12.0, "leg1.slide.z": 0.02}, measurement)``; springs of a moved pose are relaxed there.
         free : str or sequence of str
-            Parameters to be fitted, by name or pattern: a value for each name.
+            Parameters to be fitted, by name or pattern: a value for each name; may be left out beside ``tied``.
         tied : str or sequence of str
             Names or patterns with one value for all parameters that each matches.
         prior : dict of str to (value, standard deviation), optional
@@ -266,7 +267,8 @@ class Model(
         -----
         AccuracyWarning
             If the data are modes alone, and one without a shape is so far from those of the model that it may be any;
-            if the phases of responses turn against those of the model, as those of complex conjugates do.
+            if the phases of responses turn against those of the model, as those of complex conjugates do, or if
+            they have no imaginary part.
 
         Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012), section 9.
         """
@@ -296,9 +298,7 @@ class Model(
         """
         parts = [part for group in self.groups().values() for part in group.values()]
         known = [part.name for part in parts]
-        if element not in known:
-            raise ModelError(f"replace: there is no element '{element}' in model '{self.name}'."
-                             f"{nearest(element, known)}", element=element)  # fmt: skip
+        check.known(element, known, f"replace: there is no element '{element}' in model '{self.name}'", told="")
         result = type(self)(self.name, self.gravity, self.travel)
         for part in parts:
             add = getattr(result, ADDERS[type(part)])
@@ -306,9 +306,7 @@ class Model(
             if part.name == element:
                 allowed = signature(add).parameters
                 for word in changes:
-                    if word not in allowed:
-                        raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, allowed)} It has "
-                                         f"{', '.join(allowed)}.", element=element, field=word)  # fmt: skip
+                    check.known(word, allowed, f"replace: '{element}' has no '{word}'", word, element=element)
                 kwargs |= changes
             add(**kwargs)
         return result
@@ -324,5 +322,6 @@ class Model(
         return f"Model({self.name!r}: {', '.join(counted(len(group), noun) for group, noun in counts)})"
 
 
+tell_functions(Model, OF_MODELS)
 tell_where(Model, System, "systems have it: model.linearize().{name}.")
 ADDERS: dict[type, str] = {family.part: f"add_{family.word}" for family in FAMILIES}

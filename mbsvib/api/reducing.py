@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
-from mbsvib.errors import ResponseError
-
 if TYPE_CHECKING:
     from mbsvib.api.state_space import StateSpace
     from mbsvib.common.selection import Names
@@ -45,7 +43,8 @@ class ReducibleSystem:
         order : int, optional
             Number of states (balanced) or coordinates (others).
         error : float, optional
-            Largest error instead of an order; the smallest model within it is returned.
+            Largest error instead of an order: the smallest model within it is returned. Of methods other than
+            "balanced", whose errors need not fall with the order, it is one that bisection finds.
         method : str
             "balanced", "modal", "static-corrected" or "craig-bampton".
         keep : str or sequence of str, optional
@@ -65,15 +64,13 @@ class ReducibleSystem:
         Source: Antoulas, Approximation of Large-Scale Dynamical Systems (2005), chapter 7; Craig & Bampton, Coupling of
         substructures for dynamic analyses, AIAA Journal 6 (1968).
         """
+        from mbsvib.api.state_space import StateSpace
         from mbsvib.reduction.reduced import reduced_equations, reduced_space
+        from mbsvib.responses.realizations import accurate
 
         system: Any = self if keep is None else self[keep, :]  # type: ignore[index]
         if method != "balanced":
             result: Self = reduced_equations(system, method, order, error)  # type: ignore[assignment]
             return result
-        try:
-            space: Any = system.state_space("modal")
-        except ResponseError:  # eigenvalues that nearly coincide have no modal states
-            space = system.state_space("balanced")
-        space = replace(space, error_bound=system.error_bound)
+        space = replace(accurate(system.basis, StateSpace), error_bound=system.error_bound)
         return reduced_space(space, order, error)  # type: ignore[return-value]

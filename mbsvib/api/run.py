@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.errors import ModelError, ResponseError, counted, nearest
+from mbsvib.errors import ModelError, ResponseError, counted
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import angle_warnings
 
@@ -73,9 +74,7 @@ class Energy(Displayed):
 
     def of(self, part: str) -> Array:
         """Return the kinetic and potential energy (n,) [J] of one body, beam, superelement or connection."""
-        if part not in self.parts:
-            raise ResponseError(f"energy: '{part}' is not a part with energy.{nearest(part, self.parts)} There are "
-                                f"{', '.join(self.parts)}.")  # fmt: skip
+        check.known(part, self.parts, f"energy: '{part}' is not a part with energy", error=ResponseError)
         k = self.parts.index(part)
         return np.asarray(self.kinetic_by_part[k] + self.potential_by_part[k])
 
@@ -86,8 +85,9 @@ class Run(Columnar, Displayed):
 
     ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints by
     name, displacements from the pose as described [m, rad]: of the spanning tree, then of joints at which loops are cut
-    (but for rods, and rotation vectors of the latter); ``energy`` has the energies. ``complete``
-    is false if it was interrupted before the last time and before an event.
+    (but for rods, and rotation vectors of the latter). ``"NAME.fixed_mode1"`` of a beam or superelement is the lowest
+    mode with its nodes held at which something is attached, scaled to a modal mass of 1 [kg^(1/2) m].
+    ``energy`` has the energies. ``complete`` is false if it was interrupted before the last time and before an event.
     """
 
     name: str
@@ -116,8 +116,7 @@ class Run(Columnar, Displayed):
             return self.outputs[name]
         if name in self.trace.measured.refused:
             raise ResponseError(f"{self.trace.measured.refused[name]}; linearize() has it for small motions.")
-        raise ResponseError(f"run of '{self.name}': '{name}' is not an output.{nearest(str(name), self.outputs)} It "
-                            f"has {', '.join(self.outputs) or 'none'}.")  # fmt: skip
+        raise check.unknown(name, self.outputs, f"run of '{self.name}': '{name}' is not an output", error=ResponseError)
 
     def __len__(self) -> int:
         """Return the number of times."""
@@ -334,7 +333,8 @@ class Simulated(Mechanism):
         (2005), SUNDIALS.
         """
         if find_spec("casadi") is None:
-            raise ModelError("simulate: needs CasADi, whose integrator it uses; pip install mbsvib[casadi]", field="t")
+            raise ModelError('simulate: needs CasADi, whose integrator it uses; pip install "mbsvib[casadi]"',
+                             field="t")  # fmt: skip
         from mbsvib.simulation.simulate import simulate
 
         trace, complete = simulate(self, t, inputs, initial, without, tolerance, until, progress,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Self
 
 from mbsvib.api.connecting import Connecting
+from mbsvib.api.elsewhere import FUNCTIONS, tell_functions
 from mbsvib.common.arrays import Array
 from mbsvib.common.display import upper
 from mbsvib.common.selection import Names
@@ -89,3 +90,6 @@ class StateSpace(Connecting, RandomVerbs, state_space.StateSpace):
                          f"model, as its largest singular value, output by input in SI units")  # fmt: skip
         lines.append(f"  states: {listed(self.states) or 'none'}")
         return "\n".join(lines)
+
+
+tell_functions(StateSpace, FUNCTIONS, "space")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mbsvib.api.connecting import Connecting
-from mbsvib.api.elsewhere import tell_where
+from mbsvib.api.elsewhere import FUNCTIONS, tell_functions, tell_where
 from mbsvib.api.of_mechanism import OfMechanism
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
@@ -234,4 +234,5 @@ class System(OfMechanism, Connecting, ReducibleSystem, RandomVerbs, Sensitive):
         return f"System({self.name!r}: {self.dof} DOF, {ports}{bound})"
 
 
+tell_functions(System, FUNCTIONS)
 tell_where(System, Mechanism, "models have it: change the model by model.{name}, and linearize.")

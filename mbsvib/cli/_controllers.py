@@ -45,15 +45,17 @@ def holds_controller(path: Path) -> bool:
         fields = read_json_content(content_of(path, ModelError, "a model or a controller"))
     except ContentError:  # what is wrong with it is said where it is read as a model
         return False
-    return isinstance(fields, dict) and "bodies" not in fields and {"A", "B"} <= set(fields)
+    return isinstance(fields, dict) and ({"A", "B"} <= set(fields) or "state_space" in fields)
 
 
 def read_controller(
-    path: Path, sensors: list[str] | None, actuators: list[str] | None, rate: float | None
-) -> tuple[Any, float | None]:
+    path: Path, sensors: list[str] | None, actuators: list[str] | None, rate: float | None,
+    remedy: str = "give --sensor and --actuator, in the order of the columns of B and the rows of C",
+) -> tuple[Any, float | None]:  # fmt: skip
     """Return a controller, and the rate [Hz] at which it runs, None in continuous time.
 
-    A discrete one is a state space of python-control with its sample time. ``rate``: that of the command line.
+    A discrete one is a state space of python-control with its sample time. ``rate``: that of the command line;
+    ``remedy``: what to do if no signals are named.
     """
     if path.suffix.lower() not in FORMATS:
         raise shell.UsageProblem(f"'{path}': controllers end in {', '.join(FORMATS)}.")
@@ -72,8 +74,7 @@ def read_controller(
     names: dict[str, Any] = {key: _names(content[word], path, word) for key, other in SIGNALS.items()
              for word in (key, other) if word in content}  # fmt: skip
     if len(names) < 2 and not (sensors and actuators):
-        raise shell.UsageProblem(f"{path} names no signals: give --sensor and --actuator, in the order of the columns "
-                                 f"of B and the rows of C.")  # fmt: skip
+        raise shell.UsageProblem(f"{path} names no signals: {remedy}.")
     _check_descriptor(content.get(DESCRIPTOR), path)
     period = _period(content, path, rate)
     from mbsvib import StateSpace

@@ -92,7 +92,8 @@ def _controller_of(model: ModelFile, suffix: str, file: Path) -> Any:
         return None
     if suffix == ".yaml":
         raise shell.UsageProblem(f"'{file}': {path} holds a controller, and .yaml is for models; give another format.")
-    law, rate = read_controller(path, None, None, None)
+    law, rate = read_controller(path, None, None, None, "add lists of names to the file, 'inputs' of the columns of B "
+                                "and 'outputs' of the rows of C")  # fmt: skip
     if rate is not None:
         raise shell.UsageProblem(f"{path} is in discrete time, at {rate:g} Hz; only controllers in continuous time are "
                                  f"exported. For a computer it is ready as it is.")  # fmt: skip

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli._arguments import ModelFile, flag, number, option
+from mbsvib.cli._controllers import holds_controller
 from mbsvib.cli._shell import UsageProblem, complain
 from mbsvib.common.number_text import integer, real
 from mbsvib.errors import ModelError, nearest
@@ -194,7 +195,13 @@ def _read(path: Path, options: Mapping[str, Any]) -> Model:
     from mbsvib.files import load
 
     refuse_others(str(path), "a model file", options, [])
-    return load(path)
+    try:
+        return load(path)
+    except ModelError as error:
+        if not holds_controller(path):
+            raise
+        raise UsageProblem(f"{path} holds a controller or another state space, and no model. Close its loop by "
+                           f"'mbsvib loop MODEL {path}', with the model of the mechanism as MODEL.") from error
 
 
 def _names_in(options: Mapping[str, Any]) -> list[str]:

@@ -10,6 +10,7 @@ from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, option, positional, whole_number
 from mbsvib.cli._lookup import model_of, range_of
 from mbsvib.common.patterns import matching
+from mbsvib.common.tables import listed as row
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
@@ -78,10 +79,12 @@ def _over_ranges(result: Sweep) -> Figure:
 
 def _fitting(pattern: str, known: Iterable[str], model: str) -> list[str]:
     """The names of parameters that fit a pattern."""
-    names = matching(pattern, known)
+    listed = list(known)
+    names = matching(pattern, listed)
     if not names:
-        raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)} "
-                                 f"See: mbsvib params {model}.")  # fmt: skip
+        own = [name for name in listed if name.startswith(f"{pattern}.")]
+        hint = f" '{pattern}' has {row(own)}." if own else nearest(pattern, listed)
+        raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{hint} See: mbsvib params {model}.")
     return names
 
 

@@ -42,6 +42,8 @@ COMMANDS: list[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]] = [
         (r"print\(system\.explain\(\)\)|(?:system\.)?explain\(\)", CHECK),
         (r"modes\(10\), or modes\(10, near=f\)", "--count 10, or --count 10 --near HZ"),
         (r" \(--leave\)", ""),
+        (r"both are keywords as well: outputs=\.\.\., inputs=\.\.\.\.", "their options are --output and --input."),
+        (r"; 'modes\.stable' tells where", ""),
         (r"\w+=\w+ \((--\w+)\)", r"\1"),
         (r"\w+\(\.\.\., \w+=[^()]*\), or (--)", r"\1"),
         (r"connections=\{[^{}]*\}, on the command line by ", ""),
@@ -102,9 +104,9 @@ def as_messages(debug: bool) -> Iterator[Status]:
     """Print errors that mbsvib raises on purpose, and its warnings, as lines on standard error."""
     status = Status()
     with warnings.catch_warnings():
-        for category in (errors.NearSingularWarning, errors.AccuracyWarning, errors.LargeDisplacementWarning,
-                         errors.LeftOutWarning, errors.UndeterminedForceWarning, errors.UnstableWarning):  # fmt: skip
-            warnings.simplefilter("always", category)
+        for name in errors.__all__:
+            if name.endswith("Warning"):
+                warnings.simplefilter("default", getattr(errors, name))  # each text once
         warnings.showwarning = _show_warning
         try:
             yield status

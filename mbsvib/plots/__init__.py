@@ -6,6 +6,9 @@ what was given. ``STYLE`` has the settings of all figures, for your own: ``plt.s
 imported by the first figure that is drawn.
 """
 
+from functools import partial
+
+from mbsvib.common.misplaced import missing
 from mbsvib.plots._style import STYLE
 from mbsvib.plots.bode import bode, mode_contributions, nyquist
 from mbsvib.plots.cycle import cycle, periodic
@@ -27,8 +30,5 @@ __all__ = [
     "pole_zero_map", "root_locus", "sensitivity", "singular_values", "step", "time_grid", "topology", "trade_off",
     "transmissibility",
 ]  # fmt: skip
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy
+__getattr__ = partial(missing, __name__)

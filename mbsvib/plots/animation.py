@@ -18,12 +18,13 @@ from matplotlib import rc_context, rcParams
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mbsvib.common import arguments as check
 from mbsvib.common import expected, units
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.equations.equations import Provenance
-from mbsvib.errors import ExportError, ResponseError, nearest
+from mbsvib.errors import ExportError, ResponseError
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.modes import Modes
 from mbsvib.plots import _style as style
@@ -178,8 +179,7 @@ def animation(
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "
                             f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
-    if not len(modes):
-        raise ResponseError(f"system '{modes.name}' is fully locked: it has no modes to animate.")
+    modes.check_any("animate")
     index = expected.mode_index(mode, "animate", len(modes))
     hertz, ratio = modes.frequencies[index], modes.damping_ratios[index]
     words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
@@ -249,9 +249,8 @@ def run_figure(run: Any, names: Sequence[str] | str | None, ax: Given | None = N
     else:
         names_drawn = expected.names(names, "plot", "names")
     for name in names_drawn:
-        if name not in known:
-            raise ResponseError(f"plot: '{name}' is neither an output nor a coordinate of the run."
-                                f"{nearest(str(name), known)}")  # fmt: skip
+        check.known(name, known, f"plot: '{name}' is neither an output nor a coordinate of the run", told="",
+                    error=ResponseError)  # fmt: skip
     groups: dict[str, list[str]] = {}
     for name in names_drawn:
         groups.setdefault(unit[name], []).append(name)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import a_result
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
@@ -139,6 +140,7 @@ def periodic(data: Periodic, *, ax: Given | None = None) -> Figure | Given:
         Left: |lambda| / 2 pi of the equations with the coefficients of each sample, dashed that of mean coefficients.
         Right: Floquet multipliers; deviations grow by those outside the unit circle.
     """
+    a_result(data, "multipliers", "plots.periodic", "data", "what cycle.periodic(...) returns")
     values = data.multipliers()
     with sheet("plots.periodic", ax, (7.6, 3.4), 1, 2, width_ratios=(3, 2)) as paper:
         left, right = paper.panels

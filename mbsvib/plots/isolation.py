@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.expected import a_result
 from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, Sheet, in_rows, sheet
@@ -40,7 +41,7 @@ def isolation(studies: Any, labels: Sequence[str] | None = None, *, ax: Given | 
     ModelError
         If there are no studies, or not as many labels.
     """
-    named = named_studies(studies, labels, "isolation plot")
+    named = named_studies(studies, labels, "plots.isolation")
     with sheet("plots.isolation", ax, (style.ALONE, 5.2), 2) as paper:
         top, below = paper.panels
         paper.join(paper.panels)
@@ -88,6 +89,8 @@ def _explain(paper: Sheet[Any], names: Sequence[str], crossed: bool) -> None:
 def named_studies(studies: Any, labels: Sequence[str] | None, who: str) -> list[tuple[str, Any]]:
     """Return studies with their names in a legend; those of one figure have the same directions of the base."""
     listed = list(studies) if isinstance(studies, Iterable) else [studies]
+    for study in listed:
+        a_result(study, "transmissibility", who, "studies", "what isolation.study(...) or loop.isolation() returns")
     names = [study.linear.name for study in listed] if labels is None else list(labels)
     if not listed or len(names) != len(listed):
         raise ModelError(f"{who}: {len(listed)} studies and {len(names)} labels; expected at least one study, and a "
@@ -125,7 +128,7 @@ def transmissibility(studies: Any, labels: Sequence[str] | None = None, *, ax: G
     ModelError
         If there are no studies, not as many labels, or directions differ.
     """
-    named = named_studies(studies, labels, "transmissibility plot")
+    named = named_studies(studies, labels, "plots.transmissibility")
     axes_drawn = named[0][1].scene.base_directions
     columns = min(len(axes_drawn), 3)
     with in_rows("plots.transmissibility", ax, len(axes_drawn), columns, (4.0, 2.8)) as paper:

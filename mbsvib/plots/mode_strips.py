@@ -74,8 +74,7 @@ def mode_strips(
         If there is no such mode, body or page, or the radius is not positive.
     """
     result = _modes(source)
-    if not len(result):
-        raise ResponseError(f"system '{result.name}' is fully locked: it has no modes to draw.")
+    result.check_any("draw")
     numbers = range(1, len(result) + 1) if modes is None else np.atleast_1d(np.asarray(modes)).tolist()
     index = [mode_index(number, "plots.mode_strips", len(result)) for number in numbers]
     pages = -(-len(index) // MOST_STRIPS)

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import a_system, kind_of, reals
+from mbsvib.common.expected import a_system, kind_of, one_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.plots import _style as style
@@ -47,9 +47,8 @@ def modes(system: System, *, ax: Given | None = None) -> Figure | Given:
     ResponseError
         If the system has no degree of freedom.
     """
-    if a_system(system, "plots.modes").dof == 0:
-        raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
-    result = system.modes()
+    result = a_system(system, "plots.modes").modes()
+    result.check_any("draw")
     number = np.arange(1.0, system.dof + 1.0)
     with sheet("plots.modes", ax, (style.ALONE, 4.6), 2, height_ratios=[1.5, 1.0]) as paper:
         top, below = paper.panels
@@ -122,12 +121,10 @@ def energy(system: System, kind: str = "strain", *, ax: Given | None = None) -> 
     ResponseError
         If there is no such kind, or no mode.
     """
-    if not isinstance(kind, str) or kind not in TITLES:
-        raise ResponseError(f"kind = {kind!r}: expected 'strain' or 'kinetic'.")
-    if a_system(system, "plots.energy").dof == 0:
-        raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
-
-    rows = largest(*shares(system, system.modes(), kind))
+    one_of(kind, TITLES, "plots.energy", "kind")
+    modes = a_system(system, "plots.energy").modes()
+    modes.check_any("draw")
+    rows = largest(*shares(system, modes, kind))
     count = min(len(system.modes()), MOST_MODES)
     percent = 100.0 * np.nan_to_num(np.array([values[:count] for _, values in rows]).reshape(len(rows), count))
     size = float(np.clip(2.2 + 0.42 * count, 5.0, style.WIDEST)), 1.3 + 0.22 * max(len(rows), 4)

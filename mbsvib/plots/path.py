@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mbsvib.common.arrays import Array
+from mbsvib.common.expected import a_result
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, sheet
 
@@ -35,6 +36,7 @@ def path(data: EquilibriumPath[Any], *, ax: Given | None = None) -> Figure | Giv
         Full lines are stable under the holding force, dashed ones are not; special points have markers. At most the six
         lowest frequencies are drawn.
     """
+    a_result(data, "stable_held", "plots.path", "data", "what model.path(...) returns")
     with sheet("plots.path", ax, (style.ALONE, 5.4), 2, height_ratios=(3, 2)) as paper:
         above, below = paper.panels
         paper.join(paper.panels)

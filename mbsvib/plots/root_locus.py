@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from mbsvib.common.expected import reals
+from mbsvib.common.expected import a_result, reals
 from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.pole_track import has_moved
@@ -58,6 +58,7 @@ def root_locus(
     ResponseError
         If limits are not two finite, ascending numbers.
     """
+    a_result(locus, "curves", "plots.root_locus", "locus", "what isolation.root_locus(...) returns")
     across, upward = (limits_of(values, field, "plots.root_locus")
                       for values, field in ((real, "real"), (imaginary, "imaginary")))
     same = (across is None and upward is None) if equal is None else equal

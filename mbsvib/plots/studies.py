@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mbsvib.common import units
 from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.expected import a_result
 from mbsvib.plots import _style as style
 from mbsvib.plots._sheet import Given, Sheet, in_rows, sheet
 
@@ -178,6 +179,7 @@ def front(data: Any, *, ax: Given | None = None) -> Figure | Given:
     matplotlib.figure.Figure, or ``ax``
         The objective over the bounded quantity; hollow points are not optimal.
     """
+    a_result(data, "price", "plots.front", "data", "what isolation.passive(...).front(...) returns")
     with sheet("plots.front", ax) as paper:
         axes = paper.panels[0]
         axes.plot(data.price, data.objective, color=style.COLOURS[0], linewidth=0.8)
@@ -251,6 +253,7 @@ def campbell(
         Forward whirl full, backward dashed, motions without whirl dotted; critical speeds are circles, unstable modes
         are marked by crosses.
     """
+    a_result(data, "speeds", "plots.campbell", "data", "what mbsvib.campbell.campbell(...) returns")
     with sheet("plots.campbell", ax) as paper:
         axes = paper.panels[0]
         count = _lowest(data, orders) if modes is None else modes

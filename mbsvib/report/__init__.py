@@ -9,8 +9,4 @@ library of JavaScript is part of the file.
 from mbsvib.report.page import html, write
 
 __all__ = ["html", "write"]
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+__dir__ = __all__.copy

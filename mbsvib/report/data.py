@@ -103,6 +103,7 @@ def collect(
         "scene": _picture(system) if has_scene else None,
         "modes": _modes(system, modes, has_scene),
         "responses": curves_of_pairs,
+        "motions": _parts_of_motions(system.inputs),
         "shares": _shares(system, modes) if has_scene else {"strain": [], "kinetic": []},
         **structure,
         "explained": system.explain() if has_scene else None,
@@ -110,6 +111,20 @@ def collect(
             measured_against(system, other) if isinstance(other, (Measurement, MeasuredModes))
             else _compared(system, other, (outputs, inputs))),
     }
+
+
+def _parts_of_motions(inputs: Sequence[str]) -> dict[str, str]:
+    """What the page says of inputs that are parts of the motion of one end: each curve is that of its part alone."""
+    result: dict[str, str] = {}
+    for name in inputs:
+        stem = name.removesuffix(".displacement")
+        rates = [f"{stem}.{rate}" for rate in ("velocity", "acceleration") if f"{stem}.{rate}" in inputs]
+        if stem != name and rates:
+            factors = zip(("iω", "(iω)²"), rates, strict=False)
+            more = ", plus ".join(f"{factor} times that to {rate}" for factor, rate in factors)
+            words = f"This is a part: the response to the displacement {stem} is that to {name}, plus {more}."
+            result |= dict.fromkeys((name, *rates), words)
+    return result
 
 
 def _compared(system: Any, other: Any, names: tuple[Names, Names]) -> dict[str, Any]:

@@ -69,6 +69,7 @@ def test_message_and_status(run, line, status, words):
         ("loop slider.yaml law.txt", ["'law.txt'", ".json, .npz, .mat"]),
         ("loop slider.yaml law.npz", ["no file 'law.npz'"]),
         ("sweep slider.yaml k.stifness=1:2", ["fits 'k.stifness'", "'k.stiffness'?", "mbsvib params slider.yaml"]),
+        ("sweep slider.yaml k=1:2", ["fits 'k'. 'k' has k.stiffness, k.damping, k.start.x,"]),
         ("sweep slider.yaml k.stiffness", ["expected PARAMETER=FROM:TO"]),
         ("sweep slider.yaml k.stiffness=1:2 --modes 0", ["--modes 0", "1 or more"]),
         ("sweep slider.yaml k.stiffness=1:2 k.stiffness=3:4", ["'k.stiffness' is given twice"]),
@@ -113,6 +114,14 @@ def test_warnings_are_messages(run, monkeypatch):
     result = run("modes stewart")
     assert result.exit_code == 0
     assert result.stderr == "warning: near a singular pose\n"
+
+
+def test_each_warning_of_the_library_is_a_message(capsys):
+    warned = [name for name in mv.__all__ if name.endswith("Warning")]
+    with shell.as_messages(debug=False):
+        for name in warned:
+            warnings.warn(name, getattr(mv, name), stacklevel=1)
+    assert capsys.readouterr().err.splitlines() == [f"warning: {name}" for name in warned]
 
 
 def test_a_closed_pipe_ends_it_quietly(run, monkeypatch):

@@ -100,6 +100,21 @@ def test_delay_needs_a_rate(files):
     assert "give --rate too" in files("loop slider.yaml law.json --delay 1e-3").stderr
 
 
+@pytest.mark.parametrize("name", ["law.json", "law.npz", "law.mat", "plant.json"])
+def test_a_controller_in_place_of_a_model_is_named(files, tmp_path, name):
+    mx.to_json(mv.load(tmp_path / "slider.yaml").linearize(), tmp_path / "plant.json")
+    result = files(f"bode {name}")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith(f"error: {name} holds a controller or another state space, and no model.")
+    assert f"'mbsvib loop MODEL {name}'" in result.stderr
+
+
+def test_a_controller_without_names_is_exported_once_it_has_some(files, tmp_path):
+    result = files("export law.mat -o law.c")
+    assert result.exit_code == 2
+    assert "law.mat names no signals: add lists of names to the file" in result.stderr
+
+
 def test_a_state_space_that_mbsvib_wrote(files, tmp_path):
     law = mv.StateSpace.from_arrays(*LAW.values(), **NAMES)
     for suffix, write in ((".json", mx.to_json), (".npz", mx.to_npz), (".mat", mx.to_mat)):

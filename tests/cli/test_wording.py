@@ -59,6 +59,8 @@ def test_no_message_names_python_without_saying_so():
     ("give the load as follower=True", "give the load as follower: true"),
     ("wanted, modes(10), or modes(10, near=f) around", "wanted, --count 10, or --count 10 --near HZ around"),
     ("compare with model.simulate().", "compare with model.simulate() in Python."),
+    ("then inputs; both are keywords as well: outputs=..., inputs=....", "then inputs; their options are --output and "
+     "--input."),
     ("use linearize(method='dense')", "use linearize(method='dense') in Python"),
     ("model.yaml, line 3: 'model.mass'", "model.yaml, line 3: 'model.mass'"),
     ("Bodies are: system.body, loop.arm", "Bodies are: system.body, loop.arm"),

@@ -192,7 +192,7 @@ def test_odd_names_compile(tmp_path):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ({"step": 0.0}, "step = 0.0; expected a positive number"), ({"method": "euler"}, "expected one of 'zoh', 'foh'"),
+    ({"step": 0.0}, "step = 0.0; expected a positive number"), ({"method": "euler"}, "'zoh', 'foh' or 'tustin'"),
     ({"precision": "half"}, "expected 'double' or 'single'"), ({"name": "1a"}, "no digit first"),
     ({"folder": "/nowhere/deep/down"}, "Give a folder that exists"), ({"realization": "odd"}, "odd"),
 ])  # fmt: skip

@@ -209,7 +209,7 @@ def test_discrete_systems_by_each_method(method):
 
 
 def test_an_unknown_method_is_refused():
-    with pytest.raises(mv.ExportError, match="method = 'euler'; expected one of 'zoh', 'foh', 'tustin'"):
+    with pytest.raises(mv.ExportError, match="method = 'euler'; expected 'zoh', 'foh' or 'tustin'"):
         mx.to_control(mv.library.quarter_car().linearize(), dt=1e-3, method="euler")
 
 

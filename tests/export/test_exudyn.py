@@ -141,6 +141,7 @@ def test_what_exudyn_has_nothing_for_is_refused_by_name():
     for model, words in (
         (mv.library.cantilever(), "tube: flexible parts"), (mv.library.rotor_stator(), "exudyn has no rotor"),
         (mv.library.pendulum_chain(), "m1: a body without mass"), (mv.library.engine_on_mounts(), "mount1: a bushing"),
+        (mv.library.inclined_chain().with_values({"spring2.stiffness": -1.0}), "spring2: .* below 0"),
         (held_by("screw", pitch=0.1, axis=(0, 0, 1)), "j: exudyn has no joint of the kind 'screw'"),
         (held_by("homokinetic", axis=(0, 0, 1)), "j: exudyn has no joint of the kind 'homokinetic'"),
         (held_by(None, free=("x", "rx", "rz")), "j: exudyn has no joint of the kind 'custom'"),

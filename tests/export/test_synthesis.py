@@ -61,8 +61,7 @@ def test_what_is_refused(monkeypatch):
     with pytest.raises(mv.ExportError, match="nmeas = 2, ncon = 1; the plant has 2 outputs"):
         mx.hinfsyn(mx.augw(g, 1.0), 2, 1)
     monkeypatch.setitem(sys.modules, "ctrlsys", None)
-    for design in (lambda: mx.hinfsyn(mx.augw(g, 1.0), 1, 1), lambda: mx.h2syn(mx.augw(g, 1.0), 1, 1),
-                   lambda: mx.mixsyn(g, 1.0)):  # fmt: skip
+    for design in (lambda: mx.hinfsyn(mx.augw(g, 1.0), 1, 1), lambda: mx.mixsyn(g, 1.0)):
         with pytest.raises(mv.ExportError, match=r'pip install "mbsvib\[ctrlsys\]"'):
             design()
 

@@ -207,8 +207,8 @@ def test_what_does_not_fit(tmp_path):
     ):
         with pytest.raises(mv.ExportError, match=message):
             mx.to_uff(system, path, [1.0])
-    for omega in ([2.0, 1.0], [1.0, 1.0], [-1.0, 1.0], []):
-        with pytest.raises(mv.ExportError, match="omega does not ascend from 0 on"):
+    for omega in ([2.0, 1.0], [1.0, 1.0], [-1.0, 1.0], [], [1.0, np.nan], [1j, 2j]):
+        with pytest.raises(mv.ExportError, match=r"to_uff: omega .* expected a vector of ascending"):
             mx.to_uff(slider(), path, omega)
     assert not path.exists()
 

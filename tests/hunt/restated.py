@@ -130,7 +130,7 @@ def scalars(u):
         "joint": {"position": u.length, "end": u.length, "pitch": u.length},
         "bushing": {"position": u.length},
         "spring": {**line, "preload": u.force, "free_length": u.length},
-        "maxwell": {**line, "static_stiffness": k},
+        "maxwell": {**line, "static_stiffness": k, "preload": u.force},
         "inerter": {"start": u.length, "end": u.length, "inertance": u.mass},
         "torsion_spring": {"stiffness": u.force * u.length, "damping": u.force * u.length * u.time,
                            "preload": u.force * u.length},

@@ -168,6 +168,18 @@ def test_a_response_that_is_exactly_zero_is_drawn(tmp_path):
     assert [text.get_text() for text in figure.axes[0].texts] == ["zero"]
 
 
+def test_a_mechanism_none_of_whose_outputs_moves_is_drawn():
+    """No output row was left, and the figure ended in an IndexError."""
+    model = mv.Model("rail")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "b", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_spring("k", "ground", "b", start=(-1, 0, 0), end=(0, 0, 0), stiffness=100.0)
+    model.add_input("F", "b", "y")
+    model.add_output("y", "b", "y")
+    figure = bode(model.linearize(), "y", "F")
+    assert [text.get_text() for text in figure.axes[0].texts] == ["zero"]
+
+
 @pytest.mark.slow
 def test_a_locked_mechanism_passes_base_motion_on(tmp_path):
     model = mv.Model("locked")

@@ -3,6 +3,7 @@
 import pytest
 
 import mbsvib as mv
+from mbsvib import plots
 from mbsvib.plots import bode
 from mbsvib.plots._curves import listed, pairs_of
 
@@ -55,3 +56,14 @@ def test_labels(slider):
         listed([first, second], ["a"])
     with pytest.raises(mv.ResponseError, match="no system"):
         listed([], None)
+
+
+RESULTS = ["root_locus", "isolation", "transmissibility", "front", "campbell", "path", "periodic"]
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_other_results_than_expected_are_named(name):
+    """They raised AttributeError, on a field of the result that was expected."""
+    told = rf"plots\.{name}: \w+ = System 'quarter_car'; expected what .*\(\.\.\.\)"
+    with pytest.raises(mv.ResponseError, match=told):
+        getattr(plots, name)(mv.library.quarter_car().linearize())

@@ -141,6 +141,23 @@ def test_a_defective_system_gets_a_triangular_form():
     assert responses["form"]["error"] < 1e-12
 
 
+def test_the_parts_of_a_motion_are_told_as_such():
+    """The curve of the displacement alone leaves out the damper: without a word it reads as the whole response."""
+    model = mv.Model("floor")
+    model.add_body("b", 4.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(0, 0, 1))
+    model.add_spring("k", "ground", "b", (0, 0, -1), (0, 0, 0), stiffness=200.0, damping=30.0)
+    model.add_motion_input("floor", "k")
+    model.add_output("z", "b", "z")
+    driven = model.linearize()
+    told = collect(driven.ends)["motions"]
+    assert set(told) == {"floor.displacement", "floor.velocity"}
+    assert "is that to floor.displacement, plus iω times that to floor.velocity." in told["floor.displacement"]
+    parts, whole = driven.ends.frequency_response([7.0])[0, :, 0], driven.frequency_response([7.0])[0, 0, 0]
+    assert parts[0] + 7j * parts[1] == pytest.approx(whole, rel=1e-12)
+    assert collect(mv.library.quarter_car().linearize())["motions"] == {}
+
+
 def test_modes_are_paired_by_shape_when_their_order_changes():
     def model(stiff):
         result = mv.Model("two")

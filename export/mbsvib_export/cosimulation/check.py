@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from mbsvib.common.arguments import known
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import names
+from mbsvib.common.expected import names, one_of
 from mbsvib.common.selection import Names
-from mbsvib.errors import ExportError, nearest
+from mbsvib.errors import ExportError
 from mbsvib.linalg.discrete import first_order_hold
 from mbsvib_export.cosimulation.connections import SIDES, connect, refuse_algebraic_loop
 from mbsvib_export.cosimulation.masters import MASTERS, Loop, is_stable, largest_stable_step, loop_of, radius, within
@@ -175,8 +176,7 @@ def check_cosimulation(
         check_step(duration, "check_cosimulation", "duration")
     h, count = float(step), _STEPS if duration is None else max(round(duration / step), 1)
     for word in systems or {}:
-        if word not in SIDES:
-            raise ExportError(f"check_cosimulation: systems: {word!r}; expected 'plant' or 'controller'.")
+        one_of(word, SIDES, "check_cosimulation", "a key of systems", ExportError)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
         units = [stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu"), "check_cosimulation"))
@@ -234,9 +234,8 @@ def _by_name(word: str, kind: str, signals: Sequence[Signal], given: Sequence[Si
     """Numbers of the signals of an FMU among those of the system that is given for it."""
     names = [signal.name for signal in given]
     for signal in signals:
-        if signal.name not in names:
-            raise ExportError(f"check_cosimulation: systems['{word}'] has no '{signal.name}' among its {kind}, which "
-                              f"the FMU has.{nearest(signal.name, names)}")  # fmt: skip
+        known(signal.name, names, f"check_cosimulation: systems['{word}'] has no '{signal.name}' among its {kind}, "
+              f"which the FMU has", None, "The system has", ExportError)  # fmt: skip
     return [names.index(signal.name) for signal in signals]
 
 
@@ -244,9 +243,7 @@ def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
     requested = list(MASTERS) if masters is None else names(masters, "check_cosimulation", "masters", ExportError)
     for master in requested:
-        if master not in MASTERS:
-            raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."
-                              f"{nearest(str(master), MASTERS)}")  # fmt: skip
+        one_of(master, MASTERS, "check_cosimulation", "one of masters", ExportError)
     unavailable: dict[str, str] = {}
     for unit in units:
         able = unit.description.coSimulation
@@ -272,9 +269,8 @@ def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
 def _excited(names: list[str], inputs: Mapping[str, float] | None) -> dict[str, float]:
     """Values of the free inputs by their names."""
     for name in inputs or {}:
-        if name not in names:
-            raise ExportError(f"check_cosimulation: excitation: '{name}' is not a free input; these are free: "
-                              f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
+        known(name, names, f"check_cosimulation: excitation: '{name}' is not a free input", None, "These are free:",
+              ExportError)  # fmt: skip
     values = {name: 1.0 if inputs is None else float(inputs.get(name, 0.0)) for name in names}
     if not np.isfinite(list(values.values())).all():
         raise ExportError("check_cosimulation: excitation holds NaN or infinity; expected finite numbers.")
@@ -290,10 +286,9 @@ def _nominal(units: list[UnitFile]) -> Array:
 def _bonds(plant: UnitFile, pairs: Mapping[str, str] | None) -> list[tuple[int, int]]:
     inputs, outputs = [signal.name for signal in plant.inputs], [signal.name for signal in plant.outputs]
     for force, motion in (pairs or {}).items():
-        for name, known in ((force, inputs), (motion, outputs)):
-            if name not in known:
-                raise ExportError(f"check_cosimulation: bonds: the plant has no '{name}'; expected an input by an "
-                                  f"output of it.{nearest(name, known)}")  # fmt: skip
+        for name, has in ((force, inputs), (motion, outputs)):
+            known(name, has, f"check_cosimulation: bonds: the plant has no '{name}'; expected an input by an output "
+                  f"of it", error=ExportError)  # fmt: skip
         unit = plant.outputs[outputs.index(motion)].unit
         if unit not in ("", "m", "rad"):
             raise ExportError(f"check_cosimulation: bonds: '{motion}' is in {unit}; expected a displacement in m or "

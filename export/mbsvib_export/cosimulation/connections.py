@@ -9,8 +9,9 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 from scipy.linalg import block_diag
 
+from mbsvib.common.arguments import unknown
 from mbsvib.common.arrays import Array
-from mbsvib.errors import ExportError, nearest
+from mbsvib.errors import ExportError
 from mbsvib_export.cosimulation.unit import Signal, UnitFile
 
 SIDES = ("plant", "controller")
@@ -54,9 +55,8 @@ def connect(units: Sequence[UnitFile], wishes: Mapping[str, str | None] | None) 
             wish = outputs.get((side, signal.name), signal.name)
             if wish not in names:
                 if wish is not None and (side, signal.name) in outputs:
-                    raise ExportError(f"check_cosimulation: connections: '{wish}' for the {side}'s input "
-                                      f"'{signal.name}' is not an output of '{source.name}'; outputs are "
-                                      f"{', '.join(names)}.{nearest(wish, names)}")  # fmt: skip
+                    raise unknown(wish, names, f"check_cosimulation: connections: '{wish}' for the {side}'s input '"
+                                  f"{signal.name}' is not an output of '{source.name}'", error=ExportError)  # fmt: skip
                 free.append(number)
                 continue
             port = names.index(wish)
@@ -91,8 +91,8 @@ def _input_of(units: Sequence[UnitFile], name: str, wish: str | None) -> tuple[t
         raise ExportError(f"check_cosimulation: connections: both FMUs have an input '{name}'; say 'plant:{name}' or "
                           f"'controller:{name}'.")  # fmt: skip
     known = [item for names in inputs.values() for item in names]
-    raise ExportError(f"check_cosimulation: connections: there is no input '{name}'; inputs are {', '.join(known)}."
-                      f"{nearest(name, known)}")  # fmt: skip
+    raise unknown(name, known, f"check_cosimulation: connections: there is no input '{name}'", None, "Inputs are",
+                  ExportError)  # fmt: skip
 
 
 def _same_unit(out: Signal, into: Signal, side: str) -> None:

@@ -16,7 +16,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from mbsvib.errors import ExportError, nearest
+from mbsvib.common.arguments import known
+from mbsvib.errors import ExportError
 
 SOURCE = Path(__file__).parent / "source"
 WHEEL = Path(__file__).parent / "binaries"
@@ -112,9 +113,7 @@ def binaries(platforms: str | tuple[str, ...] | None) -> dict[str, bytes]:
 
 
 def _known(name: str) -> str:
-    if name not in PLATFORMS:
-        raise ExportError(f"to_fmu: platforms: '{name}' is not among those there are binaries for: "
-                          f"{', '.join(PLATFORMS)}.{nearest(str(name), PLATFORMS)}")  # fmt: skip
+    known(name, PLATFORMS, f"to_fmu: platforms: there is no binary for '{name}'", None, "There are", ExportError)
     return name
 
 

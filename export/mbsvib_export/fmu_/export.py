@@ -121,8 +121,8 @@ def to_fmu(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
-    if not versions or not set(versions) <= set(VERSIONS):
+    versions = tuple(dict.fromkeys(version)) if isinstance(version, (list, tuple)) else (version,)
+    if not versions or any(each not in VERSIONS for each in versions):
         raise ExportError(f'to_fmu: version = {version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
     if goal.suffix.lower() != ".fmu":

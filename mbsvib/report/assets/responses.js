@@ -83,6 +83,7 @@ function drawBode() {
   by("response-remark").textContent = (chosen[0].negligible ? "This response is zero by symmetry: what is drawn is rounding." :
     `Zoom in: curves are computed anew for each window.${data.scene ? " A click on a curve shows the nearest mode." : ""}`) +
     (worst > 1e-9 ? ` Curves differ from those of mbsvib by up to ${worst.toExponential(0)} of their largest value.` : "") +
+    (data.motions[input] ? ` ${data.motions[input]}` : "") +
     (other && chosen.length < 2 ? ` Only one of the two systems has this input and output.` : "");
 }
 

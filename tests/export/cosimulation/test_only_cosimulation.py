@@ -72,7 +72,7 @@ def test_a_system_that_is_not_that_of_the_unit_shows(units):
 
 @pytest.mark.parametrize(("words", "more"), [
     (r"systems\['plant'\] has no 'd' among its inputs", {"systems": {"plant": plant(disturbance=False)}}),
-    ("systems: 'plan'; expected 'plant' or 'controller'", {"systems": {"plan": plant()}}),
+    ("systems = 'plan'; expected 'plant' or 'controller'", {"systems": {"plan": plant()}}),
     ("no free input is excited, and an FMU lists no states", {"systems": {"plant": plant()}, "excitation": {}}),
 ])  # fmt: skip
 def test_refusals(units, words, more):

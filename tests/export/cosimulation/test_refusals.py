@@ -60,14 +60,14 @@ def files(tmp_path_factory):
     [
         ("no input 'f'.*Did you mean 'F'", {"connections": {"f": "F"}}),
         ("'G' for the plant's input 'd' is not an output of 'law'", {"connections": {"d": "G"}}),
-        ("excitation: 'F' is not a free input; these are free: d", {"excitation": {"F": 1.0}}),
+        ("excitation: 'F' is not a free input. These are free: d", {"excitation": {"F": 1.0}}),
         ("excitation holds NaN", {"excitation": {"d": np.nan}}),
-        ("masters: 'jakobi' is not among.*Did you mean 'jacobi'", {"masters": "jakobi"}),
+        ("masters = 'jakobi'; expected 'jacobi'.*Did you mean 'jacobi'", {"masters": "jakobi"}),
         ("masters = 3; expected a name, or a list of names", {"masters": 3}),
         ("bonds: the plant has no 'Y'", {"bonds": {"F": "Y"}}),
         ("bonds: the plant has no 'G'", {"bonds": {"G": "z"}}),
         ("bonds: 'y' is in m/s; expected a displacement in m or an angle", {"bonds": {"F": "y"}}),
-        ("systems: 'law'; expected 'plant' or 'controller'", {"systems": {"law": plant()}}),
+        ("systems = 'law'; expected 'plant' or 'controller'", {"systems": {"law": plant()}}),
         ("duration = -1", {"duration": -1}),
     ],
 )

@@ -18,6 +18,7 @@ LAW = {"inputs": ["y"], "outputs": ["u"], "name": "law"}
     ("more", "words"),
     [
         ({"version": "1.0"}, r'version = \'1\.0\'; expected "2\.0", "3\.0"'),
+        ({"version": 3}, r'version = 3; expected "2\.0", "3\.0"'),
         ({"version": ()}, r"version = \(\)"),
         ({"tunable": "k.stiffnes"}, "Did you mean 'k.stiffness'"),
     ],
