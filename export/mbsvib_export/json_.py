@@ -107,7 +107,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _words(data: SystemData | FirstOrder) -> dict[str, Any]:
-    from mbsvib import __version__
+    from mbsvib.version import __version__
 
     space = data.state_space if isinstance(data, SystemData) else data
     record = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in record_of(data).items()}

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, overload
 
-from mbsvib import __version__
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, names
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
+from mbsvib.version import __version__
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description import VERSIONS, description
 from mbsvib_export.fmu_.matrices import matrices_file
