@@ -6,6 +6,7 @@ In ascending order frequencies are continuous functions of the speed, whatever b
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,8 +18,10 @@ Frequencies = Callable[[float], Array]
 # Speeds are found to this relative accuracy.
 XTOL = 1e-13
 # Intervals between speeds are divided where a frequency may meet the line. The bottom of a dip towards it is found to a
-# share of its length, slopes over another share of the speed.
-PARTS, BOTTOM, STEP = 4, 1e-6, 1e-6
+# share of its length, slopes over another share of the speed; so many steps of Newton's method at most follow.
+PARTS, BOTTOM, STEP, NEWTON_STEPS = 4, 1e-6, 1e-6, 4
+# Crossings of one frequency that are closer than this are one, found more than once by rounding.
+SAME = 1e-9
 
 
 def crossings(near: Frequencies, exact: Frequencies, w: Array, times: float) -> Iterator[tuple[float, int]]:
@@ -44,10 +47,25 @@ def crossings(near: Frequencies, exact: Frequencies, w: Array, times: float) -> 
         def off(speed: float, frequencies: Frequencies = near, rank: int = rank) -> float:
             return float(frequencies(float(speed))[rank] - times * abs(speed))
 
-        for speed in _roots(off, w, row):
-            slope = (off(speed + STEP * speed) - off(speed - STEP * speed)) / (2.0 * STEP * speed)
-            # a step of Newton's method: the nearer to a root, the less the slope has to be accurate
-            yield (speed - off(speed, exact) / slope if abs(slope) > STEP else speed), rank
+        last = np.inf
+        for speed in sorted(_improved(partial(off, frequencies=exact), start) for start in _roots(off, w, row)):
+            if abs(speed - last) > SAME * abs(speed):
+                yield speed, rank
+            last = speed
+
+
+def _improved(off: Callable[[float], float], speed: float) -> float:
+    """The zero next to a speed, by Newton's method with central differences; the speed itself in a dip's bottom."""
+    for _ in range(NEWTON_STEPS):
+        step = STEP * speed
+        slope = (off(speed + step) - off(speed - step)) / (2.0 * step)
+        if abs(slope) <= STEP:
+            break
+        change = off(speed) / slope
+        speed -= change
+        if abs(change) <= STEP * abs(speed):  # the nearer to a zero, the less the slope has to be accurate
+            break
+    return speed
 
 
 def _roots(off: Callable[[float], float], w: Array, gaps: Array) -> Iterator[float]:

@@ -115,6 +115,24 @@ def test_critical_speeds_do_not_depend_on_the_steps(polar, speeds):
     assert {point.mode for point in data.critical} <= set(range(1, 7))
 
 
+def test_critical_speeds_keep_their_digits_beside_much_stiffer_bushings():
+    """Two bodies side by side, whose coordinates count from the ground: a dense solver has no digit of slow modes."""
+    stiff, soft, masses, moments = 1e19, (3.1e4, 5.3e4, 107.0), (4.0, 6.0), (0.08, 0.07)
+    model = mv.Model("pair")
+    for name, mass, moment in zip("ab", masses, moments, strict=True):
+        model.add_body(name, mass=mass, inertia=(0.05, 0.05, moment))
+        model.add_joint(f"plane {name}", "planar", "ground", name, position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_bushing("soft", "ground", "a", (0, 0, 0), stiffness=(*soft[:2], 0, 0, 0, soft[2]))
+    model.add_bushing("stiff", "a", "b", (0, 0, 0), stiffness=(stiff, stiff, 0, 0, 0, stiff))
+    model.add_rotor("wheel", "b", speed=1.0, axis=(0, 0, 1), inertia=0.07)
+    result = [point.speed for point in campbell(model, np.linspace(0.0, 200.0, 11)).critical]
+    roots = []
+    for k, (a, b) in zip(soft, (masses, masses, moments), strict=True):  # a b L^2 - (b (k + s) + a s) L + k s = 0
+        half = b * (k + stiff) + a * stiff
+        roots.append(np.sqrt(2.0 * k * stiff / (half + np.sqrt(half**2 - 4.0 * a * b * k * stiff))))
+    np.testing.assert_allclose(result, sorted(roots), rtol=1e-15)
+
+
 @pytest.mark.slow
 def test_limits_of_several_modes():
     """Two shafts with other dampers: each has a limit of its own, 10 (1 + d / d_i), between the same two speeds."""
