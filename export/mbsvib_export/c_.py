@@ -208,10 +208,12 @@ def _ascii(text: str) -> str:
 
 
 def _indices(prefix: str, names: Sequence[str], units: Sequence[str]) -> Iterator[str]:
-    """Named indices; names that become one word in C get their number."""
+    """Named indices; names that become one word in C get their number, as often as makes them differ from all words."""
     words = [re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_").upper() for name in names]
     for i, (name, unit, word) in enumerate(zip(names, units, words, strict=True)):
-        unique = word if word and words.count(word) == 1 else f"{word}_{i}".lstrip("_")
+        unique = word if words.count(word) == 1 else ""
+        while not unique or (unique != word and unique in words):
+            unique = f"{unique or word}_{i}".lstrip("_")
         yield f"#define {prefix}_{unique} {i} /* {_ascii(name)}{f' [{_ascii(unit)}]' if unit else ''} */"
 
 

@@ -191,6 +191,16 @@ def test_odd_names_compile(tmp_path):
     assert subprocess.run([compiled(files)], check=False).returncode == 0
 
 
+@pytest.mark.parametrize("names", [["a b", "a_b", "a_b_0"], ["é", "0"],
+                                   ["a", "A", "a_0", "A 0", "a_0_0", "a_0_2", "ü", "6"]])  # fmt: skip
+def test_indices_have_names_of_their_own(names, tmp_path):
+    """A name that is defined twice compiles with a warning, and leads to the signal of the last one."""
+    gains = controller(np.ones((1, len(names))), names, ["f"], "gain")
+    text = mx.to_c(gains, tmp_path).header.read_text()
+    assert re.findall(r"#define GAIN_IN_\w+ (\d+) ", text) == [str(i) for i in range(len(names))]
+    assert len(set(re.findall(r"#define (GAIN_IN_\w+)", text))) == len(names)
+
+
 @pytest.mark.parametrize(("words", "message"), [
     ({"step": 0.0}, "step = 0.0; expected a positive number"), ({"method": "euler"}, "'zoh', 'foh' or 'tustin'"),
     ({"precision": "half"}, "expected 'double' or 'single'"), ({"name": "1a"}, "no digit first"),
