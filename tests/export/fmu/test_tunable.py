@@ -136,6 +136,32 @@ def test_a_mass_of_zero_is_refused_when_it_is_set(tmp_path):
         plant.step(0.0, 0.1)
 
 
+@pytest.mark.parametrize("name", ["wheel.mass", "body.mass"])
+def test_a_mass_that_rounding_leaves_is_none(name, tmp_path):
+    """M = ((w + b, b), (b, b)) without w or b is singular; what b - b leaves of it is noise of 1e-16."""
+    system = library.quarter_car().linearize()
+    file = mx.to_fmu(system, tmp_path / "car.fmu", tunable=("wheel.mass", "body.mass"))
+    with unit(file, tmp_path / "car") as plant:
+        for small in (0.0, 1e-300):
+            plant.set({name: small})
+            with pytest.raises(Exception, match="failed"):
+                plant.get(["body.z"])
+        plant.set({name: 1e-6})        # small, and a mass all the same
+        plant.get(["body.z"])
+
+
+def test_states_beyond_all_numbers_are_an_error(tmp_path):
+    system = library.quarter_car().linearize()
+    file = mx.to_fmu(system, tmp_path / "car.fmu", tunable=("tyre.stiffness",))
+    with unit(file, tmp_path / "car") as plant:
+        plant.set({"tyre.stiffness": -1e12, "load": 1.0})
+        with pytest.raises(Exception, match="failed"):
+            plant.step(0.0, 1.0)
+        plant.set({"tyre.stiffness": 1e5})
+        plant.step(0.0, 1e-3)
+        assert np.isfinite(plant.get(["body.z"])).all()
+
+
 def test_slopes_are_those_of_every_matrix():
     system = library.quarter_car().linearize()
     result = affine(system, ["*.stiffness", "*.damping", "*.mass"], "test")

@@ -4,6 +4,28 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define ROUNDING 1e-14    /* of entries that are sums: what is left of a pivot below this share of them is noise */
+
+/* E = P L U; -1 if rounding alone keeps it from being singular, as where the mass that is taken away is all there is */
+static int factorise_mass(Instance *s)
+{
+    const Model *model = &s->model;
+    int64_t n = model->n;
+    double *size = s->wx;              /* of the summands in each column of E */
+    memset(size, 0, (size_t)n * sizeof(double));
+    for (int64_t i = 0; i < n * n; i++) size[i % n] = fmax(size[i % n], fabs(model->base[model->iE + i]));
+    for (int64_t k = 0; k < model->np; k++)
+        for (int64_t i = model->first[k]; i < model->first[k + 1]; i++) {
+            int64_t place = model->at[i] - model->iE, column = place % n;
+            double change = fabs((s->par[k] - model->p0[k]) * model->slope[i]);
+            if (place >= 0 && place < n * n) size[column] = fmax(size[column], change);
+        }
+    memcpy(s->lu, s->present + model->iE, (size_t)(n * n) * sizeof(double));
+    if (factorise(n, s->lu, s->pivot)) return -1;
+    for (int64_t c = 0; c < n; c++) if (fabs(s->lu[c * n + c]) <= ROUNDING * size[c]) return -1;
+    return 0;
+}
+
 /* A, B, C, D of the present parameters: E^-1 A, E^-1 B, C + F E^-1 A, D + F E^-1 B */
 const char *refresh(Instance *s)
 {
@@ -19,8 +41,7 @@ const char *refresh(Instance *s)
                 for (int64_t i = model->first[k]; i < model->first[k + 1]; i++) now[model->at[i]] += change * model->slope[i];
         }
         if (model->iF > model->iE) {
-            memcpy(s->lu, now + model->iE, (size_t)(n * n) * sizeof(double));
-            if (factorise(n, s->lu, s->pivot)) return "the parameters make the mass matrix singular";
+            if (factorise_mass(s)) return "the parameters make the mass matrix singular";
             divide(n, s->lu, s->pivot, n, s->A);
             divide(n, s->lu, s->pivot, m, s->B);
             for (int64_t i = 0; i < p; i++)
@@ -112,6 +133,7 @@ const char *advance(Instance *s, double h, int sloped)
             for (int64_t j = 0; j < rows; j++) sum += phi[i * rows + j] * s->x[o + j];
             for (int64_t j = 0; j < m; j++) sum += g0[j] * s->u[j];
             if (sloped) for (int64_t j = 0; j < m; j++) sum += g1[j] * s->slope[j];
+            if (!isfinite(sum)) return "the states grow beyond all numbers within the step";
             s->wx[o + i] = sum;
         }
     }
