@@ -40,7 +40,7 @@ def modes(system: System, *, ax: Given | None = None) -> Figure | Given:
     -------
     matplotlib.figure.Figure, or ``ax``
         Frequencies [Hz] above, damping ratios [%] below, over the number of the mode. Rigid-body modes are open
-        circles on the axis.
+        circles on the axis, and so are damping ratios that are within the error of their eigenvalue.
 
     Raises
     ------
@@ -54,7 +54,8 @@ def modes(system: System, *, ax: Given | None = None) -> Figure | Given:
         top, below = paper.panels
         paper.join(paper.panels)
         _stems(top, number, result.frequencies, style.COLOURS[0])
-        _stems(below, number, 100.0 * result.damping_ratios, style.COLOURS[1])
+        damped = np.abs(result.damping_ratios) > result.pair_errors.max(axis=1)
+        _stems(below, number, 100.0 * result.damping_ratios * damped, style.COLOURS[1])
         top.set_ylabel("natural frequency [Hz]")
         below.set(ylabel="damping ratio [%]", xlabel="mode")
         top.set_title("Modes")

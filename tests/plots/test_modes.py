@@ -47,3 +47,17 @@ def test_a_locked_mechanism_has_nothing_to_draw():
     model.add_joint("weld", "fixed", "ground", "b")
     with pytest.raises(mv.ResponseError, match="fully locked"):
         modes(model.linearize())
+
+
+def test_damping_ratios_that_are_rounding_do_not_stretch_the_axis():
+    model = mv.Model("plate")
+    model.add_body("plate", 1e-8, (1e-16, 1e-16, 2e-16))
+    turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    for name, position in {"a": (2e-4, 1e-4, 0), "b": (-2e-4, 3e-4, 0), "c": (1e-4, -3e-4, 0)}.items():
+        model.add_bushing(name, "ground", "plate", position, (50, 4e3, 7e3, 0, 0, 0), orientation=turned)
+    model.add_bushing("film", "ground", "plate", (0, 0, 0), damping=(1e-6, 0, 0, 0, 0, 0))
+    system = model.linearize()
+    ratios, below = 100 * system.modes().damping_ratios, modes(system).axes[1]
+    assert 0 < ratios[ratios > 0].min() < 1e-13 * ratios.max()
+    assert dots(below)[0].get_ydata().min() > 1e-6 * ratios.max()
+    assert below.get_ylim()[0] > 1e-6 * ratios.max() or below.get_yscale() == "linear"
