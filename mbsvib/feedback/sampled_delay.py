@@ -84,7 +84,7 @@ def sampled_delay_margin(loop: SampledEquations, actuator: int, low: float, high
     if high == 0.5 * loop.rate:
         best = min(best, _at_half_the_rate(gain, loop))
     if loop.plant.space.D[np.ix_(loop.ports[0], [loop.ports[1][actuator]])].any():
-        last = loop.delay * loop.rate + min(best[0] * loop.rate, PERIODS)
+        last = loop.late + min(best[0] * loop.rate, PERIODS)
         jump, jumps = first_jump(lambda late, f: gain(late, 2.0 * np.pi * f), int(np.ceil(last)), ends, loop)
         best, looked = min(best, jump), min(looked, PERIODS * period) if jumps else looked
     if best[0] > looked:
@@ -161,7 +161,7 @@ def _first_crossing(
     Within m turns of the phase, that of -1 is passed by a whole number k of periods: a - k f T = m, with the phase a.
     """
     phase, turn = arcs.phases / (2.0 * np.pi), arcs.frequencies * loop.period
-    delay = loop.delay * loop.rate
+    delay = loop.late
     least = np.ceil(delay - arcs.remainders.max(axis=1, initial=0.0))
     first = np.floor((phase - least[:, None] * turn).max(axis=1, initial=-np.inf))
     best, looked, start, size = NONE, np.inf if not len(phase) else 0.0, 0, FIRST
@@ -198,7 +198,7 @@ def _solved(gain: partial[Complex], f: float, late: float, loop: SampledEquation
 
     Where the loop gain is hardly above 1 the solution is hardly one; that of the arc is then known to its length.
     """
-    whole = np.floor((late + loop.delay) * loop.rate)
+    whole = split_delay(loop.rate, late + loop.delay)[0]
     least, most = ((whole + share) * loop.period - loop.delay for share in (0.0, LAST))
     scale = np.array([f, loop.period])
 
@@ -218,7 +218,7 @@ def _solved(gain: partial[Complex], f: float, late: float, loop: SampledEquation
 def _at_half_the_rate(gain: partial[Complex], loop: SampledEquations) -> tuple[float, float]:
     """The least delay [s] up to two periods at which L = -1 at half the rate, where a period changes its sign."""
     half = np.array([np.pi * loop.rate])
-    first = loop.delay * loop.rate
+    first = loop.late
     delays = np.floor(first) + np.add.outer(np.arange(3.0), np.linspace(0.0, LAST, AT_HALF)).ravel()
     delays = np.concatenate(([first], delays[delays > first]))
     lates, whole = delays * loop.period - loop.delay, np.floor(delays)

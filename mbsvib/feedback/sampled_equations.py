@@ -93,6 +93,12 @@ class SampledEquations(Loop):
         """Sample time of the controllers [s]."""
         return 1.0 / self.rate
 
+    @property
+    def late(self) -> float:
+        """The delay in periods, a whole number where rounding alone makes it miss one."""
+        periods, remainder = split_delay(self.rate, self.delay)
+        return periods + remainder * self.rate
+
     @cached_property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
         """The controller z+ = A z + B y, u = C z + D y, by Tustin's rule."""

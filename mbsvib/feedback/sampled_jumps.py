@@ -30,7 +30,7 @@ def first_jump(
 
     ``gain`` takes the delay [s] beyond that of the loop, and frequencies (n,) [Hz] between those of ``ends``.
     """
-    first, rate = int(np.floor(loop.delay * loop.rate)) + 1, loop.rate
+    first, rate = int(loop.late) + 1, loop.rate
     late = first / rate - loop.delay
 
     def sides(f: Array) -> Sides:

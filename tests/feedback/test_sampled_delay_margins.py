@@ -79,6 +79,21 @@ def test_a_pole_that_leaves_the_circle_at_half_the_rate(k, kb, c, gain, pole, ra
 
 
 @pytest.mark.slow
+def test_a_delay_of_one_period_is_a_whole_one():
+    """1 / rate * rate is below 1 by rounding, which made the margin 0: the jump at one period is no longer ahead."""
+    rate = 19.399517543228704
+    assert 1.0 / rate * rate < 1.0
+    plant = mv.System.from_matrices(np.diag([1.0, 2.6257]), [[7.76, -7.76], [-7.76, 7.76]],
+                                    [[980.0, -150.7], [-150.7, 150.7]], [[1.0], [0.0]], Ca=[[1.0, 0.0]])  # fmt: skip
+    loop = plant.feedback([[-0.80686]], plant.outputs, plant.inputs)
+    margin = loop.sampled(rate, 1.0 / rate).margins().delay[0]
+    assert margin > 0.01 / rate
+    assert loop.sampled(rate, 1.0 / rate + (1.0 - 1e-6) * margin).stable
+    assert not loop.sampled(rate, 1.0 / rate + (1.0 + 1e-6) * margin).stable
+    assert margin == pytest.approx(loop.sampled(rate, (1.0 + 1e-12) / rate).margins().delay[0], abs=1e-11 / rate)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensor", "k", "c", "pole", "gain", "periods"), [
     ("Ca", 72554.7, 5.387, None, -0.0267259, 5.8860), ("Cv", 50724.9, 4.504, 252.88, -10.8163, 3.2154),
     ("Ca", 56243.8, 4.743, None, -0.0249655, 35.9017), ("Ca", 9631.8, 1.963, 14.3, 0.155538, 242.9907),
