@@ -44,6 +44,12 @@ def growing(values: Complex, errors: Array) -> Bools:
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 
 
+def without_rounding(pairs: Complex, errors: Array) -> Complex:
+    """Return ``pairs`` (..., 2) of eigenvalues, their real parts 0 where both are rounding, for their ``errors``."""
+    damped = (growing(pairs, errors) | growing(-pairs, errors)).any(axis=-1, keepdims=True)
+    return np.where(damped, pairs, 1j * pairs.imag)
+
+
 def with_neighbours(size: Array, errors: Array, gap: Array) -> Array:
     """Return relative ``errors`` (..., n) of eigenvalues of some ``size`` (..., n) as neighbours make them.
 

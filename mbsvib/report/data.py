@@ -17,6 +17,7 @@ from mbsvib.measurement.data import Measurement
 from mbsvib.measurement.modes import MeasuredModes
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.modes import Modes
+from mbsvib.modes.pairs import damping_ratios, without_rounding
 from mbsvib.plots import _scene
 from mbsvib.plots._curves import NEGLIGIBLE, curves, pick
 from mbsvib.plots.modes import largest, shares
@@ -193,11 +194,12 @@ def _modes(system: Any, modes: Any, has_scene: bool) -> dict[str, Any]:
 
 def _rows(modes: Any) -> list[dict[str, Any]]:
     strongest = [" ".join(most) for most in modes.strongest()] or [""] * len(modes)
+    pairs = without_rounding(modes.pairs, modes.pair_errors)
     return [
         {"natural": finite(f), "damped": finite(d), "ratio": finite(z), "error": finite(e.max()), "most": most,
          "values": [[finite(value.real), finite(value.imag)] for value in pair]}
-        for f, d, z, e, most, pair in zip(modes.frequencies, modes.damped_frequencies, modes.damping_ratios,
-                                          modes.pair_errors, strongest, modes.pairs, strict=True)
+        for f, d, z, e, most, pair in zip(modes.frequencies, modes.damped_frequencies, damping_ratios(pairs),
+                                          modes.pair_errors, strongest, pairs, strict=True)
     ]  # fmt: skip
 
 

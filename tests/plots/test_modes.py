@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib import plots
 from mbsvib.plots import modes
 
 
@@ -49,15 +50,25 @@ def test_a_locked_mechanism_has_nothing_to_draw():
         modes(model.linearize())
 
 
-def test_damping_ratios_that_are_rounding_do_not_stretch_the_axis():
+def rounded_plate():
+    """A plate of 10 ug on springs in turned directions; its damper moves no mode but those along x and about z."""
     model = mv.Model("plate")
     model.add_body("plate", 1e-8, (1e-16, 1e-16, 2e-16))
     turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     for name, position in {"a": (2e-4, 1e-4, 0), "b": (-2e-4, 3e-4, 0), "c": (1e-4, -3e-4, 0)}.items():
         model.add_bushing(name, "ground", "plate", position, (50, 4e3, 7e3, 0, 0, 0), orientation=turned)
     model.add_bushing("film", "ground", "plate", (0, 0, 0), damping=(1e-6, 0, 0, 0, 0, 0))
-    system = model.linearize()
-    ratios, below = 100 * system.modes().damping_ratios, modes(system).axes[1]
-    assert 0 < ratios[ratios > 0].min() < 1e-13 * ratios.max()
+    return model
+
+
+def test_damping_ratios_that_are_rounding_are_drawn_and_said_as_zero():
+    system = rounded_plate().linearize()
+    result = system.modes()
+    ratios, below = 100 * result.damping_ratios, modes(system).axes[1]
+    rounded = np.flatnonzero(np.abs(ratios) < 1e-13 * ratios.max())
+    assert ratios[rounded].any()
     assert dots(below)[0].get_ydata().min() > 1e-6 * ratios.max()
     assert below.get_ylim()[0] > 1e-6 * ratios.max() or below.get_yscale() == "linear"
+    strips = plots.mode_strips(system).axes
+    assert all(strips[i].get_title(loc="left").endswith("damping ratio 0 %") for i in rounded)
+    assert result.animate(int(rounded[0]) + 1, frames=2).title.endswith("damping 0 %")
