@@ -104,9 +104,10 @@ def to_c(
         missing = "inputs (model.add_input)" if not space.inputs else "outputs (model.add_output)"
         raise ExportError(f"to_c: '{space.name}' has no {missing}; its code would compute nothing.")
     prefix = identifier(space.name) if name is None else name
-    if not _WORD.fullmatch(prefix) or prefix[0].isdigit():
+    if not isinstance(prefix, str) or not _WORD.fullmatch(prefix) or prefix[0].isdigit():
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
-    method = method or ("tustin" if isinstance(system, Controller) else "zoh")
+    if method is None:
+        method = "tustin" if isinstance(system, Controller) else "zoh"
     matrices = _rounded(discretised(space, step, method, "to_c"), precision)
     mark = f"Written by mbsvib for '{_ascii(space.name)}'"
     words = {"prefix": prefix, "upper": prefix.upper(), "banner": _banner(mark, space, step, method, precision),

@@ -14,10 +14,11 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import tables
+from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_name
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_path, kind_of
+from mbsvib.common.expected import a_path, flag, kind_of, reals
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export import responses as answers
@@ -114,6 +115,7 @@ def check_export(
         If the file cannot be read, its names are not those of the system, or it cannot be checked without one.
     """
     file = a_path(path, "check_export", ExportError)
+    run, limit = flag(run, "check_export", "run", ExportError), _limit(limit)
     suffix = file.suffix.lower()
     model = None if system is None else _model(system, suffix)
     if suffix not in SUFFIXES:
@@ -129,6 +131,14 @@ def check_export(
     if target.checked == "responses":
         return ExportCheck(file, _of_responses(target.read(file), model, limit))
     return ExportCheck(file, _of_matrices(file, model, limit))
+
+
+def _limit(value: object) -> float:
+    expected = "a relative error, 0 or above"
+    limit = reals(value, "check_export", "limit", expected, ExportError)
+    if limit.ndim or not limit >= 0.0:
+        raise ExportError(f"check_export: limit = {shown(value)}; expected {expected}.")
+    return float(limit)
 
 
 def _model(system: object, suffix: str) -> Model:

@@ -7,7 +7,11 @@ from typing import Any, Self
 
 import control
 
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import names
 from mbsvib.common.selection import PATTERN, selected
+from mbsvib.errors import ExportError
+from mbsvib.responses.from_control import is_control
 from mbsvib_export.names_ import SignalNames
 
 
@@ -42,9 +46,22 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         -------
         NamedStateSpace
             With copies of the matrices.
+
+        Raises
+        ------
+        ExportError
+            If it is no state space, or the number of names is another one than that of signals.
         """
-        labels = {"inputs": inputs or space.input_labels, "outputs": outputs or space.output_labels,
-                  "states": states or space.state_labels}  # fmt: skip
+        if not is_control(space):
+            raise ExportError(f"NamedStateSpace.of: space = {type(space).__name__}; expected a control.StateSpace, as "
+                              f"control.ss(...) makes it.")  # fmt: skip
+        labels = {}
+        for field, given, known in (("inputs", inputs, space.input_labels), ("outputs", outputs, space.output_labels),
+                                    ("states", states, space.state_labels)):  # fmt: skip
+            listed = known if given is None else names(given, "NamedStateSpace.of", field, ExportError)
+            if len(listed) != len(known):
+                raise ExportError(f"NamedStateSpace.of: {field} = {shown(given)}; expected {len(known)} names.")
+            labels[field] = listed
         result: Any = cls(
             *(getattr(space, key).copy() for key in "ABCD"), 0 if space.dt is None and not space.nstates else space.dt,
             name=name or space.name, remove_useless_states=False, **{key: list(value) for key, value in labels.items()},

@@ -29,7 +29,7 @@ from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, flag
 from mbsvib.common.mat_file import cells, read_mat_file
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
@@ -102,7 +102,7 @@ def to_mat(
     rest = stream.getvalue()[TITLE:]
     document = title(rest) + rest
     goal = Path(a_path(path, "to_mat", ExportError))
-    if loader and goal.suffix.lower() != ".mat":
+    if flag(loader, "to_mat", "loader", ExportError) and goal.suffix.lower() != ".mat":
         raise ExportError(f"to_mat: path = '{goal}'; expected a name that ends in .mat, by which MATLAB knows the file "
                           f"that its script loads. With loader=False any name will do.")  # fmt: skip
     is_new = not os.path.lexists(goal)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.expected import a_path, flag
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
@@ -72,14 +73,14 @@ def to_modelica(
     """
     caller = "to_modelica"
     space = state_space_of(system, realization, caller, outputs, inputs)
-    model = identifier(Path(path).stem) if name is None else name
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", model, re.ASCII) or model in _RESERVED:
+    model = identifier(a_path(path, caller, ExportError).stem) if name is None else name
+    if not (isinstance(model, str) and re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", model)) or model in _RESERVED:
         raise ExportError(f"{caller}: name = {model!r}; expected letters, digits and _ of ASCII, no digit first, and "
                           f"no word of Modelica.")  # fmt: skip
     if not space.states and not space.outputs:
         raise ExportError(f"{caller}: '{space.name}' has no states and no outputs; its model would be empty.")
     check_finite(space, caller)
-    text = _model(space, model, connectors)
+    text = _model(space, model, flag(connectors, caller, "connectors", ExportError))
     return write_atomic(path, lambda file: file.write(text.encode("utf-8")))
 
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from typing import Any, TypeVar
 
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import flag
 from mbsvib.errors import ExportError
 from mbsvib.responses.from_control import is_control
 from mbsvib_export.packages import need
@@ -45,7 +47,11 @@ def named(result: T, like: Any, *, controller: bool = False, states: bool = Fals
         If the numbers of inputs, outputs or states do not fit.
     """
     need("control", "named")
-    plants = list(like) if isinstance(like, (list, tuple)) else [like]
+    controller, states = (flag(value, "named", field, ExportError)
+                          for value, field in ((controller, "controller"), (states, "states")))  # fmt: skip
+    if name is not None and not isinstance(name, str):
+        raise ExportError(f"named: name = {shown(name)}; expected a text.")
+    plants = list(like) if isinstance(like, (list, tuple)) and like else [like]
     for system in (result, *plants):
         if not hasattr(system, "input_labels"):
             raise ExportError(f"named: {type(system).__name__} is not a system of python-control; expected a "

@@ -174,7 +174,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
         raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "
                           f"(model.linearize(values=...)), or its .ends if motions are inputs. For a single system: "
                           f"to_npz.")  # fmt: skip
-    if realization == "balanced":
+    if isinstance(realization, str) and realization == "balanced":
         raise ExportError("to_npz_batch: realization = 'balanced'; expected 'physical' or 'modal': balanced "
                           "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")
     variants = [arrays_of(SystemData.of(system, realization)) for system in batch]

@@ -17,6 +17,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.expected import flag
 from mbsvib.common.file_content import ContentError
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.common.selection import Names
@@ -67,7 +68,7 @@ def to_op4(
     arrays = {name: array for name, array in arrays.items() if array.size}
     if not arrays:
         raise ExportError(f"to_op4: '{data.name}' has neither motions nor ports; there is nothing to write.")
-    write = _binary if binary else _text
+    write = _binary if flag(binary, "to_op4", "binary", ExportError) else _text
     content = b"".join(write(name, array) for name, array in arrays.items())
     return write_atomic(path, lambda stream: stream.write(content))
 

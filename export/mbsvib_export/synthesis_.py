@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array
 from mbsvib.errors import ExportError
 from mbsvib.isolation.synthesis import Synthesis, h2_synthesis, hinf_synthesis
-from mbsvib.responses.from_control import is_control
+from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
@@ -180,8 +182,11 @@ def _weight(value: Any, count: int, name: str) -> Any:
     """A weight as a state space with as many inputs as there are signals."""
     import control
 
-    if isinstance(value, (int, float, np.number)):
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value):
         return control.ss([], [], [], float(value) * np.eye(count))
+    if not (is_control(value) or is_transfer_function(value)) or value.dt not in (None, 0):
+        raise ExportError(f"augw: {name} = {shown(value)}; expected a finite number, or a StateSpace or "
+                          f"TransferFunction of python-control in continuous time.")  # fmt: skip
     space = control.ss(value)
     if space.ninputs == space.noutputs == 1 and count > 1:
         eye = np.eye(count)
@@ -200,9 +205,10 @@ def _check_continuous(value: Any, caller: str, field: str) -> None:
 
 def _checked(plant: Any, nmeas: int, ncon: int, caller: str) -> tuple[Array, Array, Array, Array]:
     _check_continuous(plant, caller, "plant")
-    if not (0 < nmeas < plant.noutputs and 0 < ncon < plant.ninputs):
-        raise ExportError(f"{caller}: nmeas = {nmeas}, ncon = {ncon}; the plant has {plant.noutputs} outputs and "
-                          f"{plant.ninputs} inputs; expected fewer, from 1 on.")  # fmt: skip
+    whole = all(isinstance(each, Integral) and not isinstance(each, bool) for each in (nmeas, ncon))
+    if not (whole and 0 < nmeas < plant.noutputs and 0 < ncon < plant.ninputs):
+        raise ExportError(f"{caller}: nmeas = {shown(nmeas)}, ncon = {shown(ncon)}; the plant has {plant.noutputs} "
+                          f"outputs and {plant.ninputs} inputs; expected smaller whole numbers from 1 on.")  # fmt: skip
     return plant.A, plant.B, plant.C, plant.D
 
 

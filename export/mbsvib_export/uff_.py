@@ -22,7 +22,7 @@ from mbsvib.api.system import System
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.expected import a_path, ascending, kind_of
+from mbsvib.common.expected import a_path, ascending, flag, kind_of, reals
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, LeftOutWarning, ResponseError, counted
@@ -84,6 +84,7 @@ def to_uff(
     ResponseError
         If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
     """
+    binary, modes = flag(binary, "to_uff", "binary", ExportError), flag(modes, "to_uff", "modes", ExportError)
     if isinstance(system, Measurement):
         data = system if outputs is None and inputs is None else system[outputs, inputs]
         name, frequency = "measurement", _writable(data, omega, binary)
@@ -230,8 +231,10 @@ def densities_from_uff(path: str | os.PathLike[str], bandwidth: float | None = N
         If the file cannot be read or is damaged, holds no densities or two of one point, or has auto spectra alone and
         no bandwidth is given.
     """
-    if bandwidth is not None and not (np.ndim(bandwidth) == 0 and 0.0 < bandwidth < np.inf):
-        raise ExportError(f"densities_from_uff: bandwidth = {shown(bandwidth)}; expected a positive number [Hz].")
+    expected = "a positive number [Hz]"
+    width = None if bandwidth is None else reals(bandwidth, "densities_from_uff", "bandwidth", expected, ExportError)
+    if width is not None and not (width.ndim == 0 and 0.0 < width < np.inf):
+        raise ExportError(f"densities_from_uff: bandwidth = {shown(bandwidth)}; expected {expected}.")
     items = _series(path, "densities_from_uff", "spectral densities", DENSITY, AUTO_SPECTRUM)
     autos = [item.output.name for item in items if item.kind == AUTO_SPECTRUM]
     if autos and bandwidth is None:

@@ -102,6 +102,13 @@ def one_of(
     raise error(text, element=caller, field=field) if error is ModelError else error(text)
 
 
+def flag(value: Any, caller: str, field: str, error: Callable[[str], MbsvibError]) -> bool:
+    """Return a choice of yes or no; others are refused, as "no" would count as yes."""
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    raise error(f"{caller}: {field} = {shown(value)}; expected True or False.")
+
+
 def reals(value: Any, caller: str, field: str, expected: str, error: Callable[..., MbsvibError] = ResponseError) -> \
         Array:  # fmt: skip
     """Return ``value`` as an array of floats; numpy drops imaginary parts also where they are not 0, as of i omega."""

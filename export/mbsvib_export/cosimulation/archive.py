@@ -10,7 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO, Any
 
+from mbsvib.common.arguments import shown
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.expected import a_path, flag
 from mbsvib.errors import ExportError
 from mbsvib_export.cosimulation.check import as_file
 from mbsvib_export.cosimulation.connections import SIDES, Connections, connect
@@ -55,14 +57,17 @@ def to_ssp(
     ExportError
         If an FMU cannot be read, units or names do not fit, or the file cannot be written.
     """
-    goal = Path(path)
+    goal = a_path(path, "to_ssp", ExportError)
+    outer = flag(outer, "to_ssp", "outer", ExportError)
+    if not isinstance(name, str):
+        raise ExportError(f"to_ssp: name = {shown(name)}; expected a text.")
     if goal.suffix.lower() != ".ssp":
         raise ExportError(f"to_ssp: path = '{goal}'; expected a name that ends in .ssp, by which importers know it.")
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
         units = {side: stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu", version), "to_ssp"))
                  for side, source in zip(SIDES, (plant, controller), strict=True)}  # fmt: skip
-        links = connect(list(units.values()), connections)
+        links = connect(list(units.values()), connections, "to_ssp")
         described = "\n".join(_description(name, units, links, outer)) + "\n"
 
         def write(stream: IO[bytes]) -> None:

@@ -17,11 +17,11 @@ import numpy as np
 
 from mbsvib.common.arguments import known
 from mbsvib.common.arrays import Array
-from mbsvib.common.expected import names, one_of
+from mbsvib.common.expected import names, one_of, reals
 from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib.linalg.discrete import first_order_hold
-from mbsvib_export.cosimulation.connections import SIDES, connect, refuse_algebraic_loop
+from mbsvib_export.cosimulation.connections import SIDES, by_names, connect, refuse_algebraic_loop
 from mbsvib_export.cosimulation.masters import MASTERS, Loop, is_stable, largest_stable_step, loop_of, radius, within
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 from mbsvib_export.cosimulation.unit import Instance, Signal, UnitFile, equations, open_unit
@@ -175,15 +175,16 @@ def check_cosimulation(
     if duration is not None:
         check_step(duration, "check_cosimulation", "duration")
     h, count = float(step), _STEPS if duration is None else max(round(duration / step), 1)
-    for word in systems or {}:
+    given = by_names(systems, "check_cosimulation", "systems", "a mapping {'plant' or 'controller': system}")
+    for word in given:
         one_of(word, SIDES, "check_cosimulation", "a key of systems", ExportError)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
         units = [stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu"), "check_cosimulation"))
                  for side, source in zip(SIDES, (plant, controller), strict=True)]  # fmt: skip
-        links = connect(units, connections)
+        links = connect(units, connections, "check_cosimulation")
         methods, remarks = _able(masters, units)
-        numbers = [_equations(side, unit, (systems or {}).get(side), folder)
+        numbers = [_equations(side, unit, given.get(side), folder)
                    for side, unit in zip(SIDES, units, strict=True)]  # fmt: skip
         refuse_algebraic_loop(units, links, [d for _, _, _, d in numbers])
         make = partial(loop_of, numbers, links.coupling, links.outside)
@@ -268,13 +269,15 @@ def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
 
 def _excited(names: list[str], inputs: Mapping[str, float] | None) -> dict[str, float]:
     """Values of the free inputs by their names."""
-    for name in inputs or {}:
+    wanted = by_names(inputs, "check_cosimulation", "excitation", "a mapping {input: number}")
+    for name in wanted:
         known(name, names, f"check_cosimulation: excitation: '{name}' is not a free input", None, "These are free:",
               ExportError)  # fmt: skip
-    values = {name: 1.0 if inputs is None else float(inputs.get(name, 0.0)) for name in names}
-    if not np.isfinite(list(values.values())).all():
+    numbers = reals([1.0 if inputs is None else wanted.get(name, 0.0) for name in names], "check_cosimulation",
+                    "excitation", "a mapping {input: number}", ExportError)  # fmt: skip
+    if not np.isfinite(numbers).all():
         raise ExportError("check_cosimulation: excitation holds NaN or infinity; expected finite numbers.")
-    return values
+    return dict(zip(names, numbers.tolist(), strict=True))
 
 
 def _nominal(units: list[UnitFile]) -> Array:
@@ -285,7 +288,8 @@ def _nominal(units: list[UnitFile]) -> Array:
 
 def _bonds(plant: UnitFile, pairs: Mapping[str, str] | None) -> list[tuple[int, int]]:
     inputs, outputs = [signal.name for signal in plant.inputs], [signal.name for signal in plant.outputs]
-    for force, motion in (pairs or {}).items():
+    listed = by_names(pairs, "check_cosimulation", "bonds", "a mapping {input: displacement}")
+    for force, motion in listed.items():
         for name, has in ((force, inputs), (motion, outputs)):
             known(name, has, f"check_cosimulation: bonds: the plant has no '{name}'; expected an input by an output "
                   f"of it", error=ExportError)  # fmt: skip
@@ -293,7 +297,7 @@ def _bonds(plant: UnitFile, pairs: Mapping[str, str] | None) -> list[tuple[int, 
         if unit not in ("", "m", "rad"):
             raise ExportError(f"check_cosimulation: bonds: '{motion}' is in {unit}; expected a displacement in m or "
                               f"an angle in rad.")  # fmt: skip
-    return [(inputs.index(force), outputs.index(motion)) for force, motion in (pairs or {}).items()]
+    return [(inputs.index(force), outputs.index(motion)) for force, motion in listed.items()]
 
 
 def _check(

@@ -121,14 +121,16 @@ def to_fmu(
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
-    versions = tuple(dict.fromkeys(version)) if isinstance(version, (list, tuple)) else (version,)
-    if not versions or any(each not in VERSIONS for each in versions):
+    listed = version if isinstance(version, (list, tuple)) else [version]
+    versions = tuple(each for i, each in enumerate(listed) if each not in listed[:i])
+    if not versions or not all(isinstance(each, str) and each in VERSIONS for each in versions):
         raise ExportError(f'to_fmu: version = {version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
     if goal.suffix.lower() != ".fmu":
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
     plant = plant_of(system, realization, tuple(names(tunable, "to_fmu", "tunable", ExportError)), outputs, inputs)
-    libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
+    libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else
+                         tuple(names(platforms, "to_fmu", "platforms", ExportError)))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
     paths = [goal.with_name(f"{goal.stem}-fmi{fmi_version[0]}{goal.suffix}") for fmi_version in versions]
