@@ -34,7 +34,8 @@ def write_atomic(
 ) -> Path:  # fmt: skip
     """Write a temporary file in the same folder, then rename it to the path.
 
-    An existing file is replaced and keeps its permissions, a link stays a link. ``write`` writes to the binary stream
+    An existing file is replaced and keeps its permissions, a link stays a link; devices and pipes are refused, as the
+    rename would remove them. ``write`` writes to the binary stream
     it is given. Of several writers at a time each succeeds, and the file is that of the last.
     """
     a_path(path, "file", error)
@@ -42,6 +43,8 @@ def write_atomic(
     start = _start(target.name)
     _remove_abandoned(target.parent, start)
     try:
+        if target.exists() and not target.is_file() and not target.is_dir():
+            raise OSError("It is a device or a pipe")
         draft, stream = _new_draft(target, start)
         with stream:
             write(stream)

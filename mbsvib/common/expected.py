@@ -229,8 +229,9 @@ def hertz(frequencies: Any) -> Array:
 
 def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:
     """Return ``value`` as a path; a number is refused, as ``open`` would take it for a file descriptor."""
-    if isinstance(value, (str, os.PathLike)):
-        return Path(value)
+    text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if isinstance(text, str) and "\0" not in text:
+        return Path(text)
     swapped = hasattr(value, "linearize") or hasattr(value, "modes")
     hint = f" Are its arguments in another order? help({caller}) tells it." if swapped else ""
     raise error(f"{caller}: path = {shown(value)}; expected the path of a file.{hint}")

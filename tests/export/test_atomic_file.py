@@ -173,6 +173,26 @@ def test_a_link_stays_a_link(tmp_path):
     assert mx.from_json(tmp_path / "real" / "plant.json").name == "slider"
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_devices_and_pipes_stay(tmp_path):
+    """Written by the superuser, /dev/null would be a file from then on."""
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with pytest.raises(mv.ExportError, match="pipe: cannot be written: It is a device or a pipe"):
+        write_atomic(path, lambda stream: stream.write(b"content"))
+    assert path.is_fifo()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("path", ["a\0b", os.fsencode("name")])
+@pytest.mark.parametrize("export", [*WRITERS.values(), mx.to_modelica, mx.to_c, mx.from_npz, mx.from_uff])
+def test_names_that_no_file_has(export, path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(mv.ExportError, match="expected the path of a file"):
+        export(*([] if "from" in getattr(export, "__name__", "") else [slider()]), path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_relative_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mx.to_json(slider(), "plant.json")
