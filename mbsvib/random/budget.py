@@ -240,8 +240,8 @@ class Budget(Columnar, Displayed):
             notes.append(f"Weighted: {', '.join(f'{name} by {words}' for name, words in self.weighting.items())}.")
         infinite = [name for name, value in self.rms.items() if np.isinf(value)]
         reasons = self._random.reasons() if infinite else {}
-        notes += [f"{name} is infinite: {reasons.get(name, 'samples of white noise have no bound')}." for name in
-                  infinite]  # fmt: skip
+        sampled = "samples of white noise have no bound, or add up to a drift"
+        notes += [f"{name} is infinite: {reasons.get(name, sampled)}." for name in infinite]
         if self.error:
             notes.append(f"Integrals over densities given as functions: relative error at most {self.error:.1e}.")
         columns: list[tuple[str, Any]] = [("output", "left"), ("source", "left"), ("rms", "right"), ("unit", "left"),

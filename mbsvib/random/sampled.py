@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from mbsvib.feedback.sampled import SampledLoop
 
 WHITE = "white."  # inputs of the filters of noise
+# From a pole at 0 to where a density shows it, in parts of the slowest other pole: rounding moves the pole by less.
+BESIDE_ZERO = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +82,14 @@ class SampledRandom(Random):
     def _divergences(self) -> Iterator[tuple[float, NDArray[np.bool_]]]:
         """Undamped poles [Hz] within the span, and which outputs show what which sources do to them, (outputs, s)."""
         poles = self.linear_poles
-        turns = np.abs(poles[np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)])
-        at = np.unique(turns[(turns >= 2.0 * np.pi * self.span[0]) & (turns <= 2.0 * np.pi * self.span[1])])
-        near, farther = (np.abs(self.linear.frequency_response(at * (1.0 + k * extrema.CLOSE))) for k in (1.0, 10.0))
-        yield from zip(at / (2.0 * np.pi), np.moveaxis(near > extrema.GROWTH * farther, 2, 0), strict=True)
+        turns = np.abs(poles[np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)]) / (2.0 * np.pi)
+        at = np.unique(turns[(turns >= self.span[0]) & (turns <= self.span[1])])
+        if not len(at):
+            return
+        slowest = float(np.abs(poles[poles != 0.0]).min(initial=2.0 * np.pi * self.linear.rate)) / (2.0 * np.pi)
+        step = np.where(at > 0.0, extrema.CLOSE * at, BESIDE_ZERO * slowest)
+        near, farther = (self.densities(at + k * step)[:, :-1] for k in (1.0, 10.0))
+        yield from zip(at, np.moveaxis(near > extrema.GROWTH**2 * farther, 2, 0), strict=True)
 
     def warn_outside(self, low: float, high: float) -> None:
         """Warn of nothing: sampling folds noise to all frequencies."""

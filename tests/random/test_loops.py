@@ -313,3 +313,26 @@ def test_undamped_modes_beside_sampled_loops_in_any_unit_of_time(unit):
         assert budget.contributions["x"]["G"] < np.inf
     light = loop(1e-6).budget({"G": 1.0}, "y", band=(0.9 * first, 1.1 * first)).rms["y"]
     assert light * unit**1.5 == pytest.approx(np.sqrt(1.0 / (4.0 * 1e-6 * 16.0)), rel=1e-2)
+
+
+def test_a_sampled_loop_says_which_noise_an_integrator_adds_up():
+    """Proportional to q and integral of v, both measured: noise of v runs the integrator away, that of q does not; and
+    a white force does, as the trapezoids of samples miss h^3 / 12 of the variance of the way in between.
+    """
+    mass, kq, ki, kp, rate = 2.0, 400.0, 300.0, 40.0, 50.0
+    model = mv.Model("axis")
+    model.add_body("mass", mass, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_input("F", "mass", "x")
+    model.add_input("push", "mass", "x")
+    model.add_output("q", "mass", "x")
+    model.add_output("v", "mass", "x", quantity="velocity")
+    controller = mv.StateSpace.from_arrays([[0.0]], [[0.0, 1.0]], [[-ki]], [[-kq, -kp]], ["q", "v"], ["F"])
+    loop = model.linearize().feedback(controller, noise=True).sampled(rate)
+    budget = loop.budget({"q.noise": 1e-8, "v.noise": 1e-6}, ["q"])
+    assert "q is infinite: the noise of v.noise drives controller away" in str(budget)
+    assert np.isfinite(budget.contributions["q"]["q.noise"])
+    assert "the noise of push drives controller away" in str(loop.budget({"push": 1.0}, ["q"]))
+    f = np.array([1e-4, 1e-3])
+    drift = 2.0 * 0.5 / rate**2 / 12.0 / mass**2 * (ki / (ki + kq)) ** 2 / (W * f) ** 2
+    np.testing.assert_allclose(loop.psd("q", {"push": 1.0}, f)[0], drift, rtol=1e-3)
