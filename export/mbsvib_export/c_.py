@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,17 +19,22 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of, one_of
 from mbsvib.common.selection import Names
-from mbsvib.errors import ExportError
+from mbsvib.errors import AccuracyWarning, ExportError
+from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.controller import Controller
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import Source, SystemData, state_space_of
+from mbsvib_export.responses import check_points, poles, response_error
 from mbsvib_export.sampling import discretised
 from mbsvib_export.templates_ import check_companion, filled
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
+# Error of a frequency response by coefficients of 32 bits that is warned of, and share of its size by which the largest
+# eigenvalue of a stable step is below 1, beyond all rounding of 64 bits.
+SINGLE, DECAYING = 1e-2, 1e-12
 _WORD = re.compile(r"\w+", re.ASCII)
 _METHODS = {
     "zoh": "exact for inputs that are held over each step",
@@ -76,7 +82,8 @@ def to_c(
         "zoh": exact for inputs that are held over each step; "foh": exact for inputs that are linear over each step;
         "tustin". Default: "tustin" for a Controller, as ``loop.sampled`` has it, "zoh" for all others.
     precision : str
-        "double", or "single" for processors that compute with 32 bits.
+        "double", or "single" for processors that compute with 32 bits; the response of the rounded coefficients is
+        compared with the exact one.
     name : str, optional
         Prefix of functions and files; default: the name of the system, as far as C allows it.
     outputs, inputs : str or sequence of str, optional
@@ -90,10 +97,16 @@ def to_c(
     Raises
     ------
     ExportError
-        If the system has no inputs or no outputs, grows beyond numbers in the test vectors, or a value is refused; if a
-        file of one of these names was not written by this export.
+        If the system has no inputs or no outputs, grows beyond numbers in the test vectors, or a value is refused; if
+        its coefficients of 32 bits grow though it is stable; if a file of one of these names was not written by this
+        export.
     ResponseError
         If the realization, or the name of an output or input, is unknown.
+
+    Warns
+    -----
+    AccuracyWarning
+        If coefficients of 32 bits change the frequency response by more than 1 %.
     """
     a_path(folder, "folder", ExportError)
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
@@ -108,7 +121,9 @@ def to_c(
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
     if method is None:
         method = "tustin" if isinstance(system, Controller) else "zoh"
-    matrices = _rounded(discretised(space, step, method, "to_c"), precision)
+    matrices = discretised(space, step, method, "to_c")
+    if precision == "single":
+        matrices = _rounded(space, step, matrices)
     mark = f"Written by mbsvib for '{_ascii(space.name)}'"
     words = {"prefix": prefix, "upper": prefix.upper(), "banner": _banner(mark, space, step, method, precision),
              **_words(prefix.upper(), space, float(step), matrices, precision)}  # fmt: skip
@@ -134,37 +149,50 @@ def _folder(folder: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _rounded(matrices: Any, precision: str) -> Any:
-    """The matrices as the processor has them."""
-    if precision == "double":
-        return matrices
-    with np.errstate(over="ignore"):
+def _rounded(space: StateSpace, step: float, matrices: Any) -> Any:
+    """The matrices as a processor of 32 bits has them, compared with those before."""
+    with np.errstate(over="ignore", under="ignore"):
         single = tuple([matrix.astype(np.float32).astype(float) for matrix in matrices])
     if not all(np.isfinite(matrix).all() for matrix in single):
         raise ExportError("to_c: a coefficient is too large for precision = 'single'; take realization='balanced', "
                           "other units, or 'double'.")  # fmt: skip
+    advice = "Take a longer step, other states (realization), or precision='double'."
+    before, after = (np.abs(np.linalg.eigvals(each[0])).max(initial=0.0) for each in (matrices, single))
+    if before < 1.0 - DECAYING and after > 1.0:
+        raise ExportError(f"to_c: precision = 'single': '{space.name}' is stable, and its coefficients of 32 bits "
+                          f"grow, by {after - 1.0:.1g} in each step of {step:g} s. {advice}")  # fmt: skip
+    omega = check_points(poles(space.A))
+    omega = omega[omega * step < np.pi]
+    z = np.exp(1j * omega * step)
+    actual, truth = (np.moveaxis(transfer(each, z), 0, -1) for each in (single, matrices))
+    error = response_error(actual, truth, space, omega) if len(omega) else 0.0
+    if error > SINGLE:
+        warnings.warn(f"to_c: precision = 'single': coefficients of 32 bits change the frequency response of "
+                      f"'{space.name}' by up to {error:.1g} of its size. {advice}", AccuracyWarning, stacklevel=3)
     return single
 
 
 def _test_vectors(name: str, matrices: Any, precision: str) -> tuple[Any, Any, Any]:
     """Inputs (samples, i), outputs (samples, o), and the error allowed for each output (o,).
 
-    The rounding errors of the states add up over the samples; they are bounded by the magnitudes of all products.
+    The rounding of each step goes on through the later ones by C A^j; it is bounded by the magnitudes of all products.
     """
-    a, b, c, d = matrices
+    a, b, c, d = (matrix.astype(np.longdouble) for matrix in matrices)
     inputs = np.random.default_rng(1).integers(-8, 9, (SAMPLES, b.shape[1])) / 8.0  # exact in both precisions
-    wide = [matrix.astype(np.longdouble) for matrix in matrices]
-    x, error = np.zeros(len(a), dtype=np.longdouble), np.zeros(len(a))
+    kind = np.finfo(np.float64 if precision == "double" else np.float32)
+    x, unit = np.zeros(len(a), dtype=np.longdouble), (len(a) + b.shape[1] + 1) * float(kind.eps)
     outputs, allowed = np.empty((SAMPLES, len(c))), np.zeros(len(c))
-    unit = (len(a) + b.shape[1] + 1) * np.finfo(np.float64 if precision == "double" else np.float32).eps
+    through, rounding = np.empty((SAMPLES, *c.shape)), np.empty((SAMPLES, len(a)))
     with np.errstate(over="ignore", invalid="ignore"):
+        power = c
         for k, u in enumerate(inputs):
-            outputs[k] = wide[2] @ x + wide[3] @ u
-            uncertain = error + unit * np.abs(x).astype(float)
-            allowed = np.maximum(allowed, np.abs(c) @ uncertain + unit * (np.abs(d) @ np.abs(u)))
-            error = np.abs(a) @ uncertain + unit * (np.abs(b) @ np.abs(u))
-            x = wide[0] @ x + wide[1] @ u
-    if not (np.isfinite(outputs).all() and np.isfinite(allowed).all()):
+            outputs[k] = c @ x + d @ u
+            through[k], power = np.abs(power), power @ a
+            now = unit * (np.abs(c) @ np.abs(x) + np.abs(d) @ np.abs(u)).astype(float)
+            allowed = np.maximum(allowed, now + np.einsum("jon,jn->o", through[:k], rounding[:k][::-1]))
+            rounding[k] = unit * (np.abs(a) @ np.abs(x) + np.abs(b) @ np.abs(u))
+            x = a @ x + b @ u
+    if not ((np.abs(outputs) <= kind.max).all() and (allowed <= kind.max).all()):
         raise ExportError(f"to_c: '{name}' grows beyond all numbers within {SAMPLES} steps: it is unstable.")
     return inputs, outputs, allowed
 

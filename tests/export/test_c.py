@@ -167,6 +167,50 @@ def test_the_tolerance_allows_the_rounding_of_right_code(precision, real, tmp_pa
     assert 1.5 * eps * size < tolerance < 20 * eps * size
 
 
+def tolerances_and_sizes(files):
+    text = files.test.read_text()
+    vectors = re.findall(r"\{([^{}]+)\}", text[text.index("expected[") : text.index("tolerance[")])
+    expected = np.array([[float(word.rstrip("f")) for word in re.split(r",\s*", row)] for row in vectors])
+    words = re.split(r",\s*", re.search(r"tolerance\[\w+\] = \{\s*([^}]*?)\s*\}", text)[1])
+    return np.array([float(word.rstrip("f")) for word in words]), np.abs(expected).max(axis=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "precision", "limit"), [
+    ("cantilever", "double", 1e-7), ("stewart_isolator", "double", 1e-9), ("quarter_car", "double", 1e-11),
+    ("stewart_isolator", "single", 1e-1),
+])  # fmt: skip
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_the_tolerance_stays_small_in_coupled_states(name, precision, limit, step, tmp_path):
+    """The magnitudes of entries of A grow as powers, to 1e50 here; those of A^j do not where the system is stable."""
+    system = getattr(mv.library, name)().linearize()
+    files = mx.to_c(system, tmp_path, step, realization="physical", precision=precision)
+    tolerance, size = tolerances_and_sizes(files)
+    assert (tolerance < limit * size).all()
+    assert subprocess.run([compiled(files)], check=False).returncode == 0
+
+
+def oscillator(stiffness, damping, gain=1.0):
+    a = [[0, 1], [-stiffness, -damping]]
+    return mv.StateSpace.from_arrays(a, [[0], [1]], [[gain, 0]], [[0]], name="oscillator")
+
+
+def test_coefficients_of_32_bits_that_change_the_response_are_named(tmp_path):
+    """x'' + 2 zeta w x' + w^2 x = u, w h = 1e-4: 1 - w^2 h^2 / 2 = 1 - 5e-9 has no digits in 32 bits."""
+    with pytest.warns(mv.errors.AccuracyWarning, match=r"'oscillator' by up to 0\.\d+ of its size. Take a longer step"):
+        mx.to_c(oscillator(100.0, 0.02), tmp_path, 1e-5, precision="single")
+    mx.to_c(oscillator(100.0, 0.02), tmp_path, 1e-2, precision="single")
+    with pytest.warns(mv.errors.AccuracyWarning, match="by up to 1 of its size"):
+        mx.to_c(oscillator(100.0, 2.0, 1e-50), tmp_path, 1e-2, precision="single")    # below all numbers of 32 bits
+
+
+def test_coefficients_of_32_bits_that_grow_are_refused(tmp_path):
+    """h = 10 us, decay 2.5e-4 1/s: e^(-2.5e-9) of each step is 1 in 32 bits, and the rounding of the rest decides."""
+    with pytest.raises(mv.ExportError, match=r"'oscillator' is stable, and its coefficients of 32 bits grow, by 5e-09"):
+        mx.to_c(oscillator(100.0, 5e-4), tmp_path, 1e-5, precision="single")
+    assert not list(tmp_path.iterdir())
+
+
 def test_files_of_others_stay(tmp_path):
     system = mv.library.quarter_car().linearize()
     mx.to_c(system, tmp_path)
