@@ -310,7 +310,8 @@ class _Run:
 
     def units(self, system: System) -> None:
         """Eigenvalues in other units."""
-        for part in (*self.model.superelements, *self.model.couplers):
+        unstated = [name for name, part in self.model.couplers.items() if not part.unit]
+        for part in (*self.model.superelements, *unstated):
             raise MbsvibError(f"'{part}' has matrices or ratios whose units are not stated")
         try:
             other = restated(self.model).linearize(method="dense")

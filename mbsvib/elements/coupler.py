@@ -48,6 +48,7 @@ class Coupling(Part):
     """The base class of couplers: ``terms`` are pairs (coordinate, coefficient), the sum of their products is zero."""
 
     symbol = "coupler"
+    unit = ""  # of its factor; empty where numbers of any unit are given
     terms: Terms = derived(())
 
     def placed(self, to: Placement) -> Self:

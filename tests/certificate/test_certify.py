@@ -269,3 +269,16 @@ def test_trees_that_an_engine_refuses_are_skipped():
 def test_missing_engines_are_named(monkeypatch):
     monkeypatch.setattr(engines, "find_spec", lambda name: None)
     assert "neither mujoco nor pinocchio is installed" in mv.certify(mv.library.two_link()).skipped["mass.difference"]
+
+
+def test_drives_are_restated_in_other_units():
+    model = mv.Model("axis")
+    model.add_body("screw", 2.0, (1e-3, 1e-3, 2e-4))
+    model.add_body("table", 40.0, (1, 1, 1), (0, 0, 0.2))
+    model.add_ball_screw("drive", "ground", "screw", "table", (0, 0, 0), (0, 0, 1), 0.01, stiffness=2e8)
+    model.add_torsion_spring("motor", "ground", "screw", axis=(0, 0, 1), stiffness=5.0)
+    assert mv.certify(model).content()["units.invariance"] < 1e-12
+    model.add_body("idler", 1.0, (1, 1, 1))
+    model.add_joint("j", "revolute", "ground", "idler", (0, 0, 0), axis=(0, 0, 1))
+    model.add_coupler("tie", {"j.rz": 0.1, "drive.guide.z": 1.0})
+    assert "'tie' has matrices or ratios whose units are not stated" in mv.certify(model).skipped["units.invariance"]
