@@ -9,7 +9,8 @@ import control
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import names
-from mbsvib.common.selection import PATTERN, selected
+from mbsvib.common.patterns import matching
+from mbsvib.common.selection import selected
 from mbsvib.errors import ExportError
 from mbsvib.responses.from_control import is_control
 from mbsvib_export.names_ import SignalNames
@@ -230,8 +231,9 @@ def _numbers(key: Any, labels: Sequence[str], kind: str, owner: str, others: Seq
     names = [key] if isinstance(key, str) else key
     if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) for name in names):
         return key
-    here = [name if name in labels or not name else
-            name.replace(".", ":") if PATTERN.intersection(name) else SignalNames.to_control(name)
-            for name in names]  # fmt: skip
-    return selected([new if new in labels or PATTERN.intersection(new) else old
-                     for new, old in zip(here, names, strict=True)], labels, kind, owner, others)  # fmt: skip
+    originals = [SignalNames.original(label) for label in labels]
+    numbers: dict[int, None] = {}
+    for name in names:
+        known = labels if name in labels or not matching(name, originals) else originals
+        numbers |= dict.fromkeys(selected(name, known, kind, owner, others))
+    return list(numbers)

@@ -6,9 +6,11 @@ import control
 import numpy as np
 import pytest
 
+import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
 from mbsvib_export import NamedStateSpace
+from tests.export.plants import slider
 
 
 def plant():
@@ -182,3 +184,16 @@ def test_steps_are_those_of_the_system(states, dt, expected):
     made = NamedStateSpace.of(space)
     assert (made.dt, type(made.dt)) == (expected, type(expected))
     assert made(0.3, squeeze=True) == pytest.approx(space(0.3, squeeze=True))
+
+
+def test_names_with_brackets_are_names_before_they_are_patterns():
+    """As a pattern ``leg[1].z`` fits ``leg1.z``, which is another output here."""
+    plant = mx.to_control(slider(inputs=("F[1]", "F[2]"), outputs=("leg[1].z", "leg1.z", "leg[12].z")))
+    assert plant["leg[1].z", "F[2]"].output_labels == ["leg~5B1]:z"]
+    assert plant["leg[1].z", "F[2]"].input_labels == ["F~5B2]"]
+    assert plant["leg[12].z", "F[1]"].output_labels == ["leg~5B12]:z"]
+    assert plant["leg1.z", "F[1]"].output_labels == ["leg1:z"]
+    assert plant["leg*.z", "F[[]*"].output_labels == plant["leg*:z", "*"].output_labels == plant.output_labels
+    assert plant[["leg1.z", "leg*"], "F*"].output_labels == ["leg1:z", "leg~5B1]:z", "leg~5B12]:z"]
+    with pytest.raises(mv.ResponseError, match=r"the pattern 'F\[3\]' picks no input"):
+        plant["leg1.z", "F[3]"]
