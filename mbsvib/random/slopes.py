@@ -18,6 +18,7 @@ import numpy as np
 from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.closing import Closure, Gathered
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.random.mean_squares import Random
@@ -190,28 +191,44 @@ def mean_square_gradient(under: Random, one: Equations, which: list[int]) -> Arr
     whole = under.behind_filters(which, one)
     a, b, c, _ = whole.all
     weight = _weight(under, which)
-    parts = separated(a, b, c)
+    unit, scaled = _scaled(a, b, c)
+    parts = separated(*scaled)
     if parts.lasting:
         p, q = gramians(parts, weight)
     else:
+        a, b, c = scaled
         solver = Lyapunov(a)
         p, q = solver.controlled(b @ weight @ b.T), solver.observed(c.T @ c)
-    return _before_filters(whole, p, q, weight)
+    return _before_filters(whole, p * unit, q / unit, weight)
 
 
 def stable_squares(under: Random, equations: Equations) -> tuple[float, Callable[[], Array]]:
     """Return the sum of all mean squares of equations whose poles decay, and a function that returns its gradient to
     their entries.
 
-    Moments of all sources, without the separation of what does not decay: for searches, which know that all does.
+    Moments of all sources, without the separation of what does not decay: for searches, which know that all does. A sum
+    of which rounding leaves no digit is infinite where it is negative.
     """
     whole = under.behind_filters(under.rational, equations)
     a, b, c, d = whole.all
     if d.any():
         return np.inf, lambda: np.zeros((len(equations.a) + len(c), len(equations.a) + b.shape[1]))
-    weight, solver = _weight(under, under.rational), Lyapunov(a)
+    weight = _weight(under, under.rational)
+    unit, (a, b, c) = _scaled(a, b, c)
+    solver = Lyapunov(a)
     p = solver.controlled(b @ weight @ b.T)
-    return float((c @ p * c).sum()), lambda: _before_filters(whole, p, solver.observed(c.T @ c), weight)
+    square = float((c @ p * c).sum())
+
+    def slope() -> Array:
+        return _before_filters(whole, p * unit, solver.observed(c.T @ c) / unit, weight)
+
+    return square if square >= 0.0 else np.inf, slope
+
+
+def _scaled(a: Array, b: Array, c: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Return the equations in states of like size, and the units (n, n) that their Gramian P has there; 1 / unit: Q."""
+    power = exponents(a, b, c) if len(a) else np.zeros(0, dtype=np.int64)
+    return np.ldexp(1.0, power[:, None] + power), scaled_by(power, a, b, c)
 
 
 def _weight(under: Random, which: list[int]) -> Array:

@@ -275,3 +275,17 @@ def test_squares_of_stable_equations_are_the_sum_of_all(noise, correlation, weig
     value, slope = slopes.stable_squares(through, through.plant)
     assert (value, slope().shape) == (np.inf, (4, 3))
     assert not slope().any()
+
+
+def test_squares_of_stable_equations_keep_digits_in_any_unit():
+    """A resonator of 5 MHz: x^2 = S / (4 c k), whose rate is 1e15 times as large in the square."""
+    m, c, k, force = 2e-12, 2e-9, 2e3, 1e-24
+    system = mv.System.from_matrices([[m]], [[c]], [[k]], B=[[1.0]], Cq=[[1.0]], inputs=["F"], outputs=["x"])
+    under = random(system, {"F": force}, None, None, None, None)
+    one = under.plant._replace(a=np.array([[0.0, 1.0], [-k / m, -c / m]]), b=np.array([[0.0], [1.0 / m]]),
+                               c=np.array([[1.0, 0.0]]), d=np.zeros((1, 1)))  # fmt: skip
+    value, slope = slopes.stable_squares(under, one)
+    square = force / (4.0 * c * k)
+    to_a, to_b = slope()[:2, :2], slope()[1, 2]
+    np.testing.assert_allclose([value, to_b / m], [square, 2.0 * square], rtol=1e-12)
+    np.testing.assert_allclose([to_a[1, 0] * k / m, to_a[1, 1] * c / m], [square, square], rtol=1e-12)

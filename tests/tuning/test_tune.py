@@ -243,3 +243,22 @@ def test_a_search_does_not_end_above_its_start(monkeypatch):
                      progress=lambda done, most: told.append((done, most)))  # fmt: skip
     assert design.values == pytest.approx(start)
     assert told == [(k, 10) for k in range(1, len(design.history) + 2)]
+
+
+@pytest.mark.slow
+def test_gains_of_a_resonator_of_200_pg():
+    """PD control against white force and noise of the sensor, at 16 kHz: nearly as good as the optimal estimate of x,
+    whose error is 3.77706e-11 m by its Riccati equation.
+    """
+    plant = mv.System.from_matrices([[2e-10]], [[2e-7]], [[2.0]], B=[[1.0]], Cq=[[1.0]], inputs=["F"], outputs=["x"])
+    noise = {"F": 1e-24, "x.noise": 1e-26}
+    design = mv.tune(plant, T.pid("F", "x", terms="pd"), [G.rms("x", noise), G.margin(0.5)], starts=1)
+    kp, kd, tau = (design.values[f"F/x.{name}"] for name in ("kp", "kd", "tau"))
+    a3, a2, a1, a0 = 2e-10 * tau, 2e-10 + 2e-7 * tau, 2e-7 + (2.0 - kp) * tau - kd, 2.0 - kp
+
+    def square(b1, b0):  # of (b1 s + b0) / (a3 s^3 + a2 s^2 + a1 s + a0), James, Nichols & Phillips (1947)
+        return (b1**2 * a0 * a3 + b0**2 * a2 * a3) / (2.0 * a0 * a3 * (a1 * a2 - a0 * a3))
+
+    rms = np.sqrt(0.5 * (noise["F"] * square(tau, 1.0) + noise["x.noise"] * square(kp * tau + kd, kp)))
+    assert design.achieved["rms x"] == pytest.approx(rms, rel=1e-6)
+    assert design.achieved["rms x"] == pytest.approx(3.77706e-11, rel=1e-4)
