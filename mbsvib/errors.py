@@ -112,7 +112,9 @@ class NearSingularWarning(UserWarning):
 
 
 class AccuracyWarning(UserWarning):
-    """A result whose estimated error is larger than what was asked for, or axes that were given with few digits."""
+    """A result whose estimated error is larger than what was asked for, axes that were given with few digits, or a
+    step between samples of many periods of all poles.
+    """
 
 
 class UndeterminedForceWarning(UserWarning):

@@ -27,7 +27,7 @@ from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import Source, SystemData, state_space_of
 from mbsvib_export.responses import check_points, poles, response_error
-from mbsvib_export.sampling import discretised
+from mbsvib_export.sampling import discretised, doubt_step
 from mbsvib_export.templates_ import check_companion, filled
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
@@ -106,7 +106,8 @@ def to_c(
     Warns
     -----
     AccuracyWarning
-        If coefficients of 32 bits change the frequency response by more than 1 %.
+        If coefficients of 32 bits change the frequency response by more than 1 %, or the step is many periods of all
+        poles.
     """
     a_path(folder, "folder", ExportError)
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
@@ -122,6 +123,7 @@ def to_c(
     if method is None:
         method = "tustin" if isinstance(system, Controller) else "zoh"
     matrices = discretised(space, step, method, "to_c")
+    doubt_step(space, step, "to_c")
     if precision == "single":
         matrices = _rounded(space, step, matrices)
     mark = f"Written by mbsvib for '{_ascii(space.name)}'"

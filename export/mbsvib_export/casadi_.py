@@ -30,7 +30,7 @@ from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.affine import Affine, names_of, origin_of, physical_affine
 from mbsvib_export.neutral import Source, only_port, refusal, state_space_of, with_ports
 from mbsvib_export.packages import need
-from mbsvib_export.sampling import check_step, step_of
+from mbsvib_export.sampling import check_step, doubt_step, step_of
 
 if TYPE_CHECKING:
     from mbsvib.api.lpv import LPVSystem
@@ -114,6 +114,11 @@ def to_casadi(
         If a parameter is unknown.
     ResponseError
         If the realization, or the name of an output or input, is unknown.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the step is many periods of all poles.
     """
     casadi = need("casadi", "to_casadi")
     if kind_of(system) == "lpv system":
@@ -124,6 +129,8 @@ def to_casadi(
     space = state_space_of(system, realization, "to_casadi")
     x, u = casadi.MX.sym("x", len(space.states)), casadi.MX.sym("u", len(space.inputs))
     sampled = None if step is None else step_of(space, step, "to_casadi")[:2]
+    if step is not None:
+        doubt_step(space, step, "to_casadi")
     rates, y, after = (None if pair is None else _dm(casadi, pair[0]) @ x + _dm(casadi, pair[1]) @ u
                        for pair in ((space.A, space.B), (space.C, space.D), sampled))  # fmt: skip
     return _model(casadi, space, (x, u, casadi.MX.sym("p", 0)), (rates, after, y), step)
@@ -183,6 +190,7 @@ def _of_matrices(
     after = None
     if step is not None:
         check_step(step, "to_casadi")
+        doubt_step(space, step, "to_casadi", stacklevel=5)
         state_matrix = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
         input_matrix = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
         phi, gamma = _exponential_step(casadi, state_matrix, input_matrix, space, float(step))

@@ -20,7 +20,7 @@ from mbsvib.uncertain.plant import UncertainPlant
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import Source, linear_of, refusal, state_space_of
 from mbsvib_export.packages import need
-from mbsvib_export.sampling import discretised
+from mbsvib_export.sampling import discretised, doubt_step
 from mbsvib_export.uncertain_ import centred, is_uncertain, refuse_steps
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def to_control(
 
     Warns
     -----
+    AccuracyWarning
+        If ``dt`` is many periods of all poles.
     UserWarning
         If an input and an output have one name: ``control.interconnect`` would wire the system to itself.
     """
@@ -143,6 +145,8 @@ def to_control(
         states = space.states
         a, b, c, d = (space.A, space.B, space.C, space.D) if dt is None else discretised(
             space, dt, method or "zoh", "to_control")  # fmt: skip
+        if dt is not None:
+            doubt_step(space, dt, "to_control", "dt")
     if not space.inputs and 1 in (len(space.outputs), len(states)):
         raise ExportError(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import one_of
-from mbsvib.errors import ExportError
+from mbsvib.errors import AccuracyWarning, ExportError
 from mbsvib.linalg.balancing import exponents, scaled_by
-from mbsvib.linalg.discrete import first_order_hold, tustin
+from mbsvib.linalg.discrete import first_order_hold, implausible_step, tustin
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.modal_steps import Oscillators
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.responses import poles
 
 METHODS = ("zoh", "foh", "tustin")
 
@@ -61,6 +64,13 @@ def check_step(dt: float, caller: str, name: str = "step") -> None:
     """Refuse a time that is no positive number."""
     if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0.0 < dt < np.inf:
         raise ExportError(f"{caller}: {name} = {dt!r}; expected a positive number of seconds.")
+
+
+def doubt_step(space: StateSpace, dt: float, caller: str, name: str = "step", stacklevel: int = 3) -> None:
+    """Warn the user of ``caller`` if the step ``dt`` [s], its argument ``name``, is implausibly long for the poles."""
+    if doubt := implausible_step(dt, poles(space.A)):
+        warnings.warn(f"{caller}: {name} = {dt:g}: {doubt} of '{space.name}'; is it in s, not a rate in Hz?",
+                      AccuracyWarning, stacklevel=stacklevel)  # fmt: skip
 
 
 def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple[Array, Array, Array, Array]:

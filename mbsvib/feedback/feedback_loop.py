@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.expected import angular, positive, real, reals
-from mbsvib.errors import UnstableWarning
+from mbsvib.errors import AccuracyWarning, UnstableWarning
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import Closed, blended, evaluated, response
 from mbsvib.feedback.margins import Margins, margins
+from mbsvib.linalg.discrete import implausible_step
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.state_space import StateSpace
@@ -185,8 +186,17 @@ class FeedbackLoop(Columnar, LinearVerbs, Loop):
         ------
         ResponseError
             If the rate is no positive number or the delay none from 0 on.
+
+        Warns
+        -----
+        AccuracyWarning
+            If a period of the rate is many periods of all poles of the plant and the controllers.
         """
         rate = positive("sampled", "rate", rate, "a number [Hz]")
+        poles = np.concatenate((np.ravel(self.plant.system.poles()), np.linalg.eigvals(self.law.A)))
+        if doubt := implausible_step(1.0 / rate, poles):
+            warn(f"sampled: rate = {rate:g} Hz: {doubt} of '{self.name}'; is it a rate in Hz, not a step in s?",
+                 AccuracyWarning, stacklevel=2)  # fmt: skip
         delay = real(delay, "sampled", "delay", "a number [s] that is not negative", 0.0)
         form: type[Any] = self.sampled_form or type(self)
         return form(self.plant, self.controllers, self.sensors, self.actuators, rate, delay,

@@ -4,8 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Complex
 from mbsvib.linalg.balancing import column_units
+
+# Periods of the slowest pole in a step, beyond which a rate [Hz] is likely to be given as a step [s] or the reverse.
+# Steps of fewer periods may be those of slow loops around a fast plant.
+LONG = 100.0
+
+
+def implausible_step(step: float, poles: Complex) -> str:
+    """Return what tells that a ``step`` [s] is implausibly long for ``poles`` (n,) [1/s]; "" where it is not.
+
+    Poles at 0 are not considered.
+    """
+    slowest = float(np.abs(poles[poles != 0.0]).min(initial=np.inf))
+    count = step * slowest / (2.0 * np.pi)
+    return f"a step of {step:g} s is {count:.3g} periods of the slowest pole" if LONG < count < np.inf else ""
 
 
 def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, Array]:

@@ -160,7 +160,7 @@ def test_the_tolerance_allows_the_rounding_of_right_code(precision, real, tmp_pa
     one = np.eye(1)
     law = controller(mv.StateSpace("k", "controller", -1e6 * one, 0.3e6 * one, 0.7 * one, 0 * one, np.zeros((0, 1)),
                                    ("a",), ("",), ("y",), ("m",), ("u",), ("N",)), ["y"], ["u"], "fast")  # fmt: skip
-    text = mx.to_c(law, tmp_path, 0.1, method="zoh", precision=precision).test.read_text()
+    text = mx.to_c(law, tmp_path, 1e-4, method="zoh", precision=precision).test.read_text()
     tolerance = float(re.search(r"tolerance.*\{\s*([^f\s]+)", text)[1])
     u = np.array([float(word) for word in re.findall(r"\{([-0-9.]+)f?\}", text.partition("expected")[0])])
     size, eps = 0.21 * np.abs(u).max(), float(np.finfo(real).eps)

@@ -86,3 +86,17 @@ def test_sampled_loop_as_a_discrete_system(delay):
 def test_sampled_loop_has_its_own_step():
     with pytest.raises(mv.ExportError, match=r"dt = 0\.1; expected 0\.0025, the sample time"):
         mx.to_control(slider(800.0, 4.0).feedback(LAW), dt=0.1)
+
+
+def test_rates_and_steps_that_are_exchanged_are_doubted(tmp_path):
+    plant = slider(800.0, 4.0)
+    loop, words = plant.feedback([[-90.0]], "x", "F"), " periods of the slowest pole of "
+    with pytest.warns(mv.AccuracyWarning, match="sampled: rate = 0.0025 Hz: a step of 400 s is .*" + words):
+        loop.sampled(STEP)
+    for export, name in ((mx.to_c, "step"), (mx.to_control, "dt"), (mx.to_casadi, "step")):
+        where = (tmp_path,) if export is mx.to_c else ()
+        with pytest.warns(mv.AccuracyWarning, match=f"{export.__name__}: {name} = 400: .*{words}.*not a rate in Hz"):
+            export(plant, *where, **{name: 400.0})
+        export(plant, *where, **{name: 2.0})  # some periods: a slow loop around a fast plant
+    integrator = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
+    assert mx.to_control(mv.StateSpace.from_control(integrator), dt=400.0).dt == 400.0
