@@ -295,5 +295,6 @@ def system_data_of(source: object, realization: str, caller: str, why: str) -> S
     data = data_of(source, realization, caller)
     if isinstance(data, SystemData):
         return data
-    raise ExportError(f"{caller}: system = {type(source).__name__}, which has first-order equations only; expected a "
-                      f"System, a closed loop with static gains, or SystemData: {why}")  # fmt: skip
+    raise ExportError(f"{caller}: system = {type(source).__name__}, which has first-order equations only; expected "
+                      "a System, a loop with static gains from displacements and velocities, or SystemData: "
+                      f"{why}")  # fmt: skip
