@@ -336,3 +336,23 @@ def test_a_sampled_loop_says_which_noise_an_integrator_adds_up():
     f = np.array([1e-4, 1e-3])
     drift = 2.0 * 0.5 / rate**2 / 12.0 / mass**2 * (ki / (ki + kq)) ** 2 / (W * f) ** 2
     np.testing.assert_allclose(loop.psd("q", {"push": 1.0}, f)[0], drift, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_densities_of_correlated_noise_of_sensors():
+    """Two sensors whose noises are sequences act as one with a sum of gains."""
+    loop, f, (k, c), r = controlled().sampled(60.0, 3e-3), np.array([0.7, 29.0, 40.0]), GAINS[0], 0.3
+    one = loop.psd("x", {"x.noise": 1.0}, f)
+    both = loop.psd("x", {"x.noise": 1.0, "v.noise": 4.0}, f, correlation=[[1.0, r], [r, 1.0]])
+    np.testing.assert_allclose(both, one * (k**2 + 4.0 * c**2 + 2.0 * r * k * 2.0 * c) / k**2, rtol=1e-10)
+
+
+def test_modes_that_the_loop_does_not_reach_do_not_hide_each_other():
+    """Two undamped oscillators beside a sampled loop: each output is infinite under noise of its own oscillator."""
+    system = mv.System.from_matrices(np.eye(3), np.diag([0.4, 0.0, 0.0]), np.diag([9.0, 16.0, 25.0]), B=np.eye(3),
+                                     inputs=["F", "G", "H"], outputs=["x", "y", "z"])  # fmt: skip
+    loop = system.feedback([[-2.0]], ["x"], ["F"], noise=True).sampled(10.0)
+    parts = loop.budget({"F": 1.0, "G": 1.0, "H": 1.0}).contributions
+    for output, source in (("x", "F"), ("y", "G"), ("z", "H")):
+        assert [name for name in "FGH" if parts[output][name] != 0.0] == [source]
+        assert (parts[output][source] == np.inf) is (source != "F")
