@@ -14,6 +14,7 @@ from mbsvib.api.system import System
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.selection import port_numbers
+from mbsvib.common.units import prefix
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop import resolution
 from mbsvib.feedback.loop_rounding import response
@@ -115,7 +116,7 @@ def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -
         power = a @ power
 
 
-KILO = 1e4  # [Hz], from where frequencies are written in kHz
+KILO = 1e4  # [Hz], from where frequencies are written in kHz and MHz
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -265,8 +266,8 @@ class Figures(Columnar):
             ("index one decade above crossover",
              f"{self.decade:.3g} ({_decibel(self.decade)})" if self.decade > 0.0 else "-"),
             ("roll-off", _roll_off(self)),
-            (f"index at {f[-1]:.4g} Hz", f"{self.index[-1]:.3g} ({_decibel(self.index[-1])})"),
-            (f"compliance at {f[0]:.4g} Hz, minimum and maximum", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
+            (f"index at {_hertz(f[-1])}", f"{self.index[-1]:.3g} ({_decibel(self.index[-1])})"),
+            (f"compliance at {_hertz(f[0])}, minimum and maximum", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
         ]
         if len(self.undamped):
             rows[1] = ("amplification at resonance", "infinite: undamped")
@@ -325,7 +326,8 @@ def _hertz(value: float) -> str:
     """A frequency in words."""
     if not np.isfinite(value):
         return "not in this band"
-    return f"{value:.4g} Hz" if value < KILO else f"{1e-3 * value:.4g} kHz"
+    factor, unit = prefix("Hz", value) if value >= KILO else (1.0, "Hz")
+    return f"{factor * value:.4g} {unit}"
 
 
 def _decibel(value: float) -> str:

@@ -170,3 +170,14 @@ def test_a_mount_of_rubber():
     plant = isolation.actuated(model, "payload", directions="z")
     rate = plant.system.frequency_response(omega, "guide.rate", "guide.actuator")[0, 0]
     np.testing.assert_allclose(np.abs(rate), np.abs(omega / (dynamic - mass * omega**2)), rtol=1e-9)
+
+
+def test_high_frequencies_have_their_units():
+    model = mv.Model("chip")
+    model.add_body("die", 1e-9, (2e-18, 2e-18, 3e-18))
+    for i, (x, y) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        model.add_bushing(f"leg{i}", "ground", "die", (x * 5e-5, y * 5e-5, 0), (25.0, 25.0, 37.0, 0, 0, 0),
+                          (3e-6, 3e-6, 3e-6, 0, 0, 0))  # fmt: skip
+    rows = dict(isolation.study(model, "die", frequencies=np.geomspace(5e2, 2e6, 400)).table()["rows"])
+    assert {"index at 2 MHz", "compliance at 500 Hz, minimum and maximum"} <= set(rows)
+    assert "kHz" in rows["resonance"]
