@@ -120,8 +120,10 @@ def to_control(
     from mbsvib.feedback.sampled import SampledLoop
 
     if isinstance(system, (Batch, DrivenBatch)):
+        # outputs that have no proper state space are left out before there is one
+        variants = system if isinstance(system, DrivenBatch) else system.state_space(realization)
         return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
-                for variant in system.state_space(realization)]  # fmt: skip
+                for variant in variants]  # fmt: skip
     if is_uncertain(system):
         plant: Any = system
         refuse_steps(plant, dt, method)
@@ -141,7 +143,7 @@ def to_control(
         raise ExportError(f"to_control: method = {method!r} without dt, the step [s]; expected both for a discrete "
                           f"system, or neither for one in continuous time.")  # fmt: skip
     else:
-        space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
+        space = state_space_of(system, realization, "to_control", outputs, inputs)
         states = space.states
         a, b, c, d = (space.A, space.B, space.C, space.D) if dt is None else discretised(
             space, dt, method or "zoh", "to_control")  # fmt: skip

@@ -21,14 +21,14 @@ from mbsvib_export.fmu_.names import base_unit, identifier
 from mbsvib_export.neutral import Source, check_finite, state_space_of
 
 WIDTH = 110
-# Words of the language, and its predefined types.
+# Words of the language, its predefined types, and the library of the connectors.
 _RESERVED = frozenset((
     "algorithm", "and", "annotation", "assert", "block", "break", "class", "connect", "connector", "constant",
     "constrainedby", "der", "discrete", "each", "else", "elseif", "elsewhen", "encapsulated", "end", "enumeration",
     "equation", "expandable", "extends", "external", "false", "final", "flow", "for", "function", "if", "import",
     "impure", "in", "initial", "inner", "input", "loop", "model", "not", "operator", "or", "outer", "output", "package",
     "parameter", "partial", "protected", "public", "pure", "record", "redeclare", "replaceable", "return", "stream",
-    "then", "time", "true", "type", "when", "while", "within", "Real", "Integer", "Boolean", "String",
+    "then", "time", "true", "type", "when", "while", "within", "Real", "Integer", "Boolean", "String", "Modelica",
 ))  # fmt: skip
 
 

@@ -67,12 +67,14 @@ def to_transfer_function(
         If a name is unknown.
     """
     control = need("control", "to_transfer_function")
-    linear = system.state_space() if isinstance(system, DrivenSystem) else linear_of(system)
+    linear: Any = system if isinstance(system, DrivenSystem) else linear_of(system)
     if linear is None or kind_of(system) == "sparse system":
         raise refusal(system, "to_transfer_function", "a System (model.linearize()), whose poles and zeros are "
                       "computed from its factors")  # fmt: skip
     source, target = (only_port(linear, name, kind, "to_transfer_function")
                       for name, kind in ((input, "input"), (output, "output")))  # fmt: skip
+    if isinstance(linear, DrivenSystem):
+        linear = linear.with_ports(target, source).state_space()
     at, exact, poles, zeros, period = (_sampled if isinstance(linear, SampledLoop) else _continuous)(
         linear, source, target)  # fmt: skip
     poles, zeros = _without_common(poles, zeros)

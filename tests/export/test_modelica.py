@@ -71,6 +71,9 @@ def test_connectors_of_the_standard_library(tmp_path):
     assert '  Modelica.Blocks.Interfaces.RealInput actuator(unit = "N") "actuator";' in text
     assert '  Modelica.Blocks.Interfaces.RealOutput tyre_force(unit = "N") "tyre.force";' in text
     assert "input Real" not in text
+    gain = controller([[2.0]], ["Modelica"], ["u"], "gain")     # a component would hide the library
+    text = mx.to_modelica(gain, tmp_path / "g.mo", connectors=True).read_text()
+    assert 'Modelica.Blocks.Interfaces.RealInput Modelica_2 "Modelica";' in text
 
 
 def test_refusals(tmp_path):

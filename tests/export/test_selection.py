@@ -106,3 +106,28 @@ def test_transfer_functions_of_python_control_are_exported(tmp_path):
         np.testing.assert_allclose(space.frequency_response(w), source(1j * w), rtol=1e-12)
     np.testing.assert_allclose(mx.to_frd(source, w).frdata, source(1j * w), rtol=1e-12)
     assert mx.to_fmu(source, tmp_path / "filters.fmu").names["output"] == {"leg1.f": "leg1.f"}
+
+
+def driven_slider(quantity="displacement"):
+    """A mass of 2 kg on a spring of 1800 N/m and a damper of 6 N s/m, the ground's end of which moves."""
+    model = mv.Model("driven")
+    model.add_body("mass", 2.0, (1, 1, 1), (0, 0, 1))
+    model.add_joint("guide", "prismatic", "ground", "mass", (0, 0, 0), axis=(0, 0, 1))
+    model.add_spring("k", "ground", "mass", start=(0, 0, 0), end=(0, 0, 1), stiffness=1800.0, damping=6.0)
+    model.add_motion_input("floor", "k", quantity)
+    model.add_output("z", "mass", "z")
+    model.add_output("a", "mass", "z", quantity="acceleration")
+    return model
+
+
+def test_outputs_without_a_proper_state_space_are_left_out_before_there_is_one():
+    """z / floor = (c s + k) / (m s^2 + c s + k); the acceleration would need the derivative of the floor's velocity."""
+    s = 1j * np.array([0.5, 30.0, 200.0])
+    system, batch = driven_slider().linearize(), driven_slider().linearize(values={"mass.mass": np.array([2.0, 3.0])})
+    with pytest.raises(mv.ResponseError, match=r"'a' needs the derivative of input 'floor'.*leave this output out"):
+        mx.to_control(system)
+    for space, mass in zip((mx.to_control(system, outputs="z"), *mx.to_control(batch, outputs="z")), (2.0, 2.0, 3.0),
+                           strict=True):  # fmt: skip
+        np.testing.assert_allclose(space(s), (6 * s + 1800) / (mass * s**2 + 6 * s + 1800), rtol=1e-12)
+    function, _ = mx.to_transfer_function(system, "z")
+    np.testing.assert_allclose(function(s), (6 * s + 1800) / (2 * s**2 + 6 * s + 1800), rtol=1e-12)
