@@ -121,9 +121,9 @@ def to_control(
 
     if isinstance(system, (Batch, DrivenBatch)):
         # outputs that have no proper state space are left out before there is one
-        variants = system if isinstance(system, DrivenBatch) else system.state_space(realization)
-        return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
-                for variant in variants]  # fmt: skip
+        each: Any = map(system.__getitem__, range(len(system))) if isinstance(system, DrivenBatch) else \
+            system.state_space(realization)  # fmt: skip
+        return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs) for variant in each]
     if is_uncertain(system):
         plant: Any = system
         refuse_steps(plant, dt, method)
