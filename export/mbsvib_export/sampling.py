@@ -36,7 +36,12 @@ def step_of(space: StateSpace, dt: float, caller: str) -> tuple[Array, Array, Ar
         states = np.flatnonzero(block == number)
         within = np.ix_(states, states)
         of_block = _oscillator if _is_oscillator(space.A[within], space.B[states]) else _exponential
-        phi[within], gamma[states], slope[states] = of_block(space.A[within], space.B[states], space.C[:, states], dt)
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts = of_block(space.A[within], space.B[states], space.C[:, states], dt)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise ExportError(f"{caller}: '{space.name}' grows beyond all numbers within step = {dt:g} s; take a "
+                              f"shorter one.")  # fmt: skip
+        phi[within], gamma[states], slope[states] = parts
     return phi, gamma, slope
 
 

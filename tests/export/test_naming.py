@@ -98,6 +98,18 @@ def test_steps_that_are_none(dt):
         mx.to_control(slider(), dt=dt)
 
 
+@pytest.mark.parametrize("export", [
+    lambda space, folder: mx.to_control(space, dt=1e3),
+    lambda space, folder: mx.to_control(space, dt=1e3, method="foh"),
+    lambda space, folder: mx.to_casadi(space, 1e3), lambda space, folder: mx.to_c(space, folder, 1e3),
+])  # fmt: skip
+def test_steps_in_which_states_overflow(export, tmp_path):
+    """e^1000 is beyond all numbers."""
+    space = mv.StateSpace.from_arrays([[1.0]], [[1.0]], [[1.0]], 0, name="fast")
+    with pytest.raises(mv.ExportError, match="'fast' grows beyond all numbers within step = 1000 s; take a shorter"):
+        export(space, tmp_path)
+
+
 def test_batches_are_discretised_one_by_one():
     from tests.export.plants import stiff_model
 
