@@ -134,7 +134,6 @@ def assembled_responses(
                                    else (place.position, place.direction) for part, name in here]  # fmt: skip
     return AssembledMeasurement(
         sides.omega, values, common_errors=errors,
-        variance=None if errors is None else np.where(np.isnan(values), np.nan, errors.power()),
         quantity=tuple([QUANTITIES[k] if k >= 0 else "" for k in sides.orders[rows].tolist()]), **whole,
         directions=directions, condition=condition, kept=kept, connections=tuple(connections),
     )  # fmt: skip

@@ -97,7 +97,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
     ------
     ResponseError
         If shapes do not match, frequencies do not ascend, a variance is negative, a coherence is not within 0 to 1, or
-        quantities and units disagree.
+        variance and covariance, or quantities and units, disagree.
 
     Source
     ------
@@ -174,9 +174,14 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                 raise ResponseError(f"{WHO}: covariance is not Hermitian and positive semidefinite at each line; "
                                     f"expected E[n_i conj(n_j)] of the outputs.")  # fmt: skip
             set_("covariance", full)
-        if self.variance is None and self.covariance is not None:
+        others: dict[str, Array] = {}  # what else states the variance
+        if self.covariance is not None:
             diagonal = np.einsum("iin->in", self.covariance).real
-            set_("variance", np.repeat(diagonal[:, None], shape[1], axis=1))
+            others["the diagonal of the covariance"] = np.repeat(diagonal[:, None], shape[1], axis=1)
+        if self.common_errors is not None:
+            others["that of common_errors"] = np.where(known, self.common_errors.power(), np.nan)
+        if self.variance is None and others:
+            set_("variance", next(iter(others.values())))
         elif self.variance is None and self.coherence is not None and self.averages is not None:
             with np.errstate(divide="ignore"):
                 share = (1.0 - self.coherence) / (self.coherence * self.averages)
@@ -186,6 +191,11 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                 variance = _array(getattr(self, name), shape, name, float)
                 self._refuse_at(known & ~(variance >= 0.0), variance, name, "values of 0 or more")
                 set_(name, variance)
+        for name, stated in others.items():
+            assert self.variance is not None
+            limit = _ROUNDED * stated + _ROUNDED**2 * np.nanmax(stated, axis=(0, 1), initial=0.0)
+            self._refuse_at(known & ~(np.abs(self.variance - stated) <= limit), self.variance, "variance",
+                            f"{name} or no variance beside it,")  # fmt: skip
 
     def _refuse_at(self, wrong: Any, values: Array, field: str, expected: str) -> None:
         for i, j, k in np.argwhere(wrong)[:1]:
@@ -310,10 +320,12 @@ class Measurement(Matched, Columnar, Doors, Displayed):
                             for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
             return np.where(known, total / np.maximum(count, 1.0), values)
 
-        errors = self.common_errors
-        return replace(self, **{
-            name: mean(getattr(self, name)) for name in ("variance", "noise_variance", "covariance")},
-            common_errors=None if errors is None else replace(errors, variance=mean(errors.variance)))  # fmt: skip
+        covariance, errors = mean(self.covariance), self.common_errors
+        if errors is not None:  # a covariance states all of them
+            errors = replace(errors, variance=mean(errors.variance)) if covariance is None else None
+        variance = mean(self.variance) if covariance is None and errors is None else None
+        return replace(self, variance=variance, noise_variance=mean(self.noise_variance), covariance=covariance,
+                       common_errors=errors)  # fmt: skip
 
     def plot(
         self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None

@@ -46,17 +46,16 @@ def with_virtual_point(data: Any, name: str, position: Any, outputs: Any, inputs
         arrays["covariance"] = None if columns else _moved(_moved(data.covariance, rows, t_out, 0), rows, t_out, 1)
     errors = errors_of(data)
     if errors is not None:
-        arrays["common_errors"] = errors = errors.combined(*(
+        arrays["common_errors"] = errors.combined(*(
             _moved(np.eye(len(names)), numbers, transform, 0)
             for names, (numbers, transform, _) in zip((data.outputs, data.inputs), sides, strict=True)))  # fmt: skip
-        arrays["variance"] = np.where(np.isnan(arrays["responses"]), np.nan, errors.power())
     for kind, (numbers, transform, _) in zip(("output", "input"), sides, strict=True):
         arrays |= _channels(data, name, point, kind, numbers, transform)
     if t_out.size:
         kept = [k for k in range(len(data.outputs)) if k not in rows]
         told = np.count_nonzero(t_out.any(axis=1))
         arrays["quantity"] = (*(data.quantity[k] for k in kept), *([data.quantity[rows[0]]] * told))
-    return replace(data, **arrays, coherence=None, averages=None, consistency=consistency)
+    return replace(data, **arrays, variance=None, coherence=None, averages=None, consistency=consistency)
 
 
 def _side(

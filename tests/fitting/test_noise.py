@@ -72,7 +72,7 @@ def test_channels_that_repeat_others_tell_nothing_more(monkeypatch):
     once, twice = model.fit(one, "k*.stiffness"), twin.fit(double, "k*.stiffness")
     assert twice.residual_test.ratio == pytest.approx(once.residual_test.ratio, rel=1e-6)
     np.testing.assert_allclose(twice.covariance, once.covariance, rtol=1e-5)
-    silent = replace(double, common_errors=replace(errors, rows=0.0 * rows))
+    silent = replace(double, variance=None, common_errors=replace(errors, rows=0.0 * rows))
     with pytest.raises(ResponseError, match="no line that was measured with a known noise"):
         twin.fit(silent, "k*.stiffness")
     monkeypatch.setattr(fitting_data, "LARGEST", 100)

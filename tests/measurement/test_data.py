@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.points import Node, Point
 
 
@@ -59,6 +60,27 @@ def test_what_does_not_fit_together(change, message):
         replace(roved(), **change)
 
 
+def test_a_variance_that_contradicts_what_channels_share_is_refused():
+    """What fits and budgets take from the two would differ."""
+    noise = np.array([[2.0, 1j], [-1j, 3.0]])[:, :, None] * np.ones(3)
+    variance = np.array([2.0, 3.0])[:, None, None] * np.ones((2, 2, 3))
+    both = roved(covariance=noise, variance=variance * (1.0 + 1e-8))
+    errors = CommonErrors(np.array([[1.0], [2.0]])[:, :, None] * np.ones(3), np.ones((1, 1, 3)), np.ones((2, 1, 3)))
+    shared = roved(common_errors=errors)
+    assert shared.variance[:, 0, 0].tolist() == [1.0, 4.0]
+    assert np.isnan(shared.variance[0, 1]).all()  # was not measured
+    unknown = np.where(np.arange(3) == 1, np.inf, variance)
+    for data, wrong, what in ((both, 5.0 * variance, "10 at 0.159155 Hz; expected the diagonal of the covariance"),
+                              (both, unknown, "inf at 0.31831 Hz; expected the diagonal of the covariance"),
+                              (shared, variance, "2 at 0.159155 Hz; expected that of common_errors")):  # fmt: skip
+        with pytest.raises(mv.ResponseError, match=f"variance of 'a' to 'F' is {what} or no variance beside it"):
+            replace(data, variance=wrong)
+    for data in (both, shared):
+        smooth = data.smoothed(3)
+        np.testing.assert_allclose(smooth.variance, data.variance, rtol=1e-7)
+        assert (smooth.covariance is None) == (data.covariance is None)
+
+
 def test_variance_is_that_of_coherence_or_of_the_covariance():
     """Bendat, Piersol: |G|^2 (1 - c) / (c m); rounding above 1 is 1."""
     coherence = np.array([0.5, 0.9, 1.0 + 1e-9]).reshape(1, 1, 3)
@@ -86,14 +108,16 @@ def test_limits_are_two_ascending_numbers(ends):
         roved().within(*ends)
 
 
-def test_parts_keep_all_that_belongs_to_channels_and_lines():
+@pytest.mark.parametrize("stated", ["variance", "covariance"])
+def test_parts_keep_all_that_belongs_to_channels_and_lines(stated):
     """Each array and each text of some channels, in their order, and of some lines, both ends among them."""
     rng = np.random.default_rng(0)
     w = np.arange(1.0, 6.0)
     factor = rng.standard_normal((3, 3, 5)) + 1j * rng.standard_normal((3, 3, 5))
+    noise = {"variance": rng.random((3, 2, 5)), "covariance": np.einsum("ijn,kjn->ikn", factor, factor.conj())}
     data = mv.Measurement(
-        w, rng.standard_normal((3, 2, 5)) + 0j, ["a", "b", "c"], ["F", "G"], variance=rng.random((3, 2, 5)),
-        coherence=rng.random((3, 2, 5)), averages=3, covariance=np.einsum("ijn,kjn->ikn", factor, factor.conj()),
+        w, rng.standard_normal((3, 2, 5)) + 0j, ["a", "b", "c"], ["F", "G"], **{stated: noise[stated]},
+        coherence=rng.random((3, 2, 5)), averages=3,
         quantity=("displacement", "velocity", "acceleration"), output_units=("m", "m/s", "m/s^2"),
         input_units=("N", "N m"), output_points=[((k, 0, 0), "x") for k in range(3)],
         input_points=[((0, k, 0), "y") for k in range(2)], noise_variance=rng.random((3, 2, 5)),
@@ -102,13 +126,17 @@ def test_parts_keep_all_that_belongs_to_channels_and_lines():
     rows = [2, 0]
     for name in ("responses", "variance", "coherence", "noise_variance"):
         np.testing.assert_array_equal(getattr(part, name), getattr(data, name)[rows][:, [1]])
-    np.testing.assert_array_equal(part.covariance, data.covariance[rows][:, rows])
+    if stated == "covariance":
+        np.testing.assert_array_equal(part.covariance, data.covariance[rows][:, rows])
     assert (part.outputs, part.inputs, part.quantity) == (("c", "a"), ("G",), ("acceleration", "displacement"))
     assert (part.output_units, part.input_units) == (("m/s^2", "m"), ("N m",))
     assert part.output_points == (data.output_points[2], data.output_points[0])
     assert (part.input_points, part.notes, part.averages) == (data.input_points[1:], ("n",), 3)
     few = data.within(data.frequencies[1], data.frequencies[3])
     for name in data.by_line:
+        if getattr(data, name) is None:
+            assert getattr(few, name) is None
+            continue
         np.testing.assert_array_equal(getattr(few, name), getattr(data, name)[..., 1:4])
         assert not getattr(few, name).flags.writeable
     np.testing.assert_allclose(few.frequencies, w[1:4] / (2 * np.pi))
@@ -175,16 +203,17 @@ def test_smoothed_noise_of_lines_of_any_size(lines, decades):
     variance[0, 0, 11] = np.inf
     responses = np.ones((2, 1, 20), dtype=complex)
     responses[1, 0, 5] = variance[1, 0, 5] = np.nan
-    data = mv.Measurement(np.arange(20.0), responses, ["y", "z"], ["u"], variance=variance, covariance=covariance,
-                          noise_variance=0.5 * variance)  # fmt: skip
-    smooth = data.smoothed(lines)
+    independent, shared = (
+        mv.Measurement(np.arange(20.0), responses, ["y", "z"], ["u"], noise_variance=0.5 * variance, **stated)
+        for stated in ({"variance": variance}, {"covariance": covariance}))
 
     def mean(row):
         windows = [row[max(0, k - (lines - 1) // 2) : k + lines // 2 + 1] for k in range(20)]
         return np.array([one if not np.isfinite(one) else window[np.isfinite(window)].mean()
                          for one, window in zip(row, windows, strict=True)])  # fmt: skip
 
-    for name in ("variance", "noise_variance", "covariance"):
+    for data, name in ((independent, "variance"), (independent, "noise_variance"), (shared, "covariance")):
+        smooth = data.smoothed(lines)
         for at in np.ndindex(getattr(data, name).shape[:2]):
             expected = mean(getattr(data, name)[at])
             np.testing.assert_allclose(getattr(smooth, name)[at], expected, rtol=1e-9 if name[0] == "c" else 1e-12)
