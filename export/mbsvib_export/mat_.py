@@ -109,15 +109,15 @@ def to_mat(
     name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
     companion = goal.with_name(f"{name}.m")
     if loader:
-        plain = goal.name.replace("'", "''").encode("ascii", "replace").decode()
-        lookup = f"fileparts(mfilename('fullpath')), '{plain}');".encode()
+        quoted = _quoted(goal.name)
+        lookup = f"fileparts(mfilename('fullpath')), {quoted});".encode()
         check_companion(companion, lambda file: b"Written by mbsvib." in (old := file.read_bytes()) and lookup in old,
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
     result = write_atomic(path, lambda file: file.write(document))
     if loader:
-        text = filled("load.m", function=name, upper=name.upper(), system=ascii(data.name), file=plain,
-                      tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
+        text = filled("load.m", function=name, upper=name.upper(), system=ascii(data.name), file=ascii(goal.name),
+                      text=quoted, tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
         try:
             write_atomic(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:
@@ -125,6 +125,13 @@ def to_mat(
                 result.unlink(missing_ok=True)
             raise
     return result
+
+
+def _quoted(name: str) -> str:
+    """A text of MATLAB and Octave, in a script of ASCII: others by their bytes in UTF-8, as file systems have them."""
+    if name.isascii() and name.isprintable():
+        return "'" + name.replace("'", "''") + "'"
+    return f"native2unicode(uint8([{' '.join(map(str, os.fsencode(name)))}]), 'UTF-8')"
 
 
 def from_mat(path: str | os.PathLike[str]) -> SystemData | StateSpace:

@@ -1,5 +1,6 @@
 """MATLAB's .mat: read by scipy and by Octave, whose script rebuilds the system and checks it."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -225,3 +226,13 @@ def test_names_that_matlab_does_not_take_for_a_mat_file_are_refused(tmp_path):
     with pytest.raises(mv.ExportError, match=r"expected a name that ends in \.mat"):
         mx.to_mat(slider(), tmp_path / "x")
     assert not list(tmp_path.iterdir())
+
+
+def test_scripts_find_files_with_names_that_are_not_ascii(tmp_path):
+    path = mx.to_mat(slider(), tmp_path / "größe.mat")
+    text = (tmp_path / "load_gr__e.m").read_text("ascii")
+    code = re.search(r"native2unicode\(uint8\(\[([\d ]+)\]\), 'UTF-8'\)\);", text)[1]
+    assert bytes(int(number) for number in code.split()).decode() == path.name
+    mx.to_mat(slider(), path)      # the script is known as its own
+    if OCTAVE is not None:
+        assert octave(tmp_path, "p = load_gr__e(); disp(p.Name)").stdout.strip() == "slider"

@@ -7,7 +7,7 @@ function [plant, mech, worst] = ${function}(file)
 %
 %   An error beyond ${tolerance} stops with a message. Written by mbsvib.
 if nargin < 1
-    file = fullfile(fileparts(mfilename('fullpath')), '${file}');
+    file = fullfile(fileparts(mfilename('fullpath')), ${text});
 end
 data = load(file);
 worst = 0;
