@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur
+from scipy.linalg import lapack, schur
 
 from mbsvib.common.arrays import Array
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.linalg.spectrum import spectrum
 
-ROUNDS = 20  # of balancing, at most
 # Solutions that give the units of states; Newton's steps, at most, and the relative change at which they end.
 SCALINGS, NEWTON_STEPS, CONVERGED = 2, 4, 1e-9
 
@@ -98,26 +97,15 @@ def _terms(a: Array, b: Array, f: Array, g: Array, effort: Array) -> _Terms:
 def _balanced(terms: _Terms) -> Array:
     """Units of states (n,), powers of two, in which rows and columns of the Hamiltonian matrix are of like size.
 
-    Source: P. Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001) 1885.
+    Source: P. Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001) 1885: those of
+    LAPACK's gebal, states and costates made reciprocal.
     """
     n = len(terms.a)
     matrix = np.abs(np.block([[terms.free, terms.b @ terms.drive],
                               [terms.weight.T @ terms.weight, terms.free.T]]))  # fmt: skip
     np.fill_diagonal(matrix, 0.0)
-    unit = np.ones(n)
-    for _ in range(ROUNDS):
-        before = unit.copy()
-        for i in range(n):
-            row, column = np.linalg.norm(matrix[i]), np.linalg.norm(matrix[:, i])
-            if row and column:
-                change = np.exp2(np.round(0.5 * np.log2(row / column)))
-                for own, factor in ((i, change), (n + i, 1.0 / change)):
-                    matrix[own] /= factor
-                    matrix[:, own] *= factor
-                unit[i] *= change
-        if np.array_equal(unit, before):
-            break
-    return unit
+    power = np.log2(lapack.dgebal(matrix, scale=1)[3])
+    return np.asarray(np.exp2(np.round(0.5 * (power[:n] - power[n:]))))
 
 
 def _by_subspace(terms: _Terms, who: str) -> tuple[Array, bool]:
