@@ -6,6 +6,8 @@ frequency responses, expm) have rounding errors relative to its largest entry.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -119,11 +121,11 @@ def _unconnected_parts(off: Array, inward: Array, outward: Array) -> Exponents:
 def _sweep(off: Array, inward: Array, outward: Array, total: Exponents) -> bool:
     changed = False
     for i in range(len(off)):
-        column = float(np.hypot(np.linalg.norm(off[:, i]), np.linalg.norm(outward[:, i])))
-        row = float(np.hypot(np.linalg.norm(off[i]), np.linalg.norm(inward[i])))
-        if not (column and row and np.isfinite(column) and np.isfinite(row)):
+        column, row = (math.sqrt(own.dot(own) + ports.dot(ports))
+                       for own, ports in ((off[:, i], outward[:, i]), (off[i], inward[i])))  # fmt: skip
+        if not (column and row and column + row < math.inf):
             continue
-        exponent = round(0.5 * float(np.log2(row / column)))
+        exponent = round(0.5 * (math.log2(row) - math.log2(column)))
         if exponent and column * 2.0**exponent + row * 2.0**-exponent < GAIN * (column + row):
             off[:, i] = np.ldexp(off[:, i], exponent)
             outward[:, i] = np.ldexp(outward[:, i], exponent)
