@@ -161,7 +161,8 @@ COMMANDS = {"budget": Command(budget, (
     option("--band", to="band", metavar=("LOW", "HIGH"), type=number, nargs=2,
            words="First and last frequency [Hz]. Default: all."),
     option("--weighting", to="weighting", metavar="NAME", completes="file",
-           words="Filter of all outputs: Wk or Wd of ISO 2631-1, or a file of two columns (frequency [Hz], gain)."),
+           words="Filter of all outputs: Wk or Wd of ISO 2631-1, of accelerations, or a file of two columns (frequency "
+                 "[Hz], gain)."),
     CONTROLLERS,
     RATE,
     DELAY,

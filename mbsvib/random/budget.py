@@ -335,6 +335,9 @@ def random(
 
         form = SampledRandom
     known = dict(zip(linear.outputs, weights(weighting, linear.outputs, linear.name), strict=True))
+    for output, unit in zip(part.outputs, part.output_units, strict=True):
+        if known[output] is not None:
+            known[output].check_unit(output, unit)
     under = form(part, found, tuple([known[output] for output in part.outputs]), band_of(band, "noise"))
     under.warn_outside(*under.band or (0.0, 0.0))
     return under

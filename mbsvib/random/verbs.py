@@ -124,9 +124,10 @@ class RandomVerbs:
             a frequency [Hz] that returns (s, s), or of frequencies (n,) that returns (n, s, s). A rear axle that
             repeats the front tau later has exp(2 pi i f tau) in [front, rear]. Default: independent.
         weighting : str, filter, callable or mapping, optional
-            Filter of all outputs, or of some by name or pattern: "Wk" or "Wd" of ISO 2631-1, what ``isolation.shaped``,
-            ``moving_average`` and ``moving_deviation`` make, a StateSpace or transfer function of python-control, pairs
-            (frequency [Hz], gain), straight on log-log axes and zero beyond, or a function of frequencies [Hz].
+            Filter of all outputs, or of some by name or pattern: "Wk" or "Wd" of ISO 2631-1, of accelerations, what
+            ``isolation.shaped``, ``moving_average`` and ``moving_deviation`` make, a StateSpace or transfer function of
+            python-control, pairs (frequency [Hz], gain), straight on log-log axes and zero beyond, or a function of
+            frequencies [Hz].
 
         Returns
         -------

@@ -14,6 +14,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import one_of, positive
 from mbsvib.common.selection import selected
+from mbsvib.elements.ports import MOTION_UNITS
 from mbsvib.errors import ResponseError
 from mbsvib.responses.densities import Shaped, shaped, table
 from mbsvib.responses.from_control import is_control, is_transfer_function
@@ -22,6 +23,7 @@ from mbsvib.responses.state_space import StateSpace
 # Corner frequencies [Hz] and quality factors of the weightings for health and comfort: band limits f1, f2; transition
 # f3, f4, Q4; upward step f5, Q5, f6, Q6, None without
 _ISO_2631 = {"Wk": (0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 0.91, 3.35, 0.91)), "Wd": (0.4, 100.0, 2.0, 2.0, 0.63, None)}
+NOT_ACCELERATIONS = (*MOTION_UNITS[0], *MOTION_UNITS[1], "N", "N m")
 EXPECTED = ("'Wk' or 'Wd', isolation.shaped(numerator, denominator), a stable StateSpace or transfer function of "
             "python-control with one input and one output, at least two pairs (frequency [Hz], gain above 0) in "
             "ascending order, or a function of the frequency [Hz]")  # fmt: skip
@@ -165,6 +167,13 @@ class Weight:
     def unit(self, given: str) -> str:
         """Return the unit of the weighted output, for a ``given`` unit of the output."""
         return self.function.unit(given) if isinstance(self.function, Integrated) else given
+
+    def check_unit(self, output: str, unit: str) -> None:
+        """Refuse a weighting of ISO 2631-1, by its name, of an ``output`` in a unit that no acceleration has."""
+        if self.name in _ISO_2631 and unit in NOT_ACCELERATIONS:
+            raise ResponseError(f"weighting '{self.name}': the output '{output}' is in {unit}, and ISO 2631-1 weights "
+                                f"accelerations. Weight outputs of acceleration alone; in Python, "
+                                f"isolation.iso_2631('{self.name}') is the filter for any output.")  # fmt: skip
 
     @property
     def words(self) -> str:

@@ -32,11 +32,11 @@ def test_a_file_and_a_band(run, tmp_path, title):
 ])  # fmt: skip
 def test_curves_are_of_the_quantity_of_the_input(run, word, curve):
     """The road of a quarter car is an acceleration."""
-    line = f"budget quarter_car --noise road={word} --output travel --band 3 10 --weighting Wk --json"
+    line = f"budget quarter_car --noise road={word} --output body.az --band 3 10 --weighting Wk --json"
     data = json.loads(run(line).stdout)
     system = mv.library.quarter_car().linearize()
-    assert data["contributions"]["travel"] == system.budget(
-        {"road": curve}, "travel", (3.0, 10.0), weighting="Wk").contributions["travel"]  # fmt: skip
+    assert data["contributions"]["body.az"] == system.budget(
+        {"road": curve}, "body.az", (3.0, 10.0), weighting="Wk").contributions["body.az"]  # fmt: skip
 
 
 def test_a_weighting_of_a_file(run, tmp_path):

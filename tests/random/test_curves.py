@@ -91,6 +91,15 @@ def test_frequency_weightings(name, factors):
     np.testing.assert_allclose(np.abs(weighting.response(np.array([100j]))), at_reference, atol=5e-5)
 
 
+def test_weightings_of_accelerations_are_refused_for_other_outputs():
+    """Their filters are taken for any output."""
+    system, noise = oscillator().linearize(), {"base": 1e-3}
+    with pytest.raises(mv.ResponseError, match=r"'Wd': the output 'x' is in m, .*isolation.iso_2631\('Wd'\)"):
+        system.rms(["a_abs", "x"], noise, weighting="Wd")
+    assert system.rms("a_abs", noise, weighting="Wd").keys() == {"a_abs"}  # x is not asked for
+    assert system.rms("x", noise, weighting=isolation.iso_2631("Wd"))["x"] > 0.0
+
+
 def test_weighted_vibration():
     """The weighting acts on the density, of outputs that it names alone."""
     system, f = oscillator().linearize(), np.array([1.0, 5.0, 20.0])

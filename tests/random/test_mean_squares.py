@@ -330,7 +330,7 @@ TABLE = [(1.0, 1.0), (9.0, 0.2)]
     (lambda f: 1.0 / (1.0 + f**4), None, False),
 ])  # fmt: skip
 def test_only_integrals_over_functions_have_an_error(noise, weighting, exact):
-    budget = oscillator().linearize().budget({"base": noise}, "x", weighting=weighting)
+    budget = oscillator().linearize().budget({"base": noise}, "a_abs", weighting=weighting)
     assert (budget.error == 0.0) is exact
     assert budget.error < 1e-9
 
