@@ -14,7 +14,7 @@ SHOWN = 12  # names in one list
 _LOOKS = {"left": "text-align:left", "right": "text-align:right;font-variant-numeric:tabular-nums"}
 _RULE, _ASCII_RULE = "─", "-"
 _BOLD, _DIM, _PLAIN = "\x1b[1m", "\x1b[2m", "\x1b[0m"
-_ASCII_WORDS = {"→": "->", "−": "-", "·": ".", "°": " deg", "±": "+-", "×": "x", "…": "..."}
+_ASCII_WORDS = {"→": "->", "−": "-", "·": ".", "°": " deg", "±": "+-", "×": "x", "…": "...", "µ": "u"}
 
 
 def text(

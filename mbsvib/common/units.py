@@ -36,6 +36,11 @@ def _grouped(unit: str, signs: str) -> str:
     return f"({unit})" if any(sign in unit for sign in signs) else unit
 
 
+def time_unit(largest: float) -> tuple[float, str]:
+    """Return the factor and the unit of times up to ``largest`` [s]: ms of usual controllers, else by ``prefix``."""
+    return (1e3, "ms") if not largest or 1e-6 <= largest < 1.0 else prefix("s", largest)
+
+
 def prefix(unit: str, largest: float) -> tuple[float, str]:
     """Return the factor and the prefixed unit in which values up to ``largest`` are easy to read.
 

@@ -13,6 +13,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
+from mbsvib.common.units import time_unit
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.loop import Loop
 from mbsvib.feedback.loop_rounding import evaluated
@@ -91,8 +92,9 @@ class Margins(Columnar, Displayed):
 
     def table(self) -> dict[str, Any]:
         """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``."""
+        factor, unit = time_unit(float(self.delay[np.isfinite(self.delay)].max(initial=0.0)))
         loops = zip(self.actuators, self.lower, self.gain, self.phase, self.delay, self.modulus_each, strict=True)
-        rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * delay:.3g}", f"{modulus:.3g}")
+        rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{factor * delay:.3g}", f"{modulus:.3g}")
                 for name, low, high, phase, delay, modulus in loops]  # fmt: skip
         low, high = self.all_gains
         rows.append(("disk margin (simultaneous)", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "",
@@ -105,7 +107,7 @@ class Margins(Columnar, Displayed):
         else:
             notes = [f"Critical frequency, where the sensitivity of all loops together is largest: "
                      f"{self.frequency:.4g} Hz."]  # fmt: skip
-        headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
+        headers = ("actuator", "gain margin", "phase margin [deg]", f"delay margin [{unit}]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 

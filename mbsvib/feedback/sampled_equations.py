@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
+from mbsvib.common.units import prefix, time_unit
 from mbsvib.feedback.closing import ClosedSpace, closed_space
 from mbsvib.feedback.loop import Loop, Resolution
 from mbsvib.feedback.participation import eigen
@@ -140,8 +141,10 @@ class SampledEquations(Loop):
     @property
     def title(self) -> str:
         """The controllers' names, and how they run."""
-        delay = f", delay {1e3 * self.delay:.3g} ms" if self.delay else ""
-        return f"{self.law.name} at {self.rate:g} Hz{delay}"
+        factor, unit = time_unit(self.delay)
+        delay = f", delay {factor * self.delay:.3g} {unit}" if self.delay else ""
+        factor, unit = prefix("Hz", self.rate) if self.rate >= 1e6 else (1.0, "Hz")
+        return f"{self.law.name} at {factor * self.rate:g} {unit}{delay}"
 
     @property
     def resolution(self) -> Resolution:

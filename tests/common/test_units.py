@@ -58,3 +58,8 @@ def test_prefix(unit, largest, shown, name):
 def test_no_unit_has_no_prefix():
     """Systems of python-control have none."""
     assert units.prefix("", 2.8e-8) == (1.0, "")
+
+
+def test_times_of_any_size():
+    expected = {0.0: "ms", 1.25e-9: "ns", 2e-6: "ms", 0.3: "ms", 12.0: "s", 1e4: "ks"}
+    assert {time: units.time_unit(time)[1] for time in expected} == expected

@@ -120,3 +120,17 @@ def test_delays_that_were_not_looked_at_are_warned_of(monkeypatch):
     monkeypatch.setattr("mbsvib.feedback.sampled_delay.TURNS", 20)
     with pytest.warns(mv.AccuracyWarning, match=r"'u1' stays stable with delays up to 1\.\d* s; not all of the longer"):
         assert loop.margins().delay[0] == pytest.approx(2.43, abs=1e-6)  # of the jump
+
+
+@pytest.mark.parametrize(("mass", "hertz", "title", "unit"), [
+    (1e-12, 1e7, "at 400 MHz, delay 1.25 ns", "[ns]"), (2.0, 50.0, "at 2000 Hz, delay 0.25 ms", "[ms]"),
+    (1e7, 1e-2, "at 0.4 Hz, delay 1.25 s", "[s]")])  # fmt: skip
+def test_delays_are_told_in_units_of_their_size(mass, hertz, title, unit):
+    w = 2.0 * np.pi * hertz
+    plant = mv.System.from_matrices([[mass]], [[0.01 * w * mass]], [[w * w * mass]], B=[[1.0]], Cv=[[1.0]],
+                                    inputs=["F"], outputs=["v"])  # fmt: skip
+    loop = plant.feedback([[-w * mass]], ["v"], ["F"]).sampled(40.0 * hertz, 0.05 / hertz / 4.0)
+    assert loop.title.endswith(title)
+    table = loop.margins().table()
+    assert table["columns"][3][0] == f"delay margin {unit}"
+    assert 0.1 < float(table["rows"][0][3]) < 1e3
