@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from mbsvib.common.arrays import Array
 from mbsvib.linalg.groups import part_numbers
@@ -64,8 +65,10 @@ def matrix_exponents(a: Array) -> Exponents:
     scaling is possible: entries there are made small, and some may underflow; no entry is rounded.
     """
     part = part_numbers(a != 0.0, strong=True)
-    inside, none = part[:, None] == part, np.empty((len(a), 0))
-    power = exponents(np.where(inside, a, 0.0), none, none.T)
+    inside = part[:, None] == part
+    coupling = np.where(inside, np.abs(a), 0.0)
+    np.fill_diagonal(coupling, 0.0)
+    power = np.frexp(lapack.dgebal(coupling, scale=1)[3])[1].astype(np.int64) - 1
     even = np.ldexp(a, power[None, :] - power[:, None])
     _, excess = np.frexp(np.abs(even) / (PORTS * (float(np.abs(even[inside]).max(initial=0.0)) or 1.0)))
     one_way = np.argwhere(~inside & (a != 0.0))
