@@ -21,7 +21,7 @@ from mbsvib.errors import ModelError, nearest
 
 def assemble(
     parts: Mapping[str, Any], connect: Iterable[tuple[Any, ...]], *, remove: str | Iterable[str] = (),
-    distance: float = 1e-3, name: str = "assembly", positions: Mapping[str, Any] | None = None,
+    distance: float | None = None, name: str = "assembly", positions: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return parts that are joined at their ports.
 
@@ -43,7 +43,8 @@ def assemble(
     remove : str or iterable of str
         Parts that are taken away: the measurement of a whole without them is what remains.
     distance : float
-        How far ports that are joined may be apart [m], where their places are known.
+        How far ports that are joined may be apart [m], where their places are known. Default: 1 mm, of small parts a
+        twentieth of the largest distance between known places of the larger one.
     name : str
         Name of the system.
     positions : mapping of str to array-like, shape (3,), optional
@@ -82,7 +83,7 @@ def assemble(
                              f"names PART.PORT.", element=str(port))  # fmt: skip
         places[owner][port.removeprefix(f"{owner}.")] = place
     held = {key: part_of(key, _linear(key, given), places[key]) for key, given in parts.items()}
-    apart = real(distance, WHO, "distance", "a distance [m], 0 or more", least=0.0)
+    apart = None if distance is None else real(distance, WHO, "distance", "a distance [m], 0 or more", least=0.0)
     connections = connections_of(held, connect, apart)
     gone = names(remove, WHO, "remove", ModelError)
     for one in gone:

@@ -25,6 +25,8 @@ WHO = "assemble"
 SAME_DIRECTION = 0.9986
 # Stiffness matrices are symmetric up to rounding, and have no eigenvalue below this share of the largest.
 ROUNDED = 1e-12
+# Ports that are joined are no farther apart [m], nor than this share of the size of the larger part.
+FARTHEST, SHARE = 1e-3, 0.05
 EXPECTED = '("base.tip", "payload.root", "rigid")'
 
 
@@ -56,6 +58,13 @@ class Part:
         outputs, inputs = ({name: k for k, name in enumerate(names)}
                            for names in (self.linear.outputs, self.linear.inputs))  # fmt: skip
         return outputs, inputs
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the box around all known places [m], 0 of one place alone but for rounding."""
+        known = np.array([*self.positions.values(), *(place.position for place in self.places.values())]).reshape(-1, 3)
+        size = float(np.linalg.norm(np.ptp(known, axis=0))) if len(known) else 0.0
+        return size if size > ROUNDED * np.abs(known).max(initial=0.0) else 0.0
 
     def position(self, port: str) -> Array | None:
         """Return where a port is (3,) [m]; None where that is not known."""
@@ -91,8 +100,10 @@ def part_of(name: Any, given: Any, positions: Mapping[str, Any] | None = None) -
     return Part(name, linear, ordered, model_places(linear), given_places)
 
 
-def connections_of(parts: Mapping[str, Part], connect: Iterable[Any], distance: float) -> list[Connection]:
-    """Return all pairs of ports that are joined; ``distance`` [m]: what places that are the same may be apart."""
+def connections_of(parts: Mapping[str, Part], connect: Iterable[Any], distance: float | None) -> list[Connection]:
+    """Return all pairs of ports that are joined; ``distance`` [m]: what places that are the same may be apart, None for
+    that which suits both parts.
+    """
     result = []
     for given in connect:
         if not isinstance(given, (tuple, list)) or len(given) not in (3, 4) or not all(
@@ -154,7 +165,7 @@ def _by_position(
 
 
 def _connection(
-    one: tuple[Part, str], other: tuple[Part, str], how: Any, directions: Any, distance: float
+    one: tuple[Part, str], other: tuple[Part, str], how: Any, directions: Any, distance: float | None
 ) -> Connection:
     names = (f"{one[0].name}.{one[1]}", f"{other[0].name}.{other[1]}")
     if one[0] is other[0]:
@@ -215,13 +226,17 @@ def _matrix(value: Any, count: int, label: str, names: tuple[str, str]) -> Array
 
 
 def _apart(
-    one: tuple[Part, str], other: tuple[Part, str], directions: tuple[str, ...], names: tuple[str, str], distance: float
-) -> float | None:
+    one: tuple[Part, str], other: tuple[Part, str], directions: tuple[str, ...], names: tuple[str, str],
+    distance: float | None,
+) -> float | None:  # fmt: skip
     """The distance of two ports [m], None where it is not known; refused if they are apart or point elsewhere."""
     ends = [part.position(port) for part, port in (one, other)]
     if ends[0] is None or ends[1] is None:
         return None
     apart = float(np.linalg.norm(ends[0] - ends[1]))
+    if distance is None:
+        size = max(one[0].size, other[0].size)
+        distance = min(FARTHEST, SHARE * size) if size else FARTHEST
     if apart > distance:
         raise ModelError(f"{WHO}: '{names[0]}' is at {shown(ends[0])} and '{names[1]}' at {shown(ends[1])} m, "
                          f"{apart:.3g} m apart; expected at most distance={distance:g} m, in common world axes.",

@@ -342,3 +342,18 @@ def test_connections_that_nearly_coincide_are_in_doubt():
         joined("p", "near", "other")
     assert joined("p", "far").dof == 12 - 5
     assert joined("p").dof == 12 - 3
+
+
+def test_ports_of_small_parts_are_not_joined_across_them():
+    """Corners of chips of 0.4 mm are 0.4 mm apart, less than parts of a machine are made to."""
+    parts = {}
+    for name, x in (("die", 0.0), ("lid", 2e-6)):
+        model = mv.Model(name)
+        model.add_body(name, 1e-9, (2e-17, 2e-17, 2e-17))
+        for port, at in (("left", -2e-4), ("right", 2e-4)):
+            model.add_port(port, name, position=(at + x, 0, 0))
+        parts[name] = model.linearize()
+    assert mv.assemble(parts, [("die.left", "lid.left", "rigid")]).dof == 6
+    with pytest.raises(ModelError, match=r"0\.000402 m apart; expected at most distance=2e-05 m"):
+        mv.assemble(parts, [("die.left", "lid.right", "rigid")])
+    assert mv.assemble(parts, [("die.left", "lid.right", "rigid")], distance=1e-3).dof == 6
