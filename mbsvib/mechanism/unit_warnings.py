@@ -17,8 +17,9 @@ M = TypeVar("M", bound="Mechanism")
 
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
-# Size [m] beyond which positions are likely to be in mm, if no body has a radius of gyration of this share of it.
-LARGE, SMALL = 20.0, 2e-3
+# Size [m] beyond which positions are likely to be in mm, if no body has a radius of gyration of this share of it: half
+# the diagonal of a box, in mm, is what a body within it has at most.
+LARGE, SMALL = 20.0, 5e-4
 # Speeds of sound sqrt(E / rho) [m/s] of solids: 30 in soft rubber, 5200 in steel, 18000 in diamond. Moduli in MPa or
 # GPa and densities in g/cm^3 are beyond these by their factors of 1000 and more.
 SLOWEST, FASTEST = 10.0, 3e4

@@ -105,3 +105,14 @@ def test_angles_in_degrees_are_doubted_by_paths_cycles_and_runs():
     for angle, doubted in ((45.0, True), (0.5, False)):
         run = mv.library.hinged_rod().simulate([0.0, 0.01], initial={"hinge.rz": angle})
         assert ("Doubtful: 'hinge.rz' is displaced by" in str(run)) is doubted
+
+
+@pytest.mark.parametrize(("length", "mass", "inertia"), [(67.0, 28.0, 0.1), (60.0, 2000.0, 20.0), (150.0, 50.0, 1.0)])
+def test_long_pendulums_are_beyond_doubt(length, mass, inertia):
+    """Foucault's, a crane's hook, a gondola on its rope."""
+    model = mv.Model("pendulum", gravity=(0, 0, -9.81))
+    model.add_body("bob", mass, (inertia,) * 3, position=(0, 0, -length))
+    model.add_joint("hook", "universal", "ground", "bob", position=(0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
+    modes = model.linearize().modes()
+    assert "Doubtful" not in str(modes)
+    np.testing.assert_allclose(modes.natural, np.sqrt(9.81 * length * mass / (mass * length**2 + inertia)), rtol=1e-12)
