@@ -80,8 +80,9 @@ def closed_space(plant: Matrices, law: Matrices, sensors: list[int], actuators: 
     closed_a[n:, n:] += ka
     closed_c = d[:, actuators] @ gain
     closed_c[:, :n] += c
-    return ClosedSpace(closed_a, np.concatenate((b + acts @ push, kb @ direct)), closed_c, d + d[:, actuators] @ push,
-                       gain, push)  # fmt: skip
+    closed_d = d + d[:, actuators] @ push
+    closed_c[sensors], closed_d[sensors] = observed, direct  # sums cancel where K times the feedthrough is large
+    return ClosedSpace(closed_a, np.concatenate((b + acts @ push, kb @ direct)), closed_c, closed_d, gain, push)
 
 
 @dataclass(frozen=True, eq=False)

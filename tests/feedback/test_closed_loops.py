@@ -401,3 +401,16 @@ def test_norms_name_all_poles_that_do_not_decay():
     loop = model.linearize().feedback(3.0 * np.eye(2), ["a.v", "b.v"], ["a.F", "b.F"])
     with pytest.raises(mv.ResponseError, match=r"poles 1\.45\+.* of mode 1; 1\.45\+.* of mode 2 do not decay"):
         loop.hinf_norm()
+
+
+def test_accelerations_that_are_fed_back_keep_their_digits_under_large_gains():
+    """(m + g) a = F at high frequencies, by g up to 1e12 times the mass."""
+    for gain in (1e6, 1e12):
+        model = mv.Model("cart")
+        model.add_body("cart", 2.0, (1, 1, 1))
+        model.add_joint("rail", "prismatic", "ground", "cart", axis=(1, 0, 0))
+        model.add_spring("spring", "ground", "cart", (-1, 0, 0), (0, 0, 0), 800.0, 4.0)
+        model.add_input("F", "cart", "x")
+        model.add_output("a", "cart", "x", quantity="acceleration")
+        space = model.linearize().feedback([[-gain]], "a", "F").state_space()
+        np.testing.assert_allclose(space.D, [[1.0 / (2.0 + gain)]], rtol=1e-14)
