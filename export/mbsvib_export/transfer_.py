@@ -15,6 +15,7 @@ from mbsvib.feedback.closed_loop import ClosedLoop
 from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.responses.finite_zeros import first_order_zeros
+from mbsvib.responses.frequency_grid import zeros_of
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import linear_of, only_port, refusal
@@ -98,15 +99,17 @@ def to_transfer_function(
 def _continuous(system: Any, source: str, target: str) -> _Parts:
     omega = _grid(system, source, target)
     exact = system.frequency_response(omega)[system.outputs.index(target), system.inputs.index(source)]
-    return np.asarray(1j * omega), exact, system.poles(), system.transmission_zeros(outputs=target, inputs=source), 0.0
+    return np.asarray(1j * omega), exact, system.poles(), zeros_of(system, target, source), 0.0
 
 
 def _sampled(loop: Any, source: str, target: str) -> _Parts:
     """From held input to samples; poles and zeros at z = 0, of delays, among them."""
-    space = loop.with_ports(target, source).sample_to_sample
+    part = loop.with_ports(target, source)
+    space = part.sample_to_sample
     z = np.exp(1j * loop.period * _grid(loop, source, target))
     matrices = space.A, space.B, space.C, space.D
-    return z, transfer(matrices, z)[:, 0, 0], np.linalg.eigvals(space.A), first_order_zeros(*matrices), loop.period
+    exact, poles = transfer(matrices, z)[:, 0, 0], np.linalg.eigvals(space.A)
+    return z, exact, poles, first_order_zeros(*matrices, part) if exact.any() else poles[:0], loop.period
 
 
 def _grid(system: Any, source: str, target: str) -> Array:

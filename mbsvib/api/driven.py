@@ -172,7 +172,7 @@ class DrivenSystem(RandomVerbs, SensitiveVerbs, Connecting, LinearVerbs, Driven)
                 if raised == part.drives:
                     raise
                 part = replace(part, drives=raised)
-        return first_order_zeros(space.A, space.B, space.C, space.D)
+        return first_order_zeros(space.A, space.B, space.C, space.D, part)
 
     def uncertain(self, limits: Mapping[str, Any], order: int = 1) -> UncertainPlant:
         """Return the system with parameters that lie within limits and the same inputs; see ``System.uncertain``."""

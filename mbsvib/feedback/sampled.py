@@ -142,12 +142,13 @@ class SampledLoop(SampledEquations, FeedbackLoop):
         Raises
         ------
         ResponseError
-            If a name is unknown.
+            If a name is unknown, or no output responds to any input.
 
         Source: Astrom, Hagander & Sternby, Automatica 20 (1984) 31, for zeros of sampling.
         """
-        part = self.with_ports(outputs, inputs).sample_to_sample
-        z = first_order_zeros(part.A, part.B, part.C, part.D)
+        loop = self.with_ports(outputs, inputs)
+        part = loop.sample_to_sample
+        z = first_order_zeros(part.A, part.B, part.C, part.D, loop)
         delays = split_delay(self.rate, self.delay)[0] + 1
         z = z[np.abs(z) > EPS ** (1.0 / (delays + 1))]  # as many delays in a row are a multiple zero at z = 0
         zeros = self.rate * np.log(z)

@@ -16,7 +16,7 @@ from mbsvib.common.arrays import Array, Bools, Complex
 from mbsvib.common.expected import a_linear, reals
 from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
-from mbsvib.responses.frequency_grid import resolving_frequencies
+from mbsvib.responses.frequency_grid import resolving_frequencies, zeros_of
 from mbsvib.responses.frequency_grid import span as range_of
 from mbsvib.responses.frequency_response import zero_responses
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
@@ -156,7 +156,7 @@ def shared_grid(
             pick(system, "input", source)
     # zeros of a sampled loop are near those of its continuous one
     alike: list[Linear] = [getattr(system, "continuous", system) for system in systems]
-    values = [poles, *(system.transmission_zeros(*pair) for system in alike for pair in pairs)]
+    values = [poles, *(zeros_of(system, *pair) for system in alike for pair in pairs)]
     return resolving_frequencies(np.concatenate(values), poles, low, high)
 
 

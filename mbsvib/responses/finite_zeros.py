@@ -6,12 +6,13 @@ combined to square ones, which need few, and zeros of the combination alone are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Complex
+from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 
@@ -22,6 +23,8 @@ REGULAR = 1e3
 # Points at which the normal rank is found, away from the axes, in units of the size of A; and the least singular value
 # of a transfer matrix with rows and columns of unit size that is not rounding.
 POINTS, NORMAL_RANK = (0.31 + 0.47j, 0.083 + 0.019j, 1.9 - 1.3j), 1e-10
+# Points beside poles, as a share of these, at which a response is looked for that is rounding elsewhere.
+BESIDE = 1e-2
 # Responses of less than this many roundings of their factors are rounding.
 RESPONSE_ROUNDINGS = 16.0
 # At a zero the product of the singular values of the transfer matrix is FALLS of its geometric mean on a circle whose
@@ -36,7 +39,10 @@ WIDER, DIRECTIONS, SLOWEST = 2.0, np.exp(0.5j * np.pi * np.arange(4) + 0.3j), 1e
 
 
 class FiniteZeros(NamedTuple):
-    """``zeros`` (n,), the normal ``rank``, and the outputs (``rows``) and inputs (``columns``) that have a response."""
+    """``zeros`` (n,), the normal ``rank``, and the outputs (``rows``) and inputs (``columns``) that have a response.
+
+    The rank is 0 where no output responds to any input, and each s is a zero.
+    """
 
     zeros: Complex
     rank: int
@@ -54,6 +60,8 @@ def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> FiniteZeros:
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """
     rank, (rows, columns) = len(d), (np.ones(count, dtype=bool) for count in d.shape)
+    if not _responds(a, b, c, d):
+        return FiniteZeros(np.zeros(0, dtype=complex), 0, rows, columns)
     if len(d) != d.shape[1]:
         rows, columns = _connected(a, b, c, d)
         rank = normal_rank(a, b[:, columns], c[rows], d[np.ix_(rows, columns)])
@@ -68,15 +76,35 @@ def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> FiniteZeros:
 
 def _connected(a: Array, b: Array, c: Array, d: Array) -> tuple[Bools, Bools]:
     """Tell which outputs and inputs have a response that is not rounding only; all of them if none has."""
-    known = np.zeros(d.shape, dtype=bool)
-    for s in POINTS:
-        resolvent = np.linalg.inv(s * np.eye(len(a)) - a)
-        noise = np.outer(np.linalg.norm(c @ resolvent, axis=1), np.linalg.norm(b, axis=0))
-        noise += np.outer(np.linalg.norm(c, axis=1), np.linalg.norm(resolvent @ b, axis=0))
-        known |= np.abs(c @ resolvent @ b + d) > RESPONSE_ROUNDINGS * EPS * noise
+    known: Bools = np.any([_above_rounding((a, b, c, d), s) for s in POINTS], axis=0)
     if not known.any():
         known[:] = True
     return np.asarray(known.any(axis=1)), np.asarray(known.any(axis=0))
+
+
+def _above_rounding(equations: tuple[Array, Array, Array, Array], s: complex) -> Bools:
+    """Tell which entries of C (s - A)^-1 B + D are not rounding only at a point s."""
+    a, b, c, d = equations
+    resolvent = np.linalg.inv(s * np.eye(len(a)) - a)
+    noise = np.outer(np.linalg.norm(c @ resolvent, axis=1), np.linalg.norm(b, axis=0))
+    noise += np.outer(np.linalg.norm(c, axis=1), np.linalg.norm(resolvent @ b, axis=0))
+    return np.asarray(np.abs(c @ resolvent @ b + d) > RESPONSE_ROUNDINGS * EPS * noise)
+
+
+def _responds(a: Array, b: Array, c: Array, d: Array) -> bool:
+    """Tell whether an output responds to an input; beside poles, the far end of a chain does so above rounding."""
+    equations = a, b, c, d
+    if d.any() or any(_above_rounding(equations, s).any() for s in POINTS):
+        return True
+    poles = np.linalg.eigvals(a)
+    beside = poles + BESIDE * np.where(poles == 0.0, 1.0, np.abs(poles))
+    return any(_above_rounding(equations, s).any() for s in beside)
+
+
+def refuse_none(outputs: Sequence[str], inputs: Sequence[str], name: str) -> NoReturn:
+    """Refuse zeros of outputs that do not respond to any of some inputs."""
+    raise ResponseError(f"transmission_zeros: of '{name}', {', '.join(outputs)} does not respond to "
+                        f"{', '.join(inputs)}, so that every s is a zero. Choose another output or input.")  # fmt: skip
 
 
 def normal_rank(a: Array, b: Array, c: Array, d: Array) -> int:
@@ -224,8 +252,11 @@ def _rank(matrix: Array, size: float) -> tuple[int, Array]:
     return int(np.count_nonzero(np.abs(upper.diagonal()) > RANK * size)), turn
 
 
-def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
-    """Return the finite s [1/s] at which [[A - s, B], [C, D]] has less than its normal rank, in ascending magnitude."""
+def first_order_zeros(a: Array, b: Array, c: Array, d: Array, of: Any) -> Complex:
+    """Return the finite s [1/s] at which [[A - s, B], [C, D]] has less than its normal rank, in ascending magnitude.
+
+    ``of``: what has the ``outputs``, ``inputs`` and ``name`` of these equations.
+    """
     if not len(a) or not d.size:
         return np.zeros(0, dtype=complex)
     a, b, c = scaled_by(exponents(a, b, c), a, b, c)
@@ -236,5 +267,8 @@ def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     d = d * unit
     size = np.linalg.norm(np.concatenate((c, d), axis=1), axis=1)
     size = np.where(size > 0.0, size, 1.0)[:, None]
-    zeros = finite_zeros(a / unit, b, c / size, d / size).zeros * unit
+    found = finite_zeros(a / unit, b, c / size, d / size)
+    if not found.rank:
+        refuse_none(of.outputs, of.inputs, of.name)
+    zeros = found.zeros * unit
     return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import real
+from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
 
 PER_DECADE = 150
@@ -57,8 +58,16 @@ def resonant_grid(poles: Complex) -> Array:
 
 def roots(linear: Any, poles: Complex) -> Complex:
     """Return some poles, and the zeros [1/s] of each single response of linear equations."""
-    zeros = [linear.transmission_zeros(output, source) for source in linear.inputs for output in linear.outputs]
+    zeros = [zeros_of(linear, output, source) for source in linear.inputs for output in linear.outputs]
     return np.concatenate([poles, *zeros])
+
+
+def zeros_of(linear: Any, output: Names, source: Names) -> Complex:
+    """Return the zeros [1/s] of a single response of linear equations; none where it is zero at all frequencies."""
+    try:
+        return np.asarray(linear.transmission_zeros(output, source))
+    except ResponseError:
+        return np.zeros(0, dtype=complex)
 
 
 def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:

@@ -211,7 +211,7 @@ class StepVerbs(PortedVerbs):
         Raises
         ------
         ResponseError
-            If a name is unknown.
+            If a name is unknown, or no output responds to any input: every s is a zero then.
         """
         return self._zeros(outputs, inputs)
 
@@ -219,7 +219,7 @@ class StepVerbs(PortedVerbs):
         from mbsvib.responses.finite_zeros import first_order_zeros
 
         space = self.with_ports(outputs, inputs).state_space()
-        return first_order_zeros(space.A, space.B, space.C, space.D)
+        return first_order_zeros(space.A, space.B, space.C, space.D, space)
 
     def frequency_grid(
         self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,

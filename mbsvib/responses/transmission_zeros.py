@@ -29,7 +29,7 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.general import General
 from mbsvib.responses.basis import Basis
-from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes
+from mbsvib.responses.finite_zeros import POINTS, finite_zeros, port_sizes, refuse_none
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
 
@@ -121,6 +121,8 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
         return np.zeros(0, dtype=complex)
     a, b, c, d, at_zero, unit = _realized(system, modal, sources, results)
     found = finite_zeros(a, b, c, d)
+    if not found.rank:
+        refuse_none([system.outputs[k] for k in results], [system.inputs[k] for k in sources], system.name)
     zeros, rank = found.zeros * unit, found.rank
     sources, results = [*compress(sources, found.columns)], [*compress(results, found.rows)]
     system = _of_unit_size(system, modal, (sources, results), unit)

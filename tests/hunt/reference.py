@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import linear_sum_assignment
 
+from mbsvib.linalg.rank import EPS
 from tests.hunt.equations import Equations
 
 # The equations are taken again with every entry changed by this share; what comes of it, times ALLOWED, is allowed for.
@@ -90,8 +91,9 @@ class Matrices:
         _, sizes, turn = np.linalg.svd(self.M)
         without = turn[sizes <= MASSLESS * sizes[0]].T
         damped = np.linalg.svd(without.T @ self.C @ without, compute_uv=False)
-        largest = np.linalg.norm(self.C, 2)
-        return 2 * len(self.M) - 2 * without.shape[1] + int(np.sum(damped > MASSLESS * largest))
+        mass, damping, stiffness = (np.linalg.norm(one, 2) for one in (self.M, self.C, self.K))
+        rounded = max(MASSLESS * damping, EPS * np.sqrt(mass * stiffness))  # damping may be rounding alone
+        return 2 * len(self.M) - 2 * without.shape[1] + int(np.sum(damped > rounded))
 
 
 class Reference:

@@ -8,6 +8,7 @@ import pytest
 from flint import fmpq, fmpq_poly
 
 import mbsvib as mv
+import mbsvib_export as mx
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
@@ -122,3 +123,24 @@ def test_a_zero_beside_an_output_that_is_hardly_moved(coupling):
         zeros = system.transmission_zeros(), system.state_space().transmission_zeros()
         for found in zeros:
             np.testing.assert_allclose(found, np.roots([0.1, 0.05, 20.0]), rtol=1e-9)
+
+
+def test_zeros_of_what_does_not_respond_are_refused():
+    """Two masses side by side: every s is a zero from one to the other, not those of the masses."""
+    model = mv.Model("pair")
+    for name in ("a", "b"):
+        model.add_body(name, 2.0, (1, 1, 1))
+        model.add_joint(f"rail {name}", "prismatic", "ground", name, axis=(1, 0, 0))
+        model.add_spring(f"spring {name}", "ground", name, (-1, 0, 0), (0, 0, 0), 800.0, 4.0)
+        model.add_input(f"F {name}", name, "x")
+        model.add_output(f"x {name}", name, "x")
+    model.add_output("aside", "a", "y")
+    system = model.linearize()
+    loop = system.feedback([[-1.0]], "x a", "F a")
+    for linear in (system, system.state_space(), loop, loop.sampled(50.0)):
+        for output in ("x b", "aside"):
+            with pytest.raises(mv.ResponseError, match=f"zeros: of 'pair.*', {output} does not respond to F a"):
+                linear.transmission_zeros(output, "F a")
+    assert len(system.frequency_grid())
+    assert not mx.to_transfer_function(system, "x b", "F a")[0].num[0][0].any()
+    assert not mx.to_transfer_function(loop.sampled(50.0), "x b", "F a")[0].num[0][0].any()
