@@ -327,6 +327,10 @@ def test_phases_go_on_beyond_poles_without_damping_and_all_modes_have_shares(loo
     page = look(model)
     phases = page.evaluate("by('bode').data.find((trace) => trace.yaxis === 'y2').y")
     assert None not in phases[-20:]
+    angles = [value for value in phases if value is not None]
+    dtick = page.evaluate("by('bode').layout.yaxis2.dtick")
+    assert dtick % 90 == 0
+    assert (max(angles) - min(angles)) / dtick <= 8
     assert len(set(np.round(phases[-20:], 6)) | {0.0}) == 2  # above all poles it is not what it is at rest
     assert page.evaluate("phases([{re: 1, im: 0}, {re: NaN, im: 0}, {re: -1, im: 0}])") == [0, None, -180]
     assert page.evaluate("by('shares').data[0].z.map((row) => row.length)") == [120] * 20

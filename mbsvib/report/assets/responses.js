@@ -78,7 +78,7 @@ function drawBode() {
     title: {text: `${plain(input)} → ${plain(output)}`, x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", minor: MINOR, ...ticks(low, high)}),
     yaxis: axis(decibel ? `magnitude [dB${unit === "1" ? "" : ` re 1 ${plain(unit)}`}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power", ...(decibel ? {} : decades(traces))}),
-    yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
+    yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : quarters(traces))})}), CONFIG);
   const worst = Math.max(...chosen.map(({source}) => source.form.error));
   by("response-remark").textContent = (chosen[0].negligible ? "This response is zero by symmetry: what is drawn is rounding." :
     `Zoom in: curves are computed anew for each window.${data.scene ? " A click on a curve shows the nearest mode." : ""}`) +
@@ -87,6 +87,12 @@ function drawBode() {
     (other && chosen.length < 2 ? ` Only one of the two systems has this input and output.` : "");
 }
 
+// Labels at quarters of a turn, at most eight of them: phases of many modes go through many turns.
+function quarters(traces) {
+  const values = traces.filter((trace) => trace.yaxis === "y2").flatMap(({y}) => y.filter((value) => value !== null));
+  const wide = values.reduce((most, value) => Math.max(most, value), -Infinity) - values.reduce((least, value) => Math.min(least, value), Infinity);
+  return {dtick: 90 * Math.max(1, Math.ceil(wide / 90 / 8))};
+}
 // Labels at full decades, at most eight of them, where a magnitude spans more than one.
 function decades(traces) {
   const values = traces.filter((trace) => trace.yaxis !== "y2").flatMap(({y}) => y.filter((value) => value > 0)).map(Math.log10);
