@@ -139,20 +139,22 @@ def _refined(terms: _Terms, cost: Array, weights: tuple[Array, Array], who: str)
     """X and its gain after Newton's steps, the cost of each gain, as far as they leave less of the equation: without
     the rounding of Hamiltonian matrices with fast modes. A gain that does not stabilise is refused.
     """
-    (g, effort), left, steps = weights, terms.residual(cost), NEWTON_STEPS
-    while True:
-        gain = terms.gain(cost)
-        if not spectrum(terms.a - terms.b @ gain).decaying.all():
-            raise _none(who)
-        if not steps:
-            return cost, gain
-        shown = terms.f - g @ gain
-        new = Lyapunov(terms.a - terms.b @ gain).observed(shown.T @ shown + gain.T @ (effort[:, None] * gain))
-        residual, change = terms.residual(new), np.abs(new - cost).max(initial=0.0)
-        if not residual < left:
-            return cost, gain
-        cost, left = new, residual
-        steps = 0 if change <= CONVERGED * np.abs(cost).max(initial=0.0) else steps - 1
+    (g, effort), left = weights, terms.residual(cost)
+    with np.errstate(all="ignore"):  # the cost of a gain that does not stabilise may be infinite
+        for _ in range(NEWTON_STEPS):
+            gain = terms.gain(cost)
+            shown = terms.f - g @ gain
+            new = Lyapunov(terms.a - terms.b @ gain).observed(shown.T @ shown + gain.T @ (effort[:, None] * gain))
+            residual, change = terms.residual(new), np.abs(new - cost).max(initial=0.0)
+            if not residual < left:
+                break
+            cost, left = new, residual
+            if change <= CONVERGED * np.abs(cost).max(initial=0.0):
+                break
+    gain = terms.gain(cost)
+    if not spectrum(terms.a - terms.b @ gain).decaying.all():
+        raise _none(who)
+    return cost, gain
 
 
 def _none(who: str) -> ResponseError:
