@@ -24,7 +24,7 @@ from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.controller import Controller
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
-from mbsvib_export.fmu_.names import identifier
+from mbsvib_export.fmu_.names import identifier, printable
 from mbsvib_export.neutral import Source, SystemData, state_space_of
 from mbsvib_export.responses import check_points, poles, response_error
 from mbsvib_export.sampling import discretised, doubt_step
@@ -234,8 +234,8 @@ def _words(upper: str, space: StateSpace, step: float, matrices: Any, precision:
 
 def _ascii(text: str) -> str:
     """A text as a C comment can hold it."""
-    plain = text.encode("ascii", "backslashreplace").decode()
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\n", " ").replace("\\", "/")
+    plain = printable(text).encode("ascii", "backslashreplace").decode()
+    return plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\\", "/")
 
 
 def _indices(prefix: str, names: Sequence[str], units: Sequence[str]) -> Iterator[str]:

@@ -20,6 +20,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.dmig_cards import read_dmig_cards
 from mbsvib.common.file_content import ContentError
 from mbsvib.errors import ExportError
+from mbsvib_export.fmu_.names import printable
 from mbsvib_export.neutral import SystemData, system_data_of
 from mbsvib_export.reading import content_read
 
@@ -74,8 +75,7 @@ def to_dmig(system: System | ClosedLoop | SystemData, path: str | os.PathLike[st
 
 def _comment(text: str) -> str:
     """A line of comment; a line break in a name would begin a card."""
-    plain = "".join(letter if letter.isprintable() else " " for letter in text)
-    return "$ " + plain.encode("ascii", "replace").decode()
+    return "$ " + printable(text).encode("ascii", "replace").decode()
 
 
 def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:

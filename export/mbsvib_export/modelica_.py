@@ -17,7 +17,7 @@ from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
-from mbsvib_export.fmu_.names import base_unit, identifier
+from mbsvib_export.fmu_.names import base_unit, identifier, printable
 from mbsvib_export.neutral import Source, check_finite, state_space_of
 
 WIDTH = 110
@@ -147,5 +147,5 @@ def modelica_unit(unit: str) -> str:
 
 def _text(name: str) -> str:
     """A string of Modelica."""
-    plain = name.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
+    plain = printable(name).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{plain}"'

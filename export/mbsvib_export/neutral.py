@@ -58,6 +58,9 @@ def _check(data: SystemData | StateSpace, expected: dict[str, tuple[int, ...]], 
     are empty or repeated or have no units.
     """
     space = data.state_space if isinstance(data, SystemData) else data
+    if not data.name.isprintable():
+        raise ExportError(f"name = {data.name!r}; expected a text without line breaks or other characters that are "
+                          f"not printed.")  # fmt: skip
     for key, shape in expected.items():
         label = key.removeprefix(OF_SPACE)
         array = getattr(data if label == key else space, label)
@@ -73,10 +76,10 @@ def _check(data: SystemData | StateSpace, expected: dict[str, tuple[int, ...]], 
         owner = space if kind == "states" else data
         names = getattr(owner, kind)
         units = names if kind == "bodies" else getattr(owner, f"{kind[:-1]}_units")
-        if len(set(names)) < len(names) or "" in names:
-            wrong = next(name for name in names if not name or names.count(name) > 1)
-            raise ExportError(f"{data.name}: the name {wrong!r} among the {kind} is empty or there more than "
-                              f"once; expected names that differ.")  # fmt: skip
+        if len(set(names)) < len(names) or not all(name and name.isprintable() for name in names):
+            wrong = next(name for name in names if not name or not name.isprintable() or names.count(name) > 1)
+            raise ExportError(f"{data.name}: the name {wrong!r} among the {kind} is empty, there more than once, or "
+                              f"has characters that are not printed; expected names that differ.")  # fmt: skip
         if len(units) != len(names):
             raise ExportError(f"{data.name}: {len(units)} units for {len(names)} {kind}; expected one for each.")
 

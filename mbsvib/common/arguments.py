@@ -287,7 +287,8 @@ def name(value: Any, who: str) -> str:
     """Return ``value`` if it can be a name: text that is not empty and has no blank at its ends."""
     if not isinstance(value, str) or not value or value != value.strip() or not value.isprintable():
         raise ModelError(
-            f"{who}: name = {value!r}; expected a text that is not empty and has no blanks at its ends.",
+            f"{who}: name = {value!r}; expected a text that is not empty, has no blanks at its ends, and no "
+            "line breaks or other characters that are not printed.",
             element=who, field="name",
         )  # fmt: skip
     return value

@@ -105,6 +105,10 @@ def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[st
     if len(names) != count or not all(issubclass(kind, str) for kind in set(map(type, names))) or "" in names:
         raise ResponseError(f"{owner}: {label} = {shown(list(names))}; expected {counted(count, 'name')}, one for each "
                             f"row or column of the matrices.")  # fmt: skip
+    if not all(map(str.isprintable, names)):
+        wrong = next(name for name in names if not name.isprintable())
+        raise ResponseError(f"{owner}: {label}: the name {wrong!r} has a line break or another character that is not "
+                            f"printed, which files cannot hold; give it another name.")  # fmt: skip
     if len(set(names)) < count:
         twice = next(name for name in names if names.count(name) > 1)
         raise ResponseError(f"{owner}: {label}: the name {twice!r} is there more than once; expected names that "

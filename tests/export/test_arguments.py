@@ -1,5 +1,8 @@
 """Arguments of exports that are none: refused in words, before anything is written, and nothing is taken for "yes"."""
 
+import zipfile
+from xml.etree import ElementTree
+
 import control
 import numpy as np
 import pytest
@@ -80,3 +83,24 @@ def test_mappings_of_a_check(words, message, tmp_path):
     damper = control.ss([[-0.5]], [[1.0]], [[-3000.0]], [[0.0]], inputs=["body:az"], outputs=["actuator"], name="d")
     with pytest.raises(mv.ExportError, match=message):
         mx.check_cosimulation(car, damper, 1e-3, **words)
+
+
+@pytest.mark.parametrize("letter", ["\n", "\r", "\x00", "\x01", "\x85", "\u2028", "\ud800"])
+def test_names_that_files_cannot_hold(letter, tmp_path):
+    """In XML, texts of HDF5 and of MATLAB, and in lines of C and Modelica; models refuse such names of parts."""
+    bad = f"a{letter}b"
+    for names in ({"inputs": [bad]}, {"outputs": [bad]}, {"states": [bad]}):
+        with pytest.raises(mv.ResponseError, match="has a line break or another character that is not printed"):
+            mv.StateSpace.from_arrays([[-1.0]], [[1.0]], [[1.0]], 0, **names)
+    with pytest.raises(mv.ResponseError, match="not printed"):
+        mv.System.from_matrices([[1.0]], None, [[1.0]], B=[[1.0]], inputs=[bad])
+    space = mv.StateSpace.from_arrays([[-1.0]], [[1.0]], [[1.0]], 0, name=bad)
+    for export in (mx.to_json, mx.to_npz, mx.to_mat, mx.to_hdf5, mx.to_op4):
+        with pytest.raises(mv.ExportError, match="expected a text without line breaks"):
+            export(space, tmp_path / "file.mat")
+    assert not list(tmp_path.iterdir())
+    text = mx.to_modelica(space, tmp_path / "a.mo").read_text("utf-8")
+    assert 'model a "a b: der(x)' in text
+    assert "Written by mbsvib for 'a b', version" in mx.to_c(space, tmp_path).header.read_text("ascii")
+    document = zipfile.ZipFile(mx.to_fmu(space, tmp_path / "a.fmu")).read("modelDescription.xml")
+    assert ElementTree.fromstring(document).get("modelName").startswith("a")

@@ -65,7 +65,11 @@ def test_unsymmetric_matrices_are_square_cards(tmp_path):
 
 
 def test_names_cannot_begin_a_card(tmp_path):
-    data = replace(mx.from_json(mx.to_json(slider())), name="a\nDMIG    KAAX\x85b", coordinates=("q\r\nENDDATA",))
+    data = mx.from_json(mx.to_json(slider()))
+    for words in ({"name": "a\nDMIG    KAAX\x85b"}, {"coordinates": ("q\r\nENDDATA",)}):
+        with pytest.raises(mv.ExportError, match="not printed"):
+            replace(data, **words)
+    data = replace(data, name="DMIG    KAAX ü", coordinates=("ENDDATA",))
     lines = mx.to_dmig(data, tmp_path / "x.pch").read_text(encoding="ascii").splitlines()
     assert all(line.startswith("$") for line in lines[:5])
     assert close(read_dmig(tmp_path / "x.pch")["K"], data.K)

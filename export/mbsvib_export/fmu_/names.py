@@ -8,13 +8,19 @@ from collections.abc import Iterable, Mapping
 # exponents of kg, m, s, rad
 _UNITS = {"kg": {"kg": 1}, "m": {"m": 1}, "s": {"s": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
 _FACTOR = re.compile(r"(1|[A-Za-z]+)(?:\^?(-?[0-9]+))?$")
-_CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
+# Characters that XML cannot hold.
+CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
 
 def identifier(name: str) -> str:
     """Return a name that files and functions may have: ASCII letters, digits and ``_``, no digit first."""
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:60]
     return plain if plain and not plain[0].isdigit() else f"model_{plain}"
+
+
+def printable(text: str) -> str:
+    """Return a text on one line, with a space for each character that is not printed."""
+    return "".join([letter if letter.isprintable() else " " for letter in text])
 
 
 def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
@@ -27,7 +33,7 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
     for group, names in groups.items():
         result[group] = []
         for name in names:
-            plain = _CONTROL.sub(" ", name).strip() or group
+            plain = CONTROL.sub(" ", name).strip() or group
             unique, count = plain, 1
             while unique in used:
                 unique = f"{plain} ({group})" if count == 1 else f"{plain} ({group} {count})"

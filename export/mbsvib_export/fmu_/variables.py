@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from mbsvib_export.fmu_.names import base_unit, unique_names
+from mbsvib_export.fmu_.names import CONTROL, base_unit, unique_names
 from mbsvib_export.fmu_.plant import Plant, patterns
 
 # What both standards say of each kind of variable.
@@ -139,7 +139,7 @@ def attributes(**values: object) -> str:
 def _word(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
+    return repr(value) if isinstance(value, float) else CONTROL.sub(" ", str(value))
 
 
 def unit_definitions(variables: Variables) -> str:
