@@ -5,13 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import needed_ports
+from mbsvib.errors import OutsideTableWarning, ResponseError
 from mbsvib.feedback.margins import modulus_margin
 from mbsvib.random.budget import random
 from mbsvib.random.moments import Equations
@@ -27,6 +30,7 @@ from mbsvib.tuning.scene import Loop, Scene
 Measure = Callable[[Loop, Sequence[float]], tuple[float, Callable[[], Array]]]
 
 VIBRATES = 1e-9  # share of the magnitude of a pole, above which an imaginary part is a vibration
+BEYOND = 1e3  # last frequency [Hz] of a mean square by quadrature, over the highest pole [rad/s]
 SPAN = 1e3  # a roll-off is asked for from its frequency up to so many times it
 
 
@@ -173,9 +177,17 @@ class Rms(Goal):
         return measure
 
     def of(self, loop: Any) -> Norm:
-        """Return the root mean square by the budget."""
-        values = loop.rms(self.outputs, self.floor, self.band, self.correlation, self.weighting).values()
-        return Norm(float(np.sqrt(np.sum(np.square(list(values))))))
+        """Return the root mean square by the budget; by quadrature where moments lose their digits to fast poles."""
+        ask = partial(loop.rms, self.outputs, self.floor, correlation=self.correlation, weighting=self.weighting)
+        try:
+            values = ask(band=self.band)
+        except ResponseError:
+            if self.band is not None:
+                raise
+            with catch_warnings():
+                simplefilter("ignore", OutsideTableWarning)  # tables end where they end
+                values = ask(band=(0.0, BEYOND * float(np.abs(loop.poles()).max(initial=1.0))))
+        return Norm(float(np.sqrt(np.sum(np.square(list(values.values()))))))
 
 
 @dataclass(frozen=True, repr=False)

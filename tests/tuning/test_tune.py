@@ -262,3 +262,23 @@ def test_gains_of_a_resonator_of_200_pg():
     rms = np.sqrt(0.5 * (noise["F"] * square(tau, 1.0) + noise["x.noise"] * square(kp * tau + kd, kp)))
     assert design.achieved["rms x"] == pytest.approx(rms, rel=1e-6)
     assert design.achieved["rms x"] == pytest.approx(3.77706e-11, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kp", "kd"), [(-30.0, -2.0), (-3e3, -10.0)])
+def test_an_rms_beside_fast_poles_is_found_by_quadrature(kp, kd):
+    """A belt drive under PD control with a tau of 1 ns: moments lost digits, and finished searches were refused."""
+    tau, k, c, motor, drum, r, big = 1e-9, 4e5, 20.0, 5e-5, 0.8, 0.02, 0.2
+    tie = np.array([[r * r, -r * big], [-r * big, big * big]])
+    plant = mv.System.from_matrices(np.diag([motor, drum]), c * tie, k * tie, B=[[1.0], [0.0]], Cq=np.eye(2),
+                                    inputs=["T"], outputs=["q", "Q"])  # fmt: skip
+    lag = mv.StateSpace.from_arrays([[-1 / tau]], [[1 / tau]], [[-kd / tau]], [[kp + kd / tau]], ["q"], ["T"])
+    loop = plant.feedback(lag, noise=True)
+    goal = G.rms("Q", {"T": 1e-6, "q.noise": 1e-14})
+    with pytest.raises(ResponseError, match="rounding cannot tell apart"):
+        loop.rms("Q", goal.floor)
+    w = 2.0 * np.pi * (f := np.concatenate(([0.0], np.geomspace(1e-3, 1e11, 200_001))))
+    law, spring = kp + kd * 1j * w / (tau * 1j * w + 1.0), k + 1j * w * c
+    both = (spring * r * r - w * w * motor - law) * (spring * big * big - w * w * drum) - (spring * r * big) ** 2
+    density = np.abs(spring * r * big / both) ** 2 * (1e-6 + np.abs(law) ** 2 * 1e-14)
+    assert goal.of(loop).value == pytest.approx(np.sqrt(np.trapezoid(density, f)), rel=1e-5)
