@@ -142,6 +142,10 @@ def moments(
     if cross is not None:
         extra = form(left, solver.controlled(rest.b @ cross @ rest.b.T), rest.c)
     for group in parts.shown:
+        if group.part.errors[0].max() > UNRESOLVED * abs(group.pole) > 0.0:
+            raise ResponseError(f"rms of '{name}': rounding leaves open whether {pole_words(group.pole)} decays, "
+                                f"beside poles of up to {np.abs(rest.poles).max(initial=0.0):.2g} 1/s. Leave out what "
+                                f"is that fast, such as the time constant of a derivative.")  # fmt: skip
         squares[group.shown] = np.inf
     squares[equations.d != 0.0] = np.inf
     squares = more_accurate(f"rms of '{name}'", rest, squares, (missing, terms), by_poles(rest, left),
@@ -179,6 +183,8 @@ def check_stable(parts: Separation, name: str) -> None:
                                 f"exists. Add stiffness or damping, or change the controller.")  # fmt: skip
 
 
+# Poles beside 0 whose bound of rounding exceeds this share of them may decay or not.
+UNRESOLVED = 1e-6
 GAUSS = 16  # points of Gauss' rule on a panel
 # Damping ratio up to which a mode counts as undamped: its panels are next to those as narrow as rounding, left out.
 NARROWEST = 10.0 * UNDAMPED

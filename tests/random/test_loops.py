@@ -356,3 +356,14 @@ def test_modes_that_the_loop_does_not_reach_do_not_hide_each_other():
     for output, source in (("x", "F"), ("y", "G"), ("z", "H")):
         assert [name for name in "FGH" if parts[output][name] != 0.0] == [source]
         assert (parts[output][source] == np.inf) is (source != "F")
+
+
+def test_a_pole_that_rounding_hides_beside_fast_ones_is_not_called_undamped():
+    """A belt drive under PD control with a lag of 0.1 ns: a damping ratio of 0.7 % beside 1e10 1/s was lost."""
+    k, c, r, big, tau = 4e5, 20.0, 0.02, 0.2, 1e-10
+    tie = np.array([[r * r, -r * big], [-r * big, big * big]])
+    plant = mv.System.from_matrices(np.diag([5e-5, 0.8]), c * tie, k * tie, B=[[1.0], [0.0]], Cq=np.eye(2),
+                                    inputs=["T"], outputs=["q", "Q"])  # fmt: skip
+    law = mv.StateSpace.from_arrays([[-1 / tau]], [[1 / tau]], [[100 / tau]], [[-1e4 - 100 / tau]], ["q"], ["T"])
+    with pytest.raises(mv.ResponseError, match=r"rounding leaves open whether .* decays, beside poles of up to 1e\+10"):
+        plant.feedback(law).rms("Q", {"T": 1e-6})
