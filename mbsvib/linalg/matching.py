@@ -17,9 +17,9 @@ from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS
 
 # Modes of neighbouring stations are matched if their MAC is at least this; otherwise the interval is halved, at most so
-# many times.
-ALIKE = 0.7
-HALVINGS = 6
+# many times. Modes of rotors that exchange their shapes over a wide interval may have 0.8 with the wrong ones.
+ALIKE = 0.95
+HALVINGS = 8
 # Eigenvalues that differ by less than this share of their own size, or by a rounding of the largest, coincide.
 REPEATED = 1e-9
 # Modes whose frequencies differ by less than this share: changes as small turn their shapes within the plane of both.

@@ -233,3 +233,29 @@ def test_the_diagram_leaves_out_modes_far_above_all_speeds():
     assert plot(data, modes=24).axes[0].get_ylim()[1] > 2e4
     # lines of high orders bring further modes in
     assert plot(data, orders=(100.0,)).axes[0].get_ylim()[1] > lowest.get_ylim()[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "damping"), [(9, -0.5), (10, -0.5), (8, 1.2), (3, 1.2)])
+def test_paths_do_not_depend_on_the_number_of_speeds(seed, damping):
+    """Two discs whose modes veer, some of them overdamped: eigenvalues at the last speed have the numbers that eight
+    speeds in each of 24 steps give them.
+    """
+    rng = np.random.default_rng(seed)
+    model = mv.Model("discs")
+    for k in range(2):
+        across = rng.uniform(0.05, 0.2)
+        polar = across * rng.uniform(0.5, 1.9)
+        model.add_body(f"d{k}", rng.uniform(1, 5), (across, across, polar), position=(0, 0, 0.5 * k))
+        stiffness = 10.0 ** rng.uniform(3, 5, 6)
+        dampers = np.sqrt(2.0 * stiffness) * 10.0 ** rng.uniform(-1, damping, 6)
+        if k == 0:
+            model.add_bushing("b0", "ground", "d0", (0, 0, -0.1), stiffness, dampers)
+        else:
+            model.add_bushing("b1", "d0", "d1", (0, 0, 0.3), stiffness, dampers)
+            model.add_bushing("g1", "ground", "d1", (0, 0, 0.6), 0.3 * stiffness[::-1], 0.3 * dampers[::-1])
+        model.add_rotor(f"s{k}", f"d{k}", 100.0, (0, 0, 1), inertia=polar)
+    fine = campbell(model, np.linspace(0.0, 3000.0, 193)).eigenvalues[-1]
+    for count in (2, 3, 4):
+        few = campbell(model, np.linspace(0.0, 3000.0, count)).eigenvalues[-1]
+        np.testing.assert_allclose(few, fine, rtol=1e-6)
