@@ -92,7 +92,7 @@ def of_first_order(system: Equations, states: FirstOrder | None = None) -> Array
     rate, through = states.transform[system.dof :], states.through[system.dof :]
     seen, rates = states.accelerations(system)
     value = cleaned(seen, rates, states.b, direct=system.D + system.Cv @ through)
-    scale = np.linalg.norm(system.inertia_factor @ rate, axis=0)  # states of one kinetic energy
+    scale = np.linalg.norm(cleaned(system.inertia_factor, rate), axis=0)  # states of one kinetic energy
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
     terms = np.abs(system.D) + np.abs(system.Ca) @ (np.abs(rate) @ np.abs(states.b))
     terms += entry_sizes(system.Ca @ rate, inverse) @ entry_sizes(states.b.T, scale).T

@@ -5,6 +5,8 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.responses.feedthrough import direct
+from tests.hunt.checks import Subject
+from tests.hunt.generate import example
 from tests.support.random_models import rotation
 
 
@@ -126,3 +128,16 @@ def test_small_accelerations_along_a_beam_are_no_rounding():
     expected = (system.Ca * scale) @ np.linalg.solve(system.M * np.outer(scale, scale), (system.B.T * scale).T)
     assert np.abs(expected).min() < 1e-4 * np.abs(expected).max()
     np.testing.assert_allclose(direct(system), expected, rtol=1e-7)  # M of condition 3e6
+
+
+@pytest.mark.slow
+def test_states_that_move_mass_by_rounding_alone_hide_no_feedthrough():
+    """A scene with a massless node between dampers: D was taken for rounding of a state with 1e-20 J, and was 0."""
+    system = Subject(example(76005)).system
+    w = np.array([0.1])
+    for realization in ("physical", "modal", "balanced"):
+        space = system.state_space(realization)
+        d = space.D[space.outputs.index("out2"), space.inputs.index("in1")]
+        assert d == pytest.approx(-0.343123755, rel=1e-8)  # of the scene's own matrices, far above all poles
+        response = space.frequency_response(w, "out2", "in1")
+        np.testing.assert_allclose(response, system.frequency_response(w, "out2", "in1"), atol=1e-10)
