@@ -31,8 +31,11 @@ def natural_frequencies(pairs: Complex) -> Array:
     return np.asarray(np.sqrt(np.abs(pairs[..., 0] * pairs[..., 1])))
 
 
-def damping_ratios(pairs: Complex) -> Array:
-    """Return -Re(lambda) / |lambda| (...,) of pairs (..., 2): -1 if one diverges, of damped rigid motions infinite."""
+def damping_ratios(pairs: Complex, errors: Array | None = None) -> Array:
+    """Return -Re(lambda) / |lambda| (...,) of pairs (..., 2): -1 if one diverges, of damped rigid motions infinite; 0
+    where both are rounding, for relative ``errors`` (..., 2).
+    """
+    pairs = pairs if errors is None else without_rounding(pairs, errors)
     first, second = pairs[..., 0], pairs[..., 1]
     total, natural = 0.0 - (first + second).real, natural_frequencies(pairs)
     ratio = np.divide(total, 2.0 * natural, out=np.where(total > 0.0, np.inf, 0.0), where=natural > 0.0)

@@ -20,7 +20,7 @@ from mbsvib.linalg.products import real_product
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
-from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all, without_rounding
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies, of_all
 from mbsvib.modes.undamped import undamped
 
 # Default accuracy: twelve digits, which cost no more than ten.
@@ -242,7 +242,7 @@ class Modes(Columnar, Displayed):
         """Return the table of modes as arguments of ``mbsvib.common.tables.text`` and ``show``."""
         headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
         columns = [*((header, "right") for header in headers), (self.MOST, "left")]
-        damping = damping_ratios(without_rounding(self.pairs, self.pair_errors))
+        damping = damping_ratios(self.pairs, self.pair_errors)
         values = zip(self.frequencies, self.damped_frequencies, damping, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip

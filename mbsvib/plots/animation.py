@@ -27,7 +27,7 @@ from mbsvib.equations.equations import Provenance
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.modes import Modes
-from mbsvib.modes.pairs import damping_ratios, without_rounding
+from mbsvib.modes.pairs import damping_ratios
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
 from mbsvib.plots._scene import DrawnScene, of_model, of_system
@@ -182,7 +182,7 @@ def animation(
                             f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
     modes.check_any("animate")
     index = expected.mode_index(mode, "animate", len(modes))
-    hertz, ratio = modes.frequencies[index], damping_ratios(without_rounding(modes.pairs, modes.pair_errors))[index]
+    hertz, ratio = modes.frequencies[index], damping_ratios(modes.pairs, modes.pair_errors)[index]
     words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
     return in_motion(modes.name, provenance, modes.body_motion @ modes.shapes[:, index], f"Mode {mode}: {words}",
                      amplitude, view, frames, rate)  # fmt: skip

@@ -17,7 +17,7 @@ from mbsvib.common.arrays import Complex, Index
 from mbsvib.common.expected import a_system, kind_of, mode_index, positive
 from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
-from mbsvib.modes.pairs import damping_ratios, without_rounding
+from mbsvib.modes.pairs import damping_ratios
 from mbsvib.modes.result import Modes
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import System
@@ -192,7 +192,7 @@ def _words(modes: Modes, i: int) -> str:
     """Return number, natural frequency and damping ratio of a mode."""
     if i < modes.rigid:
         return f"mode {i + 1}: rigid-body mode"
-    ratio = damping_ratios(without_rounding(modes.pairs, modes.pair_errors))[i]
+    ratio = damping_ratios(modes.pairs, modes.pair_errors)[i]
     return f"mode {i + 1}: {modes.frequencies[i]:.4g} Hz, damping ratio {100.0 * ratio:.3g} %"
 
 

@@ -16,7 +16,7 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.expected import a_system, kind_of, one_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
-from mbsvib.modes.pairs import damping_ratios, without_rounding
+from mbsvib.modes.pairs import damping_ratios
 from mbsvib.plots import _style as style
 from mbsvib.plots._curves import System
 from mbsvib.plots._sheet import Given, sheet
@@ -55,7 +55,7 @@ def modes(system: System, *, ax: Given | None = None) -> Figure | Given:
         top, below = paper.panels
         paper.join(paper.panels)
         _stems(top, number, result.frequencies, style.COLOURS[0])
-        ratios = damping_ratios(without_rounding(result.pairs, result.pair_errors))
+        ratios = damping_ratios(result.pairs, result.pair_errors)
         _stems(below, number, 100.0 * ratios, style.COLOURS[1])
         top.set_ylabel("natural frequency [Hz]")
         below.set(ylabel="damping ratio [%]", xlabel="mode")

@@ -14,6 +14,7 @@ pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
 from mbsvib import report
 from mbsvib.report.data import collect
 from mbsvib.report.page import embedded
+from tests.plots.test_modes import rounded_plate
 from tests.support.slow_cases import some
 
 EVIL = "</script><img src=x onerror=alert(1)>"
@@ -222,12 +223,7 @@ def test_refusals_say_what_to_do(monkeypatch, tmp_path):
 
 
 def test_damping_that_is_rounding_is_zero():
-    model = mv.Model("plate")
-    model.add_body("plate", 1e-8, (1e-16, 1e-16, 2e-16))
-    turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-    for name, position in {"a": (2e-4, 1e-4, 0), "b": (-2e-4, 3e-4, 0), "c": (1e-4, -3e-4, 0)}.items():
-        model.add_bushing(name, "ground", "plate", position, (50, 4e3, 7e3, 0, 0, 0), orientation=turned)
-    model.add_bushing("film", "ground", "plate", (0, 0, 0), damping=(1e-6, 0, 0, 0, 0, 0))
+    model = rounded_plate()
     system = model.linearize()
     ratios = system.modes().damping_ratios
     rounded = np.abs(ratios) < 1e-13 * ratios.max()
