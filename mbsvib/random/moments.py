@@ -31,7 +31,7 @@ from mbsvib.linalg.lyapunov import Lyapunov
 from mbsvib.random.weights import Window
 from mbsvib.responses.densities import Shaped
 from mbsvib.responses.extrema import UNDAMPED, panels
-from mbsvib.responses.norms import by_poles, form, more_accurate, pole_words, solved_forms
+from mbsvib.responses.norms import RoundingError, by_poles, form, more_accurate, pole_words, solved_forms
 
 Integrand = Callable[[Array], Array]
 
@@ -123,8 +123,7 @@ def moments(
 
     ``windows`` (outputs,): averages over a time of which the mean square is asked for, None for that of the output.
     """
-    power = exponents(*equations[:3]) if len(equations.a) else np.zeros(0, dtype=np.int64)
-    a, b, c = scaled_by(power, *equations[:3]) if len(power) else equations[:3]
+    a, b, c = scaled_by(exponents(*equations[:3]), *equations[:3])
     parts = separated(a, b, c)
     check_stable(parts, name)
     rest = parts.decaying
@@ -143,7 +142,7 @@ def moments(
         extra = form(left, solver.controlled(rest.b @ cross @ rest.b.T), rest.c)
     for group in parts.shown:
         if group.part.errors[0].max() > UNRESOLVED * abs(group.pole) > 0.0:
-            raise ResponseError(f"rms of '{name}': rounding leaves open whether {pole_words(group.pole)} decays, "
+            raise RoundingError(f"rms of '{name}': rounding leaves open whether {pole_words(group.pole)} decays, "
                                 f"beside poles of up to {np.abs(rest.poles).max(initial=0.0):.2g} 1/s. Leave out what "
                                 f"is that fast, such as the time constant of a derivative.")  # fmt: skip
         squares[group.shown] = np.inf

@@ -227,7 +227,7 @@ def stable_squares(under: Random, equations: Equations) -> tuple[float, Callable
 
 def _scaled(a: Array, b: Array, c: Array) -> tuple[Array, tuple[Array, Array, Array]]:
     """Return the equations in states of like size, and the units (n, n) that their Gramian P has there; 1 / unit: Q."""
-    power = exponents(a, b, c) if len(a) else np.zeros(0, dtype=np.int64)
+    power = exponents(a, b, c)
     return np.ldexp(1.0, power[:, None] + power), scaled_by(power, a, b, c)
 
 

@@ -101,9 +101,13 @@ def _responds(a: Array, b: Array, c: Array, d: Array) -> bool:
     return any(_above_rounding(equations, s).any() for s in beside)
 
 
+class NoResponseError(ResponseError):
+    """No output responds to any of the inputs: every s is a zero."""
+
+
 def refuse_none(outputs: Sequence[str], inputs: Sequence[str], name: str) -> NoReturn:
     """Refuse zeros of outputs that do not respond to any of some inputs."""
-    raise ResponseError(f"transmission_zeros: of '{name}', {', '.join(outputs)} does not respond to "
+    raise NoResponseError(f"transmission_zeros: of '{name}', {', '.join(outputs)} does not respond to "
                         f"{', '.join(inputs)}, so that every s is a zero. Choose another output or input.")  # fmt: skip
 
 

@@ -126,7 +126,7 @@ def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSol
     """Return the solver of first-order equations ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n)."""
     from scipy.linalg import schur
 
-    power = exponents(a, b, c) if len(a) else np.zeros(0, dtype=np.int64)
+    power = exponents(a, b, c)
     scaled = np.ldexp(a, power[None, :] - power[:, None])
     triangle, vectors = schur(scaled, output="complex") if len(a) else (scaled.astype(complex),) * 2
     return FirstOrderSolver(name, scaled, power, triangle, vectors)

@@ -16,6 +16,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import real
 from mbsvib.common.selection import Names
 from mbsvib.errors import ResponseError
+from mbsvib.responses.finite_zeros import NoResponseError
 
 PER_DECADE = 150
 # Neighbouring points are no farther apart than half the distance of the nearer one to a root; within its half-power
@@ -66,7 +67,7 @@ def zeros_of(linear: Any, output: Names, source: Names) -> Complex:
     """Return the zeros [1/s] of a single response of linear equations; none where it is zero at all frequencies."""
     try:
         return np.asarray(linear.transmission_zeros(output, source))
-    except ResponseError:
+    except NoResponseError:
         return np.zeros(0, dtype=complex)
 
 

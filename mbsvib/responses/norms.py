@@ -47,6 +47,10 @@ class _Slopes:
         norm.__dict__["slopes"] = value if callable(value) else np.asarray(value)
 
 
+class RoundingError(ResponseError):
+    """A mean square or norm of which rounding leaves a digit open in these states."""
+
+
 @dataclass(frozen=True, repr=False)
 class Norm(Columnar, Displayed):
     """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
@@ -217,7 +221,7 @@ def check_rounding(
         unsettled |= cancelled & (_sizes(part, squares.shape) > NOTHING * rounding)
     if unsettled.any():
         rates = np.abs(part.poles.real)
-        raise ResponseError(f"{question}: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, which "
+        raise RoundingError(f"{question}: motions decay at rates of {rates.min():.2g} to {rates.max():.2g} 1/s, which "
                             f"rounding cannot tell apart in these states. {instead}, or leave out what decays that "
                             f"fast.")  # fmt: skip
 

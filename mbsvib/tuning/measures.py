@@ -14,14 +14,14 @@ import numpy as np
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import needed_ports
-from mbsvib.errors import OutsideTableWarning, ResponseError
+from mbsvib.errors import OutsideTableWarning
 from mbsvib.feedback.margins import modulus_margin
 from mbsvib.random.budget import random
 from mbsvib.random.moments import Equations
 from mbsvib.random.slopes import gradient as square_gradient
 from mbsvib.random.slopes import stable_squares
 from mbsvib.responses.densities import Table
-from mbsvib.responses.norms import Norm
+from mbsvib.responses.norms import Norm, RoundingError
 from mbsvib.responses.norms import hinf as highest
 from mbsvib.tuning.peaks import Weight, apply, peak
 from mbsvib.tuning.scene import Loop, Scene
@@ -181,9 +181,7 @@ class Rms(Goal):
         ask = partial(loop.rms, self.outputs, self.floor, correlation=self.correlation, weighting=self.weighting)
         try:
             values = ask(band=self.band)
-        except ResponseError:
-            if self.band is not None:
-                raise
+        except RoundingError:
             with catch_warnings():
                 simplefilter("ignore", OutsideTableWarning)  # tables end where they end
                 values = ask(band=(0.0, BEYOND * float(np.abs(loop.poles()).max(initial=1.0))))
