@@ -120,7 +120,8 @@ def _groups(model: Mechanism) -> Iterator[tuple[Loops, float]]:
                              f"{MOST_COORDINATES} can be aligned. Align their joints in the model.",
                              element="linearize", field="align")  # fmt: skip
         points = np.concatenate((cuts.rows.point[:, rows[rows < count]], coordinates.point[:, columns]), axis=1)
-        length, noise = measures(points, max(len(rows), len(columns)), coordinates.pitch)
+        lever = cuts.lever(rows) or coordinates.pitch
+        length, noise = measures(points, max(len(rows), len(columns)), lever)
         names = [coordinates.names[k] for k in columns.tolist()]
         yield loops_of(model, [cuts.joints[k] for k in set(cuts.joint[rows].tolist())], names, length), noise
 

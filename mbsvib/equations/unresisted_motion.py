@@ -172,8 +172,9 @@ def scale_of(coordinates: Twists, position: Array, which: Index) -> Scale:
     """Return the reference sizes of the coordinates ``which`` of a scene with bodies at ``position`` (bodies, 3)."""
     points = np.concatenate((position, coordinates.point.T))
     low, high = points.min(axis=0), points.max(axis=0)
-    length = float((high - low).max()) or 1.0
-    far = max(1.0, float(np.abs(points).max()) / length)
+    distance = float(np.abs(points).max())
+    length = float((high - low).max()) or distance or 1.0
+    far = max(1.0, distance / length)
     return Scale(length, np.where(coordinates.turns[which], 1.0 / length, 1.0), EPS * max(1, len(which)) * far)
 
 

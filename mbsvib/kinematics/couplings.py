@@ -77,6 +77,13 @@ class Couplings:
         angle, distance = self.largest[..., members]
         return np.asarray(1.0 / np.maximum(angle, distance * length))
 
+    def lever(self, members: Index) -> float:
+        """Return the mean length [m] by which some couplers take angles to distances, 0 where none does."""
+        angle, distance = self.largest[..., members]
+        both = (angle > 0.0) & (distance > 0.0)
+        return float(np.exp(np.log(angle[both] / distance[both]).mean())) if both.any() else 0.0
+
+
 def coupler_travel(
     couplers: Sequence[Coupling], joints: Sequence[Joint], pose: Pose, near: Array | None = None
 ) -> Array:

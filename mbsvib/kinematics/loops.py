@@ -80,6 +80,11 @@ class Cuts:
     translates: Bools
     couplings: Couplings | None = None
 
+    def lever(self, rows: Index) -> float:
+        """Return the length [m] by which couplers among some rows take angles to distances, 0 where none does."""
+        count = len(self.rows.first)
+        return 0.0 if self.couplings is None else self.couplings.lever(rows[rows >= count] - count)
+
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
         """Return factors (..., rows) that make some rows dimensionless, with ``length`` [m] as the unit of length: one
         for all, or one for each of them (..., members), or (..., 1). ``members`` may be of any shape, (groups, rows).
@@ -221,7 +226,8 @@ def _scaled(
     for rows, columns in groups:
         cut = rows if cuts.couplings is None else rows[rows < count]
         group_points = points.take(np.concatenate((cut, columns + count)), axis=1)
-        length, noise = measures(group_points, max(len(rows), len(columns)), coordinates.pitch, arm)
+        lever = cuts.lever(rows) or coordinates.pitch
+        length, noise = measures(group_points, max(len(rows), len(columns)), lever, arm)
         row_length[rows], column_length[columns], preferred[columns] = length, length, preference(len(columns))
         lengths.append(length)
         noises.append(noise)
@@ -329,11 +335,12 @@ class LoopGroup:
         return self._names() if self.surplus else ()
 
 
-def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple[float, float]:
+def measures(points: Array, count: int, lever: float, arm: float = 0.0) -> tuple[float, float]:
     """Return the unit of length of loops [m], and the rounding of the entries of rows that are scaled by it.
 
     The length is the size of the loops; where all ``points`` (3, n) of the joints [m] coincide within rounding, the
-    largest ``pitch`` of a screw [m], or 1 m. The rounding is that of unit vectors, and of points relative to their
+    ``lever`` [m] by which couplers or screws take rotations to translations. Without one nothing does, and the length
+    decides nothing: it is the distance from the origin, or 1 m at the origin. The rounding is that of unit vectors, and of points relative to their
     distance from the origin, or to ``arm`` [m], the largest distance of the points from the centres of mass about which
     their bodies were turned. ``count``: number of the rows or of the coordinates, whichever is larger.
     """
@@ -343,7 +350,7 @@ def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple
     low, high = list(map(min, axes)), list(map(max, axes))
     length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
     if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
-        length = pitch or 1.0
+        length = lever or distance or 1.0
     return length, EPS * count * max(1.0, distance / length)
 
 

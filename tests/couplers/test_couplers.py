@@ -221,6 +221,21 @@ def test_ranks_know_no_units(scale):
     assert_allclose(2 * np.pi * system.modes().frequencies, np.sqrt(7.0 / (1.0 + 25.0)), rtol=1e-13)
 
 
+@pytest.mark.parametrize("at", [0.0, 0.3])
+def test_minimal_coordinates_at_one_point_know_no_units(at):
+    """Nothing but the couplers has a length where all joints are at one point."""
+    chosen = []
+    for unit in (1.0, 1e-3, 1e3):
+        model, point = mv.Model("one point"), (at * unit, 0, 0)
+        for name, kind in (("a", "revolute"), ("b", "prismatic"), ("c", "prismatic"), ("d", "revolute")):
+            model.add_body(name, 1.0, np.ones(3) * unit**2, point)
+            model.add_joint(f"{name}.j", kind, "ground", name, point)
+        model.add_coupler("rack", {"a.j.rz": 0.02 * unit, "b.j.z": -1.0})
+        model.add_coupler("screw", {"d.j.rz": 1.0, "c.j.z": -4.0 / unit})
+        chosen.append(model.linearize().coordinates)
+    assert chosen[0] == chosen[1] == chosen[2]
+
+
 def test_parameters_and_variants():
     model = shafts(3, slide=True)
     model.add_gear("mesh", "s0.j", "s1.j", -0.5)
