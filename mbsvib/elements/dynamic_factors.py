@@ -18,6 +18,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import reals
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
+from mbsvib.linalg.bands import within
 
 WHO = "Dynamic"
 # Factors of passive elements have no power on the axis below this share of their size, but for rounding.
@@ -30,8 +31,6 @@ HELD = 0.5
 NONE = 1e-9
 # Sizes of the first factor of a table; beyond, it may be in other units than the stiffness of the element.
 USUAL = 5e-3, 500.0
-# A frequency beyond a table by this share is rounding of its end.
-END = 1e-12
 
 
 def vector(value: Any, label: str, least: float) -> Array:
@@ -91,7 +90,7 @@ def constant(omega: Array, value: complex) -> Complex:
 def of_table(omega: Array, curve: Any, ends: tuple[float, float]) -> Complex:
     """Return the factors of a table: a ``curve`` over log f [Hz] between its ``ends`` [Hz], with a warning beyond."""
     f = omega / (2 * np.pi)
-    if ((f < (1.0 - END) * ends[0]) | (f > (1.0 + END) * ends[1])).any():
+    if not within(f, *ends).all():
         warn(f"Dynamic.table: asked at {f.min():.4g} to {f.max():.4g} Hz, beyond its {ends[0]:.4g} to {ends[1]:.4g} "
              f"Hz, where it is taken as constant.", AccuracyWarning, stacklevel=4)  # fmt: skip
     value = curve(np.log(np.clip(f, *ends)))

@@ -340,9 +340,10 @@ def measures(points: Array, count: int, lever: float, arm: float = 0.0) -> tuple
 
     The length is the size of the loops; where all ``points`` (3, n) of the joints [m] coincide within rounding, the
     ``lever`` [m] by which couplers or screws take rotations to translations. Without one nothing does, and the length
-    decides nothing: it is the distance from the origin, or 1 m at the origin. The rounding is that of unit vectors, and of points relative to their
-    distance from the origin, or to ``arm`` [m], the largest distance of the points from the centres of mass about which
-    their bodies were turned. ``count``: number of the rows or of the coordinates, whichever is larger.
+    decides nothing: it is the distance from the origin, or 1 m at the origin. The rounding is that of unit vectors, and
+    of points relative to their distance from the origin, or to ``arm`` [m], the largest distance of the points from the
+    centres of mass about which their bodies were turned. ``count``: number of the rows or of the coordinates, whichever
+    is larger.
     """
     if not points.size:  # a coupler of coordinates that other joints lock
         return 1.0, EPS * count

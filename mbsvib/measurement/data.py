@@ -17,6 +17,7 @@ from mbsvib.common.expected import ascending, limits, one_of, reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted
+from mbsvib.linalg.bands import within
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
 from mbsvib.measurement.matching import ORDERS, Matched, unit_of
@@ -276,7 +277,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             If there is no line between them, or they are not two numbers, the lower one first.
         """
         f, (low, high) = self.frequencies, limits(low, high, "within")
-        if not (lines := (f >= low) & (f <= high)).any():
+        if not (lines := within(f, low, high)).any():
             known = f"{len(f)} lines from {f[0]:g} to {f[-1]:g} Hz" if len(f) else "no lines"
             raise ResponseError(f"within: no line from {low:g} to {high:g} Hz; the measurement has {known}.")
         arrays: dict[str, Any] = {

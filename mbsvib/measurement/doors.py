@@ -14,6 +14,7 @@ from mbsvib.common.expected import one_of, reals
 from mbsvib.common.labelled import Labelled, of_responses
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.bands import within
 from mbsvib.measurement.array_files import ArrayFiles
 from mbsvib.measurement.estimation import check_length, estimate, samples_of, si, stacked, step_of
 from mbsvib.measurement.points import point_of
@@ -105,7 +106,7 @@ class Doors(ArrayFiles):
         resolution = 1.0 / (samples * step)
         low, high = band or (0.0, np.inf)
         numbers = np.arange(1, (samples + 1) // 2)  # below half the sampling rate
-        numbers = numbers[(numbers * resolution >= low) & (numbers * resolution <= high)]
+        numbers = numbers[within(numbers * resolution, low, high)]
         if not len(numbers):
             raise ResponseError(f"from_records: no line from {low:g} to {high:g} Hz; there are lines each "
                                 f"{resolution:g} Hz up to {0.5 / step:g} Hz.")  # fmt: skip

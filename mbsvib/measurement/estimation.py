@@ -22,6 +22,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.bands import within
 from mbsvib.linalg.rank import INPUTS_APART, NO_PIVOT
 from mbsvib.measurement.matching import unit_of
 
@@ -325,7 +326,7 @@ def check_length(
     hint = "Record longer" + (", take fewer segments, or method='local'." if windowed else ".")
     if band is not None:
         ends = reals(band, who, "band", "the first and the last frequency [Hz]")
-        if ends.shape != (2,) or not (0.0 < ends[0] < ends[1] and ends[0] * seconds >= 1.0):
+        if ends.shape != (2,) or not (0.0 < ends[0] < ends[1] and within(ends[:1] * seconds, 1.0, np.inf).all()):
             raise ResponseError(f"{who}: band = {shown(band)} Hz with {what}, whose lowest line is {1 / seconds:.4g} "
                                 f"Hz; expected a band above it, (first, last). {hint}")
     if lowest is not None:

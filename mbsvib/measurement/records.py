@@ -14,6 +14,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import one_of, reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
+from mbsvib.linalg.bands import BAND_END, within
 from mbsvib.measurement.data import channels_of
 from mbsvib.measurement.estimation import check_length, stacked, step_of
 from mbsvib.measurement.matching import Matched
@@ -136,10 +137,10 @@ class Records(Matched, Columnar, Displayed):
         numbers = np.arange(1, last + 1)
         most = min(last, HIGHEST * self.samples) if self.hold == "band-limited" else last
         low, high = self.band or (0.0, most / length)
-        if self.band is not None and np.floor(high * length) > most:
+        if self.band is not None and np.floor(high * length * (1.0 - BAND_END)) > most:
             raise ResponseError(f"{WHO}: band = {shown(self.band)} Hz, with a sampling rate of {1 / self.t:g} Hz and "
                                 f"hold='{self.hold}'; expected no more than {most / length:g} Hz.")  # fmt: skip
-        numbers = numbers[(numbers >= low * length) & (numbers <= high * length)]
+        numbers = numbers[within(numbers, low * length, high * length)]
         if not len(numbers):
             raise ResponseError(f"{WHO}: no line from {low:g} to {high:g} Hz; there are lines each {1 / length:g} Hz "
                                 f"up to {most / length:g} Hz.")  # fmt: skip

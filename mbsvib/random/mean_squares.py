@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import OutsideTableWarning, ResponseError
+from mbsvib.linalg.bands import within
 from mbsvib.linalg.lasting import Lasting, Separation, separated
 from mbsvib.random.moments import NARROWEST, Equations, Filtered, Rule, check_stable, filtered, moments, rule
 from mbsvib.random.sources import Sources
@@ -22,7 +23,6 @@ from mbsvib.responses.realizations import first_order
 
 Band = tuple[float, float]
 
-ROUNDED = 1e-9  # share by which rounded frequencies may lie outside a table
 SHOWN = 3  # tables named in a warning
 
 
@@ -278,7 +278,7 @@ class Random:
         ends = {name: part.span for name, part in zip(self.sources.names, self.sources.densities, strict=True)
                 if len(part.breaks)}  # fmt: skip
         shown = [f"{name} from {first:g} to {last:g} Hz" for name, (first, last) in ends.items()
-                 if 0.0 < low < first * (1.0 - ROUNDED) or high > last * (1.0 + ROUNDED)]  # fmt: skip
+                 if not within(np.array([low or first, max(high, first)]), first, last).all()]  # fmt: skip
         if shown and self.span:  # refuses bands without any noise
             more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
             warnings.warn(f"noise is asked for from {low:g} to {high:g} Hz, but tables give that of "

@@ -19,6 +19,7 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real, reals
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.bands import within
 from mbsvib.linalg.rank import DECAYS
 from mbsvib.responses.from_control import realized
 
@@ -94,7 +95,7 @@ class Table(Spectrum):
         return self.frequencies
 
     def _values(self, f: Array) -> Array:
-        inside = (f >= self.frequencies[0]) & (f <= self.frequencies[-1])
+        inside = within(f, *self.span)
         result = np.zeros_like(f)
         result[inside] = np.exp(np.interp(np.log(f[inside]), np.log(self.frequencies), np.log(self.values)))
         return result

@@ -20,6 +20,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.feedback.closing import Matrices, on_axis, transfer
+from mbsvib.linalg.bands import within
 from mbsvib.responses.densities import Shaped, Table, table
 from mbsvib.responses.first_order_solver import gain_slope
 from mbsvib.responses.from_control import is_control, is_transfer_function
@@ -30,7 +31,6 @@ Eigen = tuple[Complex, Complex, Complex | None]
 
 EXPECTED = ("a positive number, isolation.shaped(numerator, denominator), a transfer function of python-control, a "
             "stable StateSpace, or pairs (frequency [Hz], gain)")  # fmt: skip
-END = 1e-12  # share of a frequency by which it may be beyond the end of a table and belong to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,7 @@ class Weight:
             return transfer(self.space, on_axis(w))
         assert self.table is not None
         f, (low, high) = w / (2.0 * np.pi), self.table.span
-        inside = (f >= low * (1.0 - END)) & (f <= high * (1.0 + END))
-        return np.asarray(np.where(inside, self.table.at(np.clip(f, low, high)), 0.0)[:, None, None])
+        return np.asarray(np.where(within(f, low, high), self.table.at(np.clip(f, low, high)), 0.0)[:, None, None])
 
     @property
     def poles(self) -> Complex:
@@ -199,7 +198,7 @@ class Response:
             change = np.diff(w) / (CLOSE * np.abs(1j * w[1:, None] - poles).min(axis=1) + TINY)
             step = np.floor(np.concatenate(([0.0], np.cumsum(np.minimum(change, 1.0)))))
             w = w[np.concatenate(([True], np.diff(step) > 0.0))]
-        return np.unique(np.concatenate((w, marks[(marks >= low) & (marks <= high)])))
+        return np.unique(np.concatenate((w, np.clip(marks[within(marks, low, high)], low, high))))
 
     def slope(self, w: float) -> Array:
         """Return the gradient of the largest singular value at a frequency to [A B; C D]."""
