@@ -224,12 +224,14 @@ def _uncertain_refined(
     basis, forms, free = parts
     basis = _of_factors(basis, forms)
     count = len(estimate[0][0]) + _complex_count(estimate[0][0])
-    best = min(estimate[0], _from_factors(system, shapes, count, rtol) or estimate[0],
-               key=lambda candidate: float(candidate[3].max()))  # fmt: skip
+    best, uncertainty = estimate
+    candidate = _from_factors(system, shapes, count, rtol)
+    if candidate is not None and float(candidate[3].max()) < float(best[3].max()):
+        best, uncertainty = candidate, candidate[3]
     dampers = damper_rows(system, shapes)
     if dampers is None or float(best[3].max()) <= rtol:
         return best
-    with_forces = _with_forces(estimate[0], dampers, estimate[1], basis, free, rtol)
+    with_forces = _with_forces(best, dampers, uncertainty, basis, free, rtol)
     return min(best, with_forces, key=lambda candidate: float(candidate[3].max()))
 
 
