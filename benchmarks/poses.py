@@ -4,9 +4,9 @@
 
 Poses are random in the six lengths of the legs. ``family``: median CPU time of all matrices, in one process with one
 BLAS thread, asked for 2 s for 10 000 poses; ``apart`` is the largest difference of M, C, K and B from models that are
-moved and linearized one by one, relative to their largest entries. ``one pose``: the time of a pose by itself, of its
-matrices, its system and its model. ``interpolated``: functions of the pose with an error of 1e-6; ``apart`` is then the
-largest error in all poses over the bound, which is to be less than 1.
+moved and linearized one by one, relative to their largest entries, in scaled coordinates. ``one pose``: the time of a
+pose by itself, of its matrices, its system and its model. ``interpolated``: functions of the pose with an error of
+1e-6; ``apart`` is then the largest error in all poses over the bound, which is to be less than 1.
 """
 
 from __future__ import annotations
@@ -40,9 +40,14 @@ def seconds(call, repeat):
 
 
 def errors(found, exact):
-    """Largest errors (n,) of M, C, K and B, (n, ...) each, relative to their largest entries."""
-    return np.max([np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))
-                   for a, b in zip(found, exact, strict=True)], axis=0)  # fmt: skip
+    """Largest errors (n,) of M, C, K and B, (n, ...) each, relative to their largest entries; coordinates are scaled by
+    the roots of their masses.
+    """
+    root = np.sqrt(np.einsum("nii->ni", exact[0]))
+    rows, columns = 1.0 / root[:, :, None], 1.0 / root[:, None, :]
+    scales = (rows * columns,) * 3 + (rows,)
+    return np.max([np.abs((a - b) * scale).max(axis=(1, 2)) / np.abs(b * scale).max(axis=(1, 2))
+                   for a, b, scale in zip(found, exact, scales, strict=True)], axis=0)  # fmt: skip
 
 
 def matrices(source, which=slice(None)):

@@ -127,7 +127,8 @@ class Family(Batch):
         ----------
         error : float
             Largest error of M, C, K, B, Cq, Cv, Ca and D, each relative to its largest entry in the same pose (but to
-            no less than a hundredth of that in all poses).
+            no less than a hundredth of that in all poses); of outputs, to that of all with the same unit. Units do not
+            matter: coordinates are scaled by the roots of their masses, inputs by the forces that they have along them.
 
         Returns
         -------

@@ -16,7 +16,7 @@ from mbsvib.api.batch import Batch
 from mbsvib.api.pose import batch_of, check_mapping
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Index
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.mat_file import cells, variable_names
@@ -49,10 +49,11 @@ class LPVSystem(Displayed):
     """A linear system M(x) q'' + C(x) q' + K(x) q = B(x) u whose matrices are polynomials in the pose x.
 
     ``names`` are the p coordinates that vary, ``units`` theirs; ``low``, ``high`` (p,) the box [m, rad] in which the
-    polynomials hold. ``poses`` were taken for them. ``error_bound`` is the largest relative error: three times the
-    largest that was found at further poses, 1000 random ones, 1000 random ones on faces and edges, and up to 256
-    corners. It is verified, not proven. What holds for any function with a confidence of 95 %: errors are larger than
-    those found, a third of the bound, in less than half a percent of the box.
+    polynomials hold. ``poses`` were taken for them. ``error_bound`` is the largest relative error, in
+    coordinates scaled by the roots of their masses and among outputs of one unit: three times the largest that was
+    found at further poses, 1000 random ones, 1000 random ones on faces and edges, and up to 256 corners. It is
+    verified, not proven. What holds for any function with a confidence of 95 %: errors are larger than those found, a
+    third of the bound, in less than half a percent of the box.
     ``nominal`` is the system in the middle of the box.
     """
 
@@ -230,25 +231,50 @@ class LPVSystem(Displayed):
 
 @dataclass(frozen=True)
 class _Measure:
-    """Sizes of errors: ``sizes`` of each of the MATRICES are its largest entry in all poses."""
+    """Errors of values in rows, which units do not change.
 
-    nominal: System
-    sizes: Mapping[str, float]
+    ``scales`` (values,) makes the values of coordinates and inputs alike: a coordinate by the root of its mass, an
+    input by the largest force that it has along them. ``groups`` are the places of each of the MATRICES, of those of
+    outputs the places of each unit, and ``sizes`` (groups,) the largest scaled values in all poses.
+    """
+
+    scales: Array
+    groups: tuple[Index, ...]
+    sizes: Array
+
+    @staticmethod
+    def of(family: Batch, nominal: System) -> _Measure:
+        """Return the measure of a family of poses."""
+        root = np.sqrt(np.einsum("nii->ni", family.M).max(axis=0))
+        force = np.abs(family.B / root[:, None]).max(axis=(0, 1), initial=0.0)
+        force[force == 0.0] = 1.0
+        rows, columns = {"M": root, "C": root, "K": root, "B": root}, {"B": force, "D": force}
+        scales, groups, sizes, start = [], [], [], 0
+        for key in MATRICES:
+            shape = getattr(nominal, key).shape
+            scale = np.ones(shape) / rows.get(key, np.ones(shape[0]))[:, None] / columns.get(key, root)
+            units = np.array(("",) * shape[0] if key in rows else nominal.output_units)
+            for unit in np.unique(units):
+                own = np.flatnonzero(units == unit)
+                groups.append(start + np.arange(scale.size).reshape(shape)[own].ravel())
+                sizes.append(np.abs(getattr(family, key)[:, own] * scale[own]).max(initial=0.0))
+            scales.append(scale.ravel())
+            start += scale.size
+        return _Measure(np.concatenate(scales), tuple(groups), np.array(sizes))
+
+    def largest(self, values: Array) -> Array:
+        """Return the largest scaled values (groups, n) of values (n, values) in each group."""
+        scaled = np.abs(values) * self.scales
+        return np.array([scaled[:, group].max(axis=1, initial=0.0) for group in self.groups])
 
     def of_surpluses(self, surpluses: Array) -> Array:
-        """Return the largest change (n,) by surpluses (n, values), relative to the largest entry of the matrix."""
-        parts = _split(surpluses, self.nominal).items()
-        return np.asarray(np.maximum.reduce([np.abs(part).max(axis=(1, 2), initial=0.0) / (self.sizes[key] or 1.0)
-                                             for key, part in parts]))  # fmt: skip
+        """Return the largest change (n,) by surpluses (n, values), relative to the largest value of its group."""
+        return np.asarray((self.largest(surpluses) / np.where(self.sizes, self.sizes, 1.0)[:, None]).max(axis=0))
 
     def of_errors(self, found: Array, exact: Array) -> Array:
         """Return the relative errors (n,) of values (n, values)."""
-        pairs = zip(_split(found - exact, self.nominal).items(), _split(exact, self.nominal).values(), strict=True)
-        result = []
-        for (key, off), wanted in pairs:
-            size = np.maximum(np.abs(wanted).max(axis=(1, 2), initial=0.0), SMALLEST * self.sizes[key] or 1.0)
-            result.append(np.abs(off).max(axis=(1, 2), initial=0.0) / size)
-        return np.asarray(np.maximum.reduce(result))
+        least = np.where(self.sizes, SMALLEST * self.sizes, 1.0)[:, None]
+        return np.asarray((self.largest(found - exact) / np.maximum(self.largest(exact), least)).max(axis=0))
 
 
 def interpolated(family: Batch, plant: Plant, error: float) -> LPVSystem:
@@ -276,7 +302,7 @@ def interpolated(family: Batch, plant: Plant, error: float) -> LPVSystem:
         return np.concatenate([np.concatenate([getattr(part, key).reshape(len(part), -1) for key in MATRICES], axis=1)
                                for part in parts])  # fmt: skip
 
-    measure = _Measure(nominal, {key: float(np.abs(getattr(family, key)).max(initial=0.0)) for key in MATRICES})
+    measure = _Measure.of(family, nominal)
     polynomial, found = SparseInterpolant.none(len(names), sum(getattr(nominal, key).size for key in MATRICES)), np.inf
     followed, new, round_number = FOLLOWED * limit, np.zeros((1, len(names)), dtype=np.intp), 0
     while SAFETY * found + ROUNDING > limit:

@@ -152,8 +152,8 @@ def certify(model: Model, align: float | None = None) -> Certificate:
     in mm, ms and g (``units.invariance``, relative); the linear range (``linear.range``, the smallest travel of a
     coordinate [rad, mechanism sizes] where the second-order part of an output is a tenth, without a limit); eigenvalues
     of another engine (``engine.difference``, relative; exudyn, where it can), and the mass matrices of MuJoCo and
-    Pinocchio, where installed, of trees of hinges and slides (``mass.difference``, over its largest entry). Models on
-    rolling wheels have the first four.
+    Pinocchio, where installed, of trees of hinges and slides (``mass.difference``, over the roots of its diagonal).
+    Models on rolling wheels have the first four.
 
     Parameters
     ----------
@@ -344,11 +344,12 @@ class _Run:
             if sorted(ours) != sorted(joints):
                 raise MbsvibError(f"{engine} has other coordinates")
             order = [joints.index(name) for name in ours]
-            off[engine] = float(np.abs(mass[np.ix_(order, order)] - system.M).max() / np.abs(system.M).max())
+            root = np.sqrt(system.M.diagonal())
+            off[engine] = float(np.abs((mass[np.ix_(order, order)] - system.M) / np.multiply.outer(root, root)).max())
             self.versions[engine] = its_version
         most = max(off.values())
         self.add("mass.difference", most, SAME_MASS, most <= SAME_MASS,
-                 f"difference of the mass matrix from that of {' and '.join(off)}, over its largest entry",
+                 f"difference of the mass matrix from that of {' and '.join(off)}, over the roots of its diagonal",
                  engines=off)  # fmt: skip
 
     def cross_check(self, system: System) -> None:

@@ -100,10 +100,41 @@ def test_the_bound_holds_in_ten_thousand_poses(count, reach, error):
     assert lpv.error_bound <= error
     poses = np.random.default_rng(77).uniform(-reach, reach, (10_000, count))
     exact, found = family.plant(poses), lpv.matrices(poses)
+    root = np.sqrt(np.einsum("nii->ni", family.M).max(axis=0))
     for key in "MCKB":
-        wanted = getattr(exact, key)
+        scale = 1.0 / (root[:, None] * (1.0 if key == "B" else root))
+        wanted = getattr(exact, key) * scale
         size = np.abs(wanted).max(axis=(1, 2))
-        assert (np.abs(found[key] - wanted).max(axis=(1, 2)) <= lpv.error_bound * size).all()
+        assert (np.abs(found[key] * scale - wanted).max(axis=(1, 2)) <= lpv.error_bound * size).all()
+
+
+def mirror_on_slide(metre=1.0):
+    """A mirror of 1e-6 kg m^2 on a slide of 100 kg, in any unit of length; the spring at it turns with the pose."""
+    model = mv.Model("slide")
+    model.add_body("slide", mass=100.0, inertia=(metre**2,) * 3, position=(0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "slide", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_body("mirror", mass=0.01, inertia=(1e-6 * metre**2,) * 3, position=(0, 0, 0.01 * metre))
+    model.add_joint("hinge", "revolute", "slide", "mirror", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("drive", "ground", "slide", start=(-0.5 * metre, 0, 0), end=(0, 0, 0), stiffness=1e7)
+    model.add_spring("wire", "ground", "mirror", start=(-0.2 * metre, 0, 0.1 * metre), end=(0, 0, 0.01 * metre),
+                     stiffness=1e3)  # fmt: skip
+    model.add_input("force", "slide", "x")
+    model.add_input("torque", "mirror", "ry")
+    model.add_output("place", "slide", "x")
+    model.add_output("tilt", "mirror", "ry")
+    return model
+
+
+@pytest.mark.slow
+def test_light_parts_count_as_much_as_heavy_ones_in_any_unit():
+    lpvs = [mirror_on_slide(metre).family({"rail.z": np.linspace(-0.1, 0.1, 3) * metre}).interpolated(1e-4)
+            for metre in (1.0, 1024.0)]  # fmt: skip
+    assert lpvs[0].poses == lpvs[1].poses
+    assert lpvs[1].error_bound == pytest.approx(lpvs[0].error_bound, rel=1e-6)
+    for place in (-0.083, 0.031, 0.097):
+        exact = mirror_on_slide().moved({"rail.z": place}, relaxed=True).linearize(independent=lpvs[0].coordinates)
+        found = lpvs[0].at({"rail.z": place}).modes().frequencies
+        np.testing.assert_allclose(found, exact.modes().frequencies, rtol=1e-4)
 
 
 def box(names, reach):
