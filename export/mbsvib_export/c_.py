@@ -22,11 +22,12 @@ from mbsvib.common.selection import Names
 from mbsvib.errors import AccuracyWarning, ExportError
 from mbsvib.feedback.closing import transfer
 from mbsvib.feedback.controller import Controller
+from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 from mbsvib.version import __version__
 from mbsvib_export.fmu_.names import identifier, printable
-from mbsvib_export.neutral import Source, SystemData, state_space_of
-from mbsvib_export.responses import check_points, poles, response_error
+from mbsvib_export.neutral import Source, SystemData, discrete_space_of, state_space_of
+from mbsvib_export.responses import check_points, response_error
 from mbsvib_export.sampling import discretised, doubt_step
 from mbsvib_export.templates_ import check_companion, filled
 
@@ -40,6 +41,7 @@ _METHODS = {
     "zoh": "exact for inputs that are held over each step",
     "foh": "exact for inputs that are linear over each step",
     "tustin": "Tustin's rule",
+    "given": "as given in discrete time",
 }
 WIDTH, INDENT = 100, "    "
 
@@ -55,7 +57,7 @@ class CFiles(Displayed):
 
 def to_c(
     system: Source, folder: str | os.PathLike[str],
-    step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
+    step: float | None = None, *, realization: str = "modal", method: str | None = None, precision: str = "double",
     name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
@@ -71,11 +73,12 @@ def to_c(
     Parameters
     ----------
     system : System, ClosedLoop, StateSpace, control.StateSpace, SystemData or Controller
-        The equations of motion, a closed loop, a state space that is ready, or a controller.
+        The equations of motion, a closed loop, a state space that is ready, or a controller. One of python-control in
+        discrete time is written as it is.
     folder : str or path
         Where the files go; it is made if its parent exists.
-    step : float
-        Time between samples [s].
+    step : float, optional
+        Time between samples [s]; default: that of a discrete system, which has no other one, else 1e-4.
     realization : str
         The states of a System: "modal" (few operations, most digits), "balanced" or "physical".
     method : str, optional
@@ -111,8 +114,9 @@ def to_c(
     """
     a_path(folder, "folder", ExportError)
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
+    period = sample_time(system) if of_control(system) else None
     space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c", outputs,
-                           inputs)  # fmt: skip
+                           inputs) if period is None else discrete_space_of(system, outputs, inputs)  # fmt: skip
     one_of(precision, ("double", "single"), "to_c", "precision", ExportError)
     if not space.inputs or not space.outputs:
         missing = "inputs (model.add_input)" if not space.inputs else "outputs (model.add_output)"
@@ -120,10 +124,16 @@ def to_c(
     prefix = identifier(space.name) if name is None else name
     if not isinstance(prefix, str) or not _WORD.fullmatch(prefix) or prefix[0].isdigit():
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
-    if method is None:
-        method = "tustin" if isinstance(system, Controller) else "zoh"
-    matrices = discretised(space, step, method, "to_c")
-    doubt_step(space, step, "to_c")
+    if period is None:
+        method = ("tustin" if isinstance(system, Controller) else "zoh") if method is None else method
+        step = 1e-4 if step is None else step
+        matrices = discretised(space, step, method, "to_c")
+        doubt_step(space, step, "to_c")
+    elif method is None and step in (None, period):
+        method, step, matrices = "given", period, (space.A, space.B, space.C, space.D)
+    else:
+        raise ExportError(f"to_c: step = {step!r}, method = {method!r}; '{space.name}' is discrete, dt = {period:g} s, "
+                          f"and written as it is; expected neither of them.")  # fmt: skip
     if precision == "single":
         matrices = _rounded(space, step, matrices)
     mark = f"Written by mbsvib for '{_ascii(space.name)}'"
@@ -159,11 +169,12 @@ def _rounded(space: StateSpace, step: float, matrices: Any) -> Any:
         raise ExportError("to_c: a coefficient is too large for precision = 'single'; take realization='balanced', "
                           "other units, or 'double'.")  # fmt: skip
     advice = "Take a longer step, other states (realization), or precision='double'."
-    before, after = (np.abs(np.linalg.eigvals(each[0])).max(initial=0.0) for each in (matrices, single))
+    turns, rounded = (np.linalg.eigvals(each[0]) for each in (matrices, single))
+    before, after = (np.abs(values).max(initial=0.0) for values in (turns, rounded))
     if before < 1.0 - DECAYING and after > 1.0:
         raise ExportError(f"to_c: precision = 'single': '{space.name}' is stable, and its coefficients of 32 bits "
                           f"grow, by {after - 1.0:.1g} in each step of {step:g} s. {advice}")  # fmt: skip
-    omega = check_points(poles(space.A))
+    omega = check_points(np.log(turns[turns != 0.0].astype(complex)) / step)
     omega = omega[omega * step < np.pi]
     z = np.exp(1j * omega * step)
     actual, truth = (np.moveaxis(transfer(each, z), 0, -1) for each in (single, matrices))

@@ -39,7 +39,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         space : control.StateSpace
             It is not changed.
         inputs, outputs, states : sequence of str, optional
-            Names; default: those that it has.
+            Names, those with dots as of mbsvib: ``"leg1.f"`` is ``"leg1:f"``; default: those that it has.
         name : str, optional
             Of the system; default: that of ``space``.
 
@@ -51,7 +51,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         Raises
         ------
         ExportError
-            If it is no state space, or the number of names is another one than that of signals.
+            If it is no state space, the number of names is another one than that of signals, or a name is there twice.
         """
         if not is_control(space):
             raise ExportError(f"NamedStateSpace.of: space = {type(space).__name__}; expected a control.StateSpace, as "
@@ -60,12 +60,16 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         for field, given, known in (("inputs", inputs, space.input_labels), ("outputs", outputs, space.output_labels),
                                     ("states", states, space.state_labels)):  # fmt: skip
             listed = known if given is None else names(given, "NamedStateSpace.of", field, ExportError)
-            if len(listed) != len(known):
-                raise ExportError(f"NamedStateSpace.of: {field} = {shown(given)}; expected {len(known)} names.")
-            labels[field] = listed
+            labels[field] = [SignalNames.to_control(label) if "." in label else label for label in listed]
+            if len(set(labels[field])) != len(known):  # of a name twice python-control would keep one
+                raise ExportError(f"NamedStateSpace.of: {field} = {shown(given)}; expected {len(known)} names, none of "
+                                  f"them twice.")  # fmt: skip
+        if not isinstance(name, (str, type(None))):
+            raise ExportError(f"NamedStateSpace.of: name = {shown(name)}; expected a text.")
+        called = SignalNames.system_to_control(name) if name and "." in name else name or space.name
         result: Any = cls(
             *(getattr(space, key).copy() for key in "ABCD"), 0 if space.dt is None and not space.nstates else space.dt,
-            name=name or space.name, remove_useless_states=False, **{key: list(value) for key, value in labels.items()},
+            name=called, remove_useless_states=False, **labels,
         )  # fmt: skip
         return result  # type: ignore[no-any-return]
 

@@ -18,7 +18,7 @@ from mbsvib.common.selection import Names, port_numbers
 from mbsvib.equations.selection import port_fields
 from mbsvib.errors import ExportError, ResponseError, counted
 from mbsvib.feedback.controller import Controller
-from mbsvib.responses.from_control import is_control, is_transfer_function
+from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.names_ import SignalNames
 
@@ -189,6 +189,11 @@ def state_space_of(
         raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
                           f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
     return ready
+
+
+def discrete_space_of(source: Any, outputs: Names, inputs: Names) -> StateSpace:
+    """Return the discrete-time equations of a system of python-control, A, B, C, D from sample to sample."""
+    return _named_as_here(StateSpace.from_arrays(**arguments(source))).with_ports(outputs, inputs)
 
 
 def check_finite(space: Any, caller: str) -> None:

@@ -5,9 +5,11 @@ import re
 import shutil
 import subprocess
 
+import control
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.signal import lfilter
 
 import mbsvib as mv
 import mbsvib_export as mx
@@ -254,6 +256,32 @@ def test_refusals(words, message, tmp_path):
     with pytest.raises(mv.MbsvibError, match=message):
         mx.to_c(mv.library.quarter_car().linearize(), **{"folder": tmp_path} | words)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", [control.ss, control.tf])
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_discrete_controllers_of_python_control_are_written_as_they_are(kind, precision, tmp_path):
+    """A notch and an integrator at 2 kHz, by their difference equation."""
+    numerator, denominator = [0.9, -1.6, 0.85], [1.0, -1.5, 0.5]
+    law = kind(control.tf(numerator, denominator, 1.0 / 2000.0, inputs=["leg:x"], outputs=["leg:f"]), name="law")
+    files = mx.to_c(law, tmp_path, precision=precision)
+    assert "step 0.0005 s, as given in discrete time" in files.source.read_text()
+    assert "LAW_IN_LEG_X 0 /* leg.x */" in files.header.read_text()
+    subprocess.run([compiled(files)], check=True)
+    u = np.random.default_rng(3).normal(size=(1, 200))
+    y = library(files, float if precision == "double" else np.float32)(u, 1, 2)
+    expected = lfilter(numerator, denominator, u[0])
+    assert_allclose(y[0], expected, rtol=0.0, atol=(1e-13 if precision == "double" else 1e-4))
+    assert mx.to_c(law, tmp_path, 1.0 / 2000.0, outputs="leg.f").source == files.source
+
+
+def test_discrete_controllers_have_no_other_step_and_no_method(tmp_path):
+    law = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 1e-3, name="law")
+    for words in ({"step": 1e-4}, {"method": "zoh"}, {"step": 0.0}):
+        with pytest.raises(mv.ExportError, match=r"'law' is discrete, dt = 0.001 s, and written as it is; expected"):
+            mx.to_c(law, tmp_path, **words)
+    with pytest.raises(mv.ResponseError, match=r"discrete without a sample time; expected dt in seconds"):
+        mx.to_c(control.ss(law, dt=True), tmp_path)
 
 
 def test_a_system_without_inputs_is_refused(tmp_path):

@@ -186,6 +186,19 @@ def test_steps_are_those_of_the_system(states, dt, expected):
     assert made(0.3, squeeze=True) == pytest.approx(space(0.3, squeeze=True))
 
 
+def test_names_given_to_it_are_those_of_mbsvib_and_differ():
+    """python-control refused dots in its own words, and kept one label of two inputs with one name."""
+    space = control.ss([[-1.0]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]])
+    made = NamedStateSpace.of(space, ["leg1.f", "b"], ["leg1.x"], ["leg1.v"], "leg.1")
+    assert (made.input_labels, made.output_labels, made.state_labels, made.name) == (
+        ["leg1:f", "b"], ["leg1:x"], ["leg1:v"], "leg:1")  # fmt: skip
+    assert made["leg1.x", "leg1.f"].B[0, 0] == 1.0
+    with pytest.raises(mv.ExportError, match=r"inputs = \['a', 'a'\]; expected 2 names, none of them twice"):
+        NamedStateSpace.of(space, ["a", "a"])
+    with pytest.raises(mv.ExportError, match=r"name = 3; expected a text"):
+        NamedStateSpace.of(space, name=3)
+
+
 def test_names_with_brackets_are_names_before_they_are_patterns():
     """As a pattern ``leg[1].z`` fits ``leg1.z``, which is another output here."""
     plant = mx.to_control(slider(inputs=("F[1]", "F[2]"), outputs=("leg[1].z", "leg1.z", "leg[12].z")))
