@@ -21,7 +21,7 @@ class ClosedLoop(RandomVerbs, closed_loop.ClosedLoop):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
 
     It has all methods of a system. Under static gains without feedthrough the loop is a system of second order again,
-    ``second_order``, and its results come from there.
+    ``second_order``, of which its modes and states are; accelerations may add mass to it.
     """
 
     sampled_form = SampledLoop

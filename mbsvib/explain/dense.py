@@ -41,7 +41,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         return _of_matrices(system, basis)
     lines = [f"{system.name}: {system.dof} DOF"]
     if system.provenance.closed_loop:
-        lines.append("  a controller acts on it: C and K contain its gains; the rest is said of the open loop")
+        lines.append("  a controller acts on it: M, C and K contain its gains; the rest is said of the open loop")
     if system.dof == 0:
         lines.append(f"  {system.provenance.rest}")
     lines += ["topology", *_topology(system), "loops", *_loops(system)]

@@ -33,34 +33,40 @@ E = TypeVar("E", bound=Equations)
 def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[int], name: str) -> E | None:
     """Return the system under u = w + G y with a static gain G, or None if that is no such system.
 
-    M q'' + (C - B_u G' Cv_y) q' + (K - B_u G' Cq_y) q = (B + B_u G' D_y) w,  G' = (1 - G D_yu)^-1 G, and likewise for
-    the outputs; symmetric parts of the changes become rows with weights, antisymmetric ones gyroscopic and circulatory
-    terms
+    (M - B_u G' Ca_y) q'' + (C - B_u G' Cv_y) q' + (K - B_u G' Cq_y) q = (B + B_u G' D_y) w,  G' = (1 - G D_yu)^-1 G,
+    and likewise for the outputs; symmetric parts of the changes become rows with weights, antisymmetric ones gyroscopic
+    and circulatory terms
 
-    ``gain`` (actuators, sensors): static gains. Returns None if a sensor of acceleration would change M, there are
-    motions without mass, or the loop is algebraic.
+    ``gain`` (actuators, sensors): static gains. Returns None if sensors of acceleration do anything but add mass to
+    bodies that share none, there are motions without mass, or the loop is algebraic.
     """
     product = gain @ system.D[np.ix_(sensors, actuators)]
-    if system.massless or (gain @ system.Ca[sensors]).any() or not regular(product):
+    if system.massless or not regular(product):
         return None
     back: Array = np.asarray(np.linalg.solve(np.eye(len(actuators)) - product, gain), dtype=float)
     forces = system.B[:, actuators]
+    mass, m_rows, m_weights, skew = _change(forces, back, system.Ca[sensors])
+    shared = len(system.inertia_factor) > 6 * len(system.bodies) > 0  # the mass would be taken for one of its bodies
+    if skew is not None or (m_weights < 0.0).any() or (shared and mass.any()):
+        return None
     stiffness, k_rows, k_weights, circulatory = _change(forces, back, system.Cq[sensors])
     damping, c_rows, c_weights, gyroscopic = _change(forces, back, system.Cv[sensors])
     through, direct = system.D[:, actuators] @ back, back @ system.D[sensors]
     count = len(k_weights) + len(c_weights)
     owner = len(system.provenance.springs)
     return replace(
-        system, name=name, C=system.C + damping, K=system.K + stiffness, B=system.B + forces @ direct,
-        Cq=system.Cq + through @ system.Cq[sensors], Cv=system.Cv + through @ system.Cv[sensors],
+        system, name=name, M=system.M + mass, C=system.C + damping, K=system.K + stiffness,
+        B=system.B + forces @ direct,
+        **{key: (was := getattr(system, key)) + through @ was[sensors] for key in ("Cq", "Cv", "Ca")},
         D=system.D + system.D[:, actuators] @ direct,
+        inertia_factor=np.concatenate((system.inertia_factor, np.sqrt(m_weights)[:, None] * m_rows)),
         elastic_rows=np.concatenate((system.elastic_rows, k_rows, c_rows)),
         row_stiffness=np.concatenate((system.row_stiffness, k_weights, np.zeros(len(c_weights)))),
         row_damping=np.concatenate((system.row_damping, np.zeros(len(k_weights)), c_weights)),
         row_owner=np.concatenate((system.row_owner + (system.row_owner >= owner), np.full(count, owner))),
         gyroscopic=_sum(system.gyroscopic, gyroscopic), circulatory=_sum(system.circulatory, circulatory),
-        provenance=replace(system.provenance, springs=(*system.provenance.springs, "controller"), closed_loop=True,
-                           truncation=None),
+        provenance=replace(system.provenance, springs=system.provenance.springs + ("controller",) * bool(count),
+                           closed_loop=True, truncation=None),
     )  # fmt: skip
 
 
@@ -86,7 +92,7 @@ class ClosedLoop(FeedbackLoop):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
 
     It has all methods of a system. Under static gains without feedthrough the loop is a system of second order again,
-    ``second_order``, and its results come from there.
+    ``second_order``, of which its modes and states are; accelerations may add mass to it.
     """
 
     sampled_form: ClassVar[type[SampledLoop]] = SampledLoop
@@ -164,8 +170,8 @@ class ClosedLoop(FeedbackLoop):
 
     @cached_property
     def second_order(self) -> Any:
-        """The closed loop as a system, M q'' + C' q' + K' q = B' w, or None if its controllers have states, or sensors
-        of acceleration would change M.
+        """The closed loop as a system, M' q'' + C' q' + K' q = B' w, or None if its controllers have states, or sensors
+        of acceleration do more than add mass.
         """
         system = self.plant.system
         if len(self.law.A) or getattr(system, "basis", None) is None:
@@ -201,7 +207,8 @@ class ClosedLoop(FeedbackLoop):
         return result.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
 
     def _steady(self, at: Array) -> Complex:
-        if self.second_order is not None:
+        # of a mass that the loop adds, modes cancel where it hardly moves
+        if self.second_order is not None and not (self.law.D @ self.plant.system.Ca[self.ports[0]]).any():
             return np.asarray(self.second_order.frequency_response(at))
         return super()._steady(at)
 

@@ -174,11 +174,12 @@ def test_a_free_mass_is_held_by_its_servo():
 
 
 def test_accelerations_change_the_mass():
-    """m + g moves: the loop is of first order in its states, and the gain at infinity is 1 / (m + g)."""
+    """m + g moves, and the gain at infinity is 1 / (m + g)."""
     loop = slider(200.0, 1.0).feedback([[-3.0]], "a", "F")
-    assert loop.second_order is None
+    assert loop.second_order.M == 5.0
+    assert "without effect" not in str(loop.second_order.explain())
     exact = np.roots([5.0, 1.0, 200.0])
-    assert matched(loop.poles(), exact) < 1e-13
+    assert matched(loop.poles(), exact) < 1e-15
     assert loop.state_space()["a", "disturbance"].D[0, 0] == pytest.approx(1.0 / 5.0, rel=1e-14)
     with pytest.raises(mv.ResponseError, match="algebraic loop"):
         slider(200.0).feedback([[2.0]], "a", "F").poles()
@@ -187,6 +188,31 @@ def test_accelerations_change_the_mass():
     np.testing.assert_allclose(np.abs(light.poles()), np.sqrt(200.0 * 2.0**31), rtol=1e-5)
     with pytest.raises(mv.ResponseError, match="algebraic loop"):
         slider(200.0).feedback([[2.0 - 2.0**-41]], "a", "F").poles()
+
+
+@pytest.mark.parametrize("gain", [1.0, 1e6, 1e9])
+def test_large_gains_from_accelerations_keep_the_digits_of_all_poles(gain):
+    """M' = M + g b b^T with b = Q e1, M = Q diag(2, 5) Q^T and K = Q [[3, 1], [1, 4]] Q^T: the eigenvalues of
+    [[3, 1], [1, 4]] - w^2 diag(2 + g, 5), of which 6e-8 was lost under a gain of 1e9.
+    """
+    q = np.array([[0.6, -0.8], [0.8, 0.6]])
+    stiffness = q @ [[3.0, 1.0], [1.0, 4.0]] @ q.T
+    plant = mv.System.from_matrices(q @ np.diag([2.0, 5.0]) @ q.T, None, stiffness, q[:, :1], Ca=q[:, :1].T)
+    loop = plant.feedback([[-gain]], plant.outputs, plant.inputs)
+    m, p, r = 2.0 + gain, 15.0 + 4.0 * (2.0 + gain), 11.0  # 5 m s^4 + (3 * 5 + 4 m) s^2 + 3 * 4 - 1
+    high = (p + np.sqrt(p * p - 20.0 * m * r)) / (10.0 * m)
+    expected = np.sqrt([r / (5.0 * m * high), r / (5.0 * m * high), high, high])
+    np.testing.assert_allclose(np.abs(loop.poles()), expected, rtol=1e-14)
+
+
+def test_accelerations_that_do_more_than_add_mass_keep_the_states():
+    """A force on the first of two masses by the acceleration of the other: M' is not symmetric."""
+    plant = mv.System.from_matrices(np.diag([2.0, 5.0]), None, [[3.0, -1.0], [-1.0, 4.0]], [[1.0], [0.0]], Ca=[[0, 1]])
+    for gain, entry in ((-1.0, 1.0), (1.0, -1.0)):
+        loop = plant.feedback([[gain]], plant.outputs, plant.inputs)
+        assert loop.second_order is None
+        poly = np.roots([10.0, 0.0, 8.0 + 15.0 + entry, 0.0, 11.0])
+        assert matched(loop.poles(), poly) < 1e-13
 
 
 def test_python_control_closes_the_same_loop():
