@@ -22,7 +22,7 @@ from functools import partial
 from mbsvib.common.misplaced import missing
 from mbsvib.feedback.controller import Controller, controller
 from mbsvib.feedback.margins import Margins
-from mbsvib.isolation.actuated import Active, actuated
+from mbsvib.isolation.actuated import Active, ClosedLoop, SampledLoop, actuated
 from mbsvib.isolation.collocation import Collocation, Pair, collocation
 from mbsvib.isolation.design import Design, Front
 from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
@@ -30,7 +30,7 @@ from mbsvib.isolation.isolation_study import Isolation, Vibration, study
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.placement import PlacedSet, Placement, placement
 from mbsvib.isolation.platform import Platform, platform
-from mbsvib.isolation.root_locus import ClosedLoop, RootLocus, SampledLoop, root_locus
+from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.structured import structured_singular_values
 from mbsvib.isolation.struts import Struts, ring, struts, unfolded
 from mbsvib.isolation.synthesis import hinf, lqg

@@ -4,36 +4,133 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mbsvib.api import loops
 from mbsvib.api.model import Model
 from mbsvib.api.system import System
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
 from mbsvib.common.selection import Names
-from mbsvib.errors import ModelError, counted
-from mbsvib.feedback.closed_loop import connected
+from mbsvib.errors import ModelError, ResponseError, counted
+from mbsvib.feedback.closed_loop import close, connected
 from mbsvib.feedback.controller import Controller, as_controller
+from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.loop import LoopPlant
 from mbsvib.isolation.isolation_study import Isolation, figures
-from mbsvib.isolation.root_locus import ClosedLoop, close
 from mbsvib.isolation.struts import ActiveLeg, active_legs
-from mbsvib.isolation.study_scene import Plant, scene
+from mbsvib.isolation.study_scene import DISPLACEMENTS, StudyScene, scene
 from mbsvib.mechanism.mechanism import GROUND
+
+HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not held
+
+
+class StudyFigures(FeedbackLoop):
+    """What closed loops of a study answer, in continuous or discrete time."""
+
+    plant: Active
+    """The system with force actuators and sensors in its legs."""
+
+    def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
+        """Return the figures of the closed loop.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Ascending frequencies [Hz]; default: the band of the mechanism with open loops, resolving every resonance of
+            open and closed ones.
+
+        Returns
+        -------
+        Isolation
+            Transmissibility, compliance and figures.
+
+        Raises
+        ------
+        ResponseError
+            If the loop is not stable.
+        """
+        self.check_stable()
+        return figures(self.plant.scene, self, frequencies)
+
+
+class SampledLoop(StudyFigures, loops.SampledLoop):
+    """A closed loop of a study whose controllers run in discrete time."""
+
+
+class ClosedLoop(StudyFigures, loops.ClosedLoop):
+    """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces."""
+
+    sampled_form = SampledLoop
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Active(Plant, Displayed):
+class Active(LoopPlant, Displayed):
     """A mechanism whose ``legs`` have actuators, ready for control: its figures, and its loops closed.
 
     ``system`` has, in addition to the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends
-    of the leg apart, and the outputs ``LEG.force`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and
-    ``LEG.acceleration`` [m/s^2]. Inputs and outputs of the model itself come first and keep their names.
+    of the leg apart, and the outputs ``LEG.force`` [N], the force in the leg as measured by a sensor in series with
+    spring and actuator, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2],
+    that of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
+    Inputs and outputs of the model itself come first and keep their names.
     """
 
     _engine = "scene space"
+
+    system: System
+    scene: StudyScene
+    legs: tuple[str, ...]
+
+    def names(self, port: str) -> tuple[str, ...]:
+        """Return the names of one kind of port, leg after leg.
+
+        Parameters
+        ----------
+        port : str
+            actuator, force, stroke, rate or acceleration.
+
+        Returns
+        -------
+        tuple of str
+            Names of inputs or outputs.
+        """
+        return tuple([f"{leg}.{port}" for leg in self.legs])
+
+    @cached_property
+    def _static(self) -> tuple[Array, Array]:
+        """Static shapes (m, 6) for unit displacements of the body, and its stiffness (6, 6)."""
+        system = self.system
+        rows = system.Cq[[system.outputs.index(name) for name in DISPLACEMENTS]]
+        size = np.linalg.svd(system.K, compute_uv=False)
+        if size[-1] <= HELD * size[0]:
+            raise ModelError(f"active: '{self.scene.model.name}' has motions that no spring holds; control in modal "
+                             f"coordinates needs a static stiffness.")  # fmt: skip
+        compliant = np.linalg.solve(system.K, rows.T)
+        stiffness = np.linalg.inv(rows @ compliant)
+        return compliant @ stiffness, 0.5 * (stiffness + stiffness.T)
+
+    @property
+    def stiffness(self) -> Array:
+        """Static stiffness of the body at the reference point, (6, 6), the other motions free."""
+        return self._static[1]
+
+    @property
+    def mass(self) -> Array:
+        """Mass that the body's static motions move, with the legs', at the reference point, (6, 6)."""
+        shapes = self._static[0]
+        return np.asarray(shapes.T @ self.system.M @ shapes)
+
+    @property
+    def wrenches(self) -> Array:
+        """Wrench on the body at the reference point, (6, legs), that has the static effect of unit actuator forces."""
+        system = self.system
+        forces = system.B[:, [system.inputs.index(name) for name in self.names("actuator")]]
+        return np.asarray(self._static[0].T @ forces)
 
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
@@ -75,8 +172,8 @@ class Active(Plant, Displayed):
         ClosedLoop
             The mechanism with all loops closed.
         """
-        return close(self, *[law if isinstance(law, Controller) else as_controller(law, self.system)
-                             for law in controllers])  # fmt: skip
+        laws = [law if isinstance(law, Controller) else as_controller(law, self.system) for law in controllers]
+        return cast("ClosedLoop", close(self, *laws, form=ClosedLoop))
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures with open loops.
@@ -95,6 +192,14 @@ class Active(Plant, Displayed):
 
     def __repr__(self) -> str:
         return f"Active({self.scene.model.name!r}: {counted(len(self.legs), 'actuator')})"
+
+
+def check_plant(plant: Any, who: str) -> Active:
+    """Return a plant of a study, refuse what is none."""
+    if not isinstance(plant, Active):
+        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
+                            f"isolation.actuated(model, body).")  # fmt: skip
+    return plant
 
 
 def actuated(

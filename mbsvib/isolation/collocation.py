@@ -17,7 +17,7 @@ from mbsvib.common.expected import kind_of
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError, counted
 from mbsvib.feedback.loop_rounding import response
-from mbsvib.isolation.study_scene import Plant, check_plant
+from mbsvib.isolation.actuated import Active, check_plant
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 
@@ -62,10 +62,9 @@ class Collocation(Columnar, Displayed):
         dict of str to array, shape (pairs,)
             ``actuator``, ``sensor``, ``collocated``, ``interlaced`` (None where it is not defined), ``passive``.
         """
-        rows = [(p.actuator, p.sensor, p.dual, p.interlaced, p.passive) for p in self.pairs]
-        names = ("actuator", "sensor", "collocated", "interlaced", "passive")
-        return {name: np.array(column, dtype=object)
-                for name, column in zip(names, zip(*rows, strict=True), strict=True)}  # fmt: skip
+        names = {name: name for name in ("actuator", "sensor", "collocated", "interlaced", "passive")}
+        fields = (names | {"collocated": "dual"}).items()
+        return {name: np.array([getattr(one, own) for one in self.pairs], dtype=object) for name, own in fields}
 
     def table(self) -> dict[str, Any]:
         """Return the report as arguments of ``mbsvib.common.tables.text`` and ``show``."""
@@ -78,12 +77,12 @@ class Collocation(Columnar, Displayed):
         return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
 
-def collocation(plant: Plant | System, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
+def collocation(plant: Active | System, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
     """Return a report on pairs of actuators and sensors.
 
     Parameters
     ----------
-    plant : Plant or System
+    plant : Active or System
         The mechanism, from ``actuated``, or any other.
     pairs : iterable of (str, str), optional
         Names of an actuator and a sensor each; default: force, rate and acceleration of each leg with its actuator.
@@ -113,7 +112,7 @@ def collocation(plant: Plant | System, pairs: Iterable[tuple[str, str]] | None =
     return Collocation(system.name, tuple([_pair(system, legs, still, pair) for pair in port_pairs]))
 
 
-def _pair(system: System, plant: Plant | None, undamped: System | None, pair: tuple[str, ...]) -> Pair:
+def _pair(system: System, plant: Active | None, undamped: System | None, pair: tuple[str, ...]) -> Pair:
     """The report on an actuator and a sensor; ``plant``: whose tensions are those of legs with their actuators."""
     found = numbers(system, "input", pair[0]), numbers(system, "output", pair[1])
     if max(map(len, found)) > 1:
@@ -136,11 +135,14 @@ def _pair(system: System, plant: Plant | None, undamped: System | None, pair: tu
     both = np.concatenate((poles, zeros))
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
     interlaced = None if undamped is None else minimum and bool((np.diff(kind) != 0.0).all())
-    passive = _passive(system if system.C.any() else _damped(system), i, j, force, order)
+    if not system.C.any():  # without damping no mode exchanges energy: some in proportion to stiffness
+        ratio = 2.0 * LIGHT / np.abs(system.poles()).max(initial=1.0)
+        system = replace(system, C=ratio * system.K, row_damping=ratio * system.row_stiffness)
+    passive = _passive(system, i, j, force, order)
     return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros)
 
 
-def removable(plant: Plant, legs: Sequence[str]) -> bool:
+def removable(plant: Active, legs: Sequence[str]) -> bool:
     """Return whether legs are plain springs, which have no effect beside their preload without further tension."""
     return all(isinstance(plant.scene.model.springs.get(leg), Spring) for leg in legs)
 
@@ -176,12 +178,6 @@ def _visible_frequencies(system: System, actuator: str, sensor: str, free: Syste
         else:
             visible.append(pole)
     return np.array(visible) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum
-
-
-def _damped(system: System) -> System:
-    """A system with damping proportional to stiffness: without damping no mode exchanges energy."""
-    ratio = 2.0 * LIGHT / np.abs(system.poles()).max(initial=1.0)
-    return replace(system, C=ratio * system.K, row_damping=ratio * system.row_stiffness)
 
 
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from mbsvib.api.model import Model
-from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import reals
-from mbsvib.errors import ModelError
 from mbsvib.isolation.isolation_study import Isolation
-from mbsvib.studies import Constraint, Optimum, Quantity
+from mbsvib.studies import Optimum
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -86,33 +83,3 @@ class Front(Columnar, Displayed):
 
     def __repr__(self) -> str:
         return f"Front({self.labels[0]} against {self.labels[1]}, {len(self.designs)} designs)"
-
-
-def front(
-    designed: Callable[[Constraint, Mapping[str, Any]], Design], labels: tuple[str, str], against: Quantity,
-    bounds: Sequence[float], kwargs: Mapping[str, Any],
-) -> Front:  # fmt: skip
-    """Return the front: one search for each bound, starting at the previous result.
-
-    ``designed``: returns the best design under an additional constraint and the arguments ``kwargs`` of
-    ``studies.optimize``. ``labels``: of the objective and of the bounded quantity.
-    """
-    limits = reals(bounds, "front", "bounds", "one or more finite numbers", ModelError)
-    if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
-        raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
-    options = dict(kwargs)
-    designs: list[Design] = []
-    price = []
-    if labels[0] == labels[1]:
-        labels = labels[0], f"{labels[1]} (bounded)"
-    for bound in limits.tolist():
-        limit = against <= bound
-        designs.append(designed(limit, options))  # the last constraint
-        options["start"] = dict(designs[-1].values)
-        values = [*designs[-1].optimum.constraints.values()][-1]
-        if len(values) != 1:
-            raise ModelError(f"front: '{against.label}' has {len(values)} numbers; expected one, as largest() makes.",
-                             field="against")  # fmt: skip
-        price.append(float(values[0]))
-    return Front(labels, np.array([design.optimum.objective for design in designs]),
-                 np.array(price), limits, tuple(designs))  # fmt: skip

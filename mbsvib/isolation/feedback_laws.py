@@ -11,19 +11,20 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.expected import one_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller, controller, integrators
-from mbsvib.isolation.study_scene import ACCELERATIONS, Plant, check_plant
+from mbsvib.isolation.actuated import Active, check_plant
+from mbsvib.isolation.study_scene import ACCELERATIONS
 
 COORDINATES = ("legs", "modal")
 
 
-def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controller:
+def force_feedback(plant: Active, gain: ArrayLike, leak: float = 0.0) -> Controller:
     """Return decentralised integral force feedback: each leg pushes by the integral of its own tension.
 
     u_i = g_i / (s + leak) T_i, so that a massless leg on a mass has s^2 + g s + Omega^2 = 0
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     gain : float or array-like, shape (legs,)
         g [rad/s].
@@ -47,12 +48,12 @@ def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controll
     return law.for_plant(plant.system)
 
 
-def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
+def velocity_feedback(plant: Active, gain: ArrayLike) -> Controller:
     """Return direct velocity feedback: each leg opposes the rate of its own elongation, u_i = -g_i d(stroke_i)/dt.
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     gain : float or array-like, shape (legs,)
         g [N s/m], as the coefficient of a damper in parallel with the spring.
@@ -71,7 +72,7 @@ def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
     return controller(-gains, plant.names("rate"), plant.names("actuator"), "DVF").for_plant(plant.system)
 
 
-def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: float = 0.0) -> Controller:
+def skyhook(plant: Active, gain: ArrayLike, coordinates: str = "legs", leak: float = 0.0) -> Controller:
     """Return skyhook damping: forces against the body's absolute velocity, the integral of accelerometers.
 
     legs: u_i = -g_i / (s + leak) a_i with the body's acceleration a_i along the leg.
@@ -80,7 +81,7 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     gain : float or array-like, shape (legs,) or (6,)
         Legs: g [N s/m]. Modal: damping ratios, in ascending frequency.
@@ -144,7 +145,7 @@ def force_feedback_optimum(pole: float, zero: float) -> tuple[float, float]:
     return pole * float(np.sqrt(pole / zero)), (pole - zero) / (2.0 * zero)
 
 
-def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
+def _gains(plant: Active, gain: ArrayLike, who: str, unit: str) -> Array:
     check_plant(plant, who)
     if not plant.legs:
         raise ResponseError(f"{who}: the plant has no legs with actuators; name some, isolation.actuated(model, body, "

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from mbsvib.api.model import Model
 from mbsvib.api.system import System
-from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import hertz
@@ -26,7 +26,7 @@ from mbsvib.random import curves
 from mbsvib.random.budget import random
 from mbsvib.random.mean_squares import Random
 from mbsvib.random.sources import BaseNoise, base_noise, base_sources
-from mbsvib.responses import extrema
+from mbsvib.responses.frequency_grid import resolving_frequencies
 
 # Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
 # what rounding leaves of their squares, a few units in the last place.
@@ -182,8 +182,6 @@ def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None
 
 
 POINTS = 400  # evenly spaced default frequencies; more points are added at resonances
-THINNING = 3.0  # distance of the first added point in half-widths, and ratio of successive distances
-SAME = 1e-10  # share of a frequency within which points are duplicates
 BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
 
 
@@ -283,10 +281,7 @@ def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | No
 
 
 def _resolving(linear: Linear) -> Array:
-    """Return ascending frequencies (n,) [Hz] around all poles, for a closed loop also around those of the open loop.
-
-    They are evenly spaced on a logarithmic axis, and denser around resonances.
-    """
+    """Frequencies (n,) [Hz] that resolve all resonances, ascending; for closed loops also those of the open loop."""
     system: System = linear if isinstance(linear, System) else linear.open_loop
     size = np.abs(system.poles()) / (2.0 * np.pi)
     size = size[size > 1e-9 * size.max(initial=0.0)]
@@ -294,19 +289,8 @@ def _resolving(linear: Linear) -> Array:
         raise ResponseError("isolation: nothing vibrates, so that no band suggests itself; give frequencies [Hz].")
     low, high = BELOW * float(size.min()), ABOVE * float(size.max())
     poles, _, period = resolution(linear)
-    poles = np.concatenate((system.poles(), poles)) / (2.0 * np.pi)
     if period < np.inf:
         count = int(high / period) + 1
-        poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
-    even = np.geomspace(low, high, POINTS)
-    points = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
-    points = points[(points >= low) & (points <= high)]
-    return points[np.concatenate(([True], np.diff(points) > SAME * points[1:]))]
-
-
-def _around(poles: Complex, spacing: float) -> Array:
-    """Peaks and half-power points of resonances, and points around them up to the even spacing."""
-    half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
-    away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
-    away = half * np.concatenate(([0.0], away, -away))
-    return (centre + away)[(half > extrema.UNDAMPED * centre) & (np.abs(away) <= spacing * centre)]
+        poles = (poles[:, None] + 2j * np.pi * period * np.arange(-count, count + 1)).reshape(-1)
+    poles = np.concatenate((system.poles(), poles))
+    return resolving_frequencies(poles, poles, low, high, POINTS)

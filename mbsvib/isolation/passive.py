@@ -13,19 +13,20 @@ from numpy.typing import ArrayLike
 from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arrays import Array
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import band_of, hertz, names, one_of
+from mbsvib.common.expected import band_of, hertz, names, one_of, reals
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError
-from mbsvib.isolation.design import Design, Front, front
+from mbsvib.isolation.design import Design, Front
+from mbsvib.isolation.design_noise import MeanSquares
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
-from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.random.sources import BaseNoise, base_noise
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
-from mbsvib.studies.responses import Peak
+from mbsvib.studies.responses import Peak, PortResponses
 
 Bounds = Mapping[str, tuple[float | None, float | None] | None]
 
@@ -57,7 +58,7 @@ class Passive(Displayed):
         Quantity
             max ||T||_F / sqrt(base directions).
         """
-        return Peak(self._ports(self._base_weights, "transmissibility"), band_of(band, "peak", above=True))
+        return Peak(self._transmissibility, band_of(band, "peak", above=True))
 
     def index(self, frequencies: ArrayLike) -> Quantity:
         """Return the Frobenius index at frequencies.
@@ -72,9 +73,9 @@ class Passive(Displayed):
         Quantity
             ||T||_F / sqrt(base directions) at each.
         """
-        f, ports = hertz(frequencies), self._ports(self._base_weights, "index")
+        f = hertz(frequencies)
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
-        return Leaf(f"index at {span} [1]", partial(ports.size, w=2.0 * np.pi * f))
+        return Leaf(f"index at {span} [1]", partial(self._transmissibility.size, w=2.0 * np.pi * f))
 
     def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square acceleration of the body under base noise, rotations times the length.
@@ -182,7 +183,7 @@ class Passive(Displayed):
         one_of(direction, DIRECTIONS[:3], "sag", "direction", ModelError)
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
         newton = abs(check.number(weight, "sag", "load"))
-        ports = Weighted("sag", {f"displacement.{direction}": 1.0}, {f"load.{direction}": newton})
+        ports = PortResponses({f"displacement.{direction}": 1.0}, {f"load.{direction}": newton})
         return Leaf(f"sag along {direction} [m]", partial(ports.size, w=np.zeros(1)))
 
     def compliance(self, frequency: float = 0.0) -> Quantity:
@@ -198,8 +199,9 @@ class Passive(Displayed):
         Quantity
             Frobenius norm over sqrt 6 [m/N].
         """
-        scale = dict(zip(LOADS, self.scene.scale() / np.sqrt(6.0), strict=True))
-        ports = Weighted("compliance", dict(zip(DISPLACEMENTS, self.scene.scale(), strict=True)), scale)
+        scale = self.scene.scale()
+        ports = PortResponses(dict(zip(DISPLACEMENTS, scale, strict=True)),
+                              dict(zip(LOADS, scale / np.sqrt(6.0), strict=True)))  # fmt: skip
         return Leaf(f"compliance at {frequency:g} Hz [m/N]", partial(ports.size, w=np.array([2.0 * np.pi * frequency])))
 
     @property
@@ -276,20 +278,29 @@ class Passive(Displayed):
         ModelError
             If there are no bounds, or a variable is refused.
         """
-        constraint_list = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
-
-        def designed(limit: Constraint, options: Mapping[str, Any]) -> Design:
-            return self.optimize(variables, objective, (*constraint_list, limit), **options)
-
-        return front(designed, (objective.label, against.label), against, bounds, kwargs)
+        limits = reals(bounds, "front", "bounds", "one or more finite numbers", ModelError)
+        if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
+            raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
+        others = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
+        designs: list[Design] = []
+        price: list[Array] = []
+        for bound in limits.tolist():  # each search starts at the previous result
+            designs.append(self.optimize(variables, objective, (*others, against <= bound), **kwargs))
+            kwargs["start"] = dict(designs[-1].values)
+            price.append([*designs[-1].optimum.constraints.values()][-1])
+            if len(price[-1]) != 1:
+                raise ModelError(f"front: '{against.label}' has {len(price[-1])} numbers; expected one, as largest() "
+                                 f"makes.", field="against")  # fmt: skip
+        labels = objective.label, against.label + (" (bounded)" if objective.label == against.label else "")
+        return Front(labels, np.array([design.optimum.objective for design in designs]),
+                     np.array(price)[:, 0], limits, tuple(designs))  # fmt: skip
 
     @property
-    def _base_weights(self) -> dict[str, float]:
-        return dict(zip(self.scene.inputs, 1.0 / self.scene.scale(self.scene.base_directions), strict=True))
-
-    def _ports(self, inputs: Mapping[str, float], label: str) -> Weighted:
-        root = float(np.sqrt(len(self.scene.base_directions)))
-        return Weighted(label, dict(zip(ACCELERATIONS, self.scene.scale() / root, strict=True)), inputs)
+    def _transmissibility(self) -> PortResponses:
+        scene, count = self.scene, len(self.scene.base_directions)
+        return PortResponses(dict(zip(ACCELERATIONS, scene.scale() / np.sqrt(count), strict=True)),
+                             dict(zip(scene.inputs, 1.0 / scene.scale(scene.base_directions), strict=True)),
+                             "transmissibility")  # fmt: skip
 
     def _rms_by_leg(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
         if not outputs:

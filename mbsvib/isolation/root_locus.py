@@ -1,4 +1,4 @@
-"""Poles of the closed loop over a gain, each mode followed; closed loops with the figures of isolation."""
+"""Poles of the closed loop over a gain, each mode followed."""
 
 from __future__ import annotations
 
@@ -10,66 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mbsvib.api import loops
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, numbered
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import ascending, mode_index
 from mbsvib.errors import ResponseError
-from mbsvib.feedback import closed_loop
 from mbsvib.feedback.controller import Controller
-from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios
+from mbsvib.isolation.actuated import Active, check_plant
 from mbsvib.isolation.collocation import removable, without
-from mbsvib.isolation.isolation_study import Isolation, figures
-from mbsvib.isolation.study_scene import Plant, check_plant
-
-
-class StudyFigures(FeedbackLoop):
-    """What closed loops of a study answer, in continuous or discrete time."""
-
-    plant: Plant
-    """The system with force actuators and sensors in its legs."""
-
-    def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
-        """Return the figures of the closed loop.
-
-        Parameters
-        ----------
-        frequencies : array-like, shape (n,), optional
-            Ascending frequencies [Hz]; default: the band of the mechanism with open loops, resolving every resonance of
-            open and closed ones.
-
-        Returns
-        -------
-        Isolation
-            Transmissibility, compliance and figures.
-
-        Raises
-        ------
-        ResponseError
-            If the loop is not stable.
-        """
-        self.check_stable()
-        return figures(self.plant.scene, self, frequencies)
-
-
-class SampledLoop(StudyFigures, loops.SampledLoop):
-    """A closed loop of a study whose controllers run in discrete time."""
-
-
-class ClosedLoop(StudyFigures, loops.ClosedLoop):
-    """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces."""
-
-    sampled_form = SampledLoop
-
-
-def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
-    """Return a plant of a study with its loops closed."""
-    loop = closed_loop.close(plant, *controllers, form=ClosedLoop)
-    assert isinstance(loop, ClosedLoop)
-    return loop
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -196,12 +146,12 @@ class RootLocus(Columnar, Displayed):
         return f"RootLocus({self.name!r}: {len(self.gains)} gains, {self.poles.shape[1]} poles)"
 
 
-def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLike) -> RootLocus:
+def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLike) -> RootLocus:
     """Return the poles of closed loops over a gain.
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     law : callable
         Returns the controller of a gain, ``lambda g: isolation.force_feedback(plant, g)``, with the same states at all
@@ -225,10 +175,10 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     if not callable(law):
         raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
                             f"lambda g: isolation.force_feedback(plant, g).")  # fmt: skip
-    count = len(close(plant, law(float(g[0]))).state_space().A)
+    count = len(plant.with_gains(law(float(g[0]))).state_space().A)
 
     def matrix(gain: float) -> Array:
-        result: Array = close(plant, law(gain)).state_space().A
+        result: Array = plant.with_gains(law(gain)).state_space().A
         if len(result) != count:
             raise ResponseError(f"root_locus: the loop has {count} states at the gain {g[0]:g} and {len(result)} at "
                                 f"{gain:g}; expected a controller with the same states at all gains.")  # fmt: skip
@@ -237,7 +187,7 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     track = Track(matrix, g)
     track.refine()
     table = track.poles
-    first = close(plant, law(float(g[-1])))
+    first = plant.with_gains(law(float(g[-1])))
     system = plant.system
     tensions = [name.removesuffix(".actuator") for name in first.actuators]
     force_feedback = set(first.sensors) == {f"{leg}.force" for leg in tensions} and removable(plant, tensions)

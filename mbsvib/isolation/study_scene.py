@@ -1,15 +1,10 @@
-"""The scene of an isolation study: a mechanism with base motion, loads on the payload and outputs of the legs.
-
-As controllers see it, its legs have actuators and sensors too.
-"""
+"""The scene of an isolation study: a mechanism with base motion, loads on the payload and outputs of the legs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,8 +19,7 @@ from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.ports import fixed_in_world
-from mbsvib.errors import ModelError, ResponseError, nearest
-from mbsvib.feedback.loop import LoopPlant
+from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 
 DIRECTIONS = check.DIRECTIONS
@@ -132,14 +126,6 @@ def _add_ports(model: Model, body: str, at: Vector, base_directions: Sequence[st
             model.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
 
 
-def check_plant(plant: Any, who: str) -> Plant:
-    """Return a plant of a study, refuse what is none."""
-    if not isinstance(plant, Plant):
-        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
-                            f"isolation.actuated(model, body).")  # fmt: skip
-    return plant
-
-
 def check_body(model: Model, name: str, who: str, field: str) -> None:
     """Refuse what is no body of a model; as a ``base`` the ground is one."""
     check.known(name, [*model.bodies, *([GROUND] if field == "base" else [])],
@@ -236,67 +222,3 @@ def _measured(model: Model) -> tuple[Leg, ...]:
             model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
             model.add_force_output(legs[-1].force, name)
     return tuple(legs)
-
-
-HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not held
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Plant(LoopPlant):
-    """A mechanism whose ``legs`` have actuators and sensors.
-
-    ``system`` has the ports of an isolation study, and the inputs ``LEG.actuator`` [N], which push the ends of the leg
-    apart, and the outputs ``LEG.force`` [N], the force in the leg as measured by a sensor in series with spring and
-    actuator, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
-    of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
-    """
-
-    system: System
-    scene: StudyScene
-    legs: tuple[str, ...]
-
-    def names(self, port: str) -> tuple[str, ...]:
-        """Return the names of one kind of port, leg after leg.
-
-        Parameters
-        ----------
-        port : str
-            actuator, force, stroke, rate or acceleration.
-
-        Returns
-        -------
-        tuple of str
-            Names of inputs or outputs.
-        """
-        return tuple([f"{leg}.{port}" for leg in self.legs])
-
-    @cached_property
-    def _static(self) -> tuple[Array, Array]:
-        """Static shapes (m, 6) for unit displacements of the body, and its stiffness (6, 6)."""
-        system = self.system
-        rows = system.Cq[[system.outputs.index(name) for name in DISPLACEMENTS]]
-        size = np.linalg.svd(system.K, compute_uv=False)
-        if size[-1] <= HELD * size[0]:
-            raise ModelError(f"active: '{self.scene.model.name}' has motions that no spring holds; control in modal "
-                             f"coordinates needs a static stiffness.")  # fmt: skip
-        compliant = np.linalg.solve(system.K, rows.T)
-        stiffness = np.linalg.inv(rows @ compliant)
-        return compliant @ stiffness, 0.5 * (stiffness + stiffness.T)
-
-    @property
-    def stiffness(self) -> Array:
-        """Static stiffness of the body at the reference point, (6, 6), the other motions free."""
-        return self._static[1]
-
-    @property
-    def mass(self) -> Array:
-        """Mass that the body's static motions move, with the legs', at the reference point, (6, 6)."""
-        shapes = self._static[0]
-        return np.asarray(shapes.T @ self.system.M @ shapes)
-
-    @property
-    def wrenches(self) -> Array:
-        """Wrench on the body at the reference point, (6, legs), that has the static effect of unit actuator forces."""
-        system = self.system
-        forces = system.B[:, [system.inputs.index(name) for name in self.names("actuator")]]
-        return np.asarray(self._static[0].T @ forces)

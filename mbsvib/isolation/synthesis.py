@@ -12,8 +12,9 @@ from mbsvib.common.selection import Names
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.feedback.closing import closed_space
 from mbsvib.feedback.controller import Controller
+from mbsvib.isolation.actuated import Active, check_plant
 from mbsvib.isolation.riccati import riccati
-from mbsvib.isolation.study_scene import ACCELERATIONS, Plant, check_plant
+from mbsvib.isolation.study_scene import ACCELERATIONS
 from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.state_space import StateSpace
@@ -102,7 +103,7 @@ def _attempt(
     if failed or not all(np.isfinite(matrix).all() for matrix in (ak, bk, ck, dk)):
         return None
     loop = closed_loop(plant, (ak, bk, ck, dk), measurements, controls)
-    if not _is_stable(loop[0]):
+    if not spectrum(loop[0]).decaying.all():
         return None
     reached = StateSpace.from_arrays(*loop).hinf_norm().value
     if not reached <= (1.0 + EXCEEDED) * norm:
@@ -200,11 +201,6 @@ def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, con
     return _Normalized((a, b / unit, c * unit, d), rate, cost, noise, size)
 
 
-def _is_stable(a: Array) -> bool:
-    """Tell whether all eigenvalues decay despite their errors."""
-    return bool(spectrum(a).decaying.all())
-
-
 def _size(a: Array, b: Array, c: Array, d: Array) -> float:
     """The largest gain of a plant at some frequencies, 1 if it is zero."""
     with np.errstate(all="ignore"):
@@ -215,7 +211,7 @@ def _size(a: Array, b: Array, c: Array, d: Array) -> float:
 
 
 def lqg(
-    plant: Plant, sensors: Names, effort: float, base: float = 1.0, noise: float = 1e-6,
+    plant: Active, sensors: Names, effort: float, base: float = 1.0, noise: float = 1e-6,
     performance: Names = ACCELERATIONS,
 ) -> Controller:  # fmt: skip
     """Return the controller that minimises the mean square of the body's acceleration plus that of forces.
@@ -224,7 +220,7 @@ def lqg(
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     sensors : str or sequence of str
         What is measured: names or patterns of outputs of the plant.
@@ -258,7 +254,7 @@ def lqg(
 
 
 def hinf(
-    plant: Plant, sensors: Names, effort: float, noise: float = 1e-3,
+    plant: Active, sensors: Names, effort: float, noise: float = 1e-3,
     performance: Names = ACCELERATIONS, relaxation: float = 1.0,
 ) -> tuple[Controller, float]:  # fmt: skip
     """Return the controller that minimises the largest response to base and sensor noise.
@@ -267,7 +263,7 @@ def hinf(
 
     Parameters
     ----------
-    plant : Plant
+    plant : Active
         The mechanism.
     sensors : str or sequence of str
         What is measured: names or patterns of outputs of the plant.
@@ -313,7 +309,7 @@ def hinf(
     return law, float(synthesis.norm or 0.0)
 
 
-def _names(plant: Plant, sensors: Names) -> tuple[str, ...]:
+def _names(plant: Active, sensors: Names) -> tuple[str, ...]:
     return tuple([plant.system.outputs[k] for k in numbers(plant.system, "output", sensors)])
 
 
@@ -324,7 +320,7 @@ def _check_positive(who: str, **weights: float) -> None:
 
 
 def _weighted(
-    plant: Plant, sensors: Names, performance: Names, who: str
+    plant: Active, sensors: Names, performance: Names, who: str
 ) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, float]:
     """The plant in time units of its highest frequency, balanced, rotations times the length.
 

@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.expected import band_of
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.loop_rounding import response as norm_response
 from mbsvib.random.mean_squares import Random
 from mbsvib.random.sources import Sources, sources
 from mbsvib.responses import extrema
@@ -23,6 +24,7 @@ from mbsvib.studies.evaluation import DesignPoint, Dual, stacked, steady_respons
 from mbsvib.studies.quantities import Largest, Leaf, Quantity
 
 Names = str | Iterable[str] | None
+Weighted = Names | Mapping[str, float]
 Band = tuple[float, float]
 
 SEEDS = 24  # points distributed over a band, in addition to those at the modes
@@ -30,38 +32,36 @@ LOWER = 0.1  # local maxima below this share of the largest are not bounded yet
 
 
 class PortResponses:
-    """Responses from ``inputs`` to ``outputs``, as one number: the Frobenius norm."""
+    """Responses from ``inputs`` to ``outputs`` as one number: the Frobenius norm, of the weight of each output times
+    the response times the weight of each input, where ports have weights by name.
+    """
 
-    def __init__(self, outputs: Names, inputs: Names) -> None:
-        self.outputs = _names(outputs, "outputs")
-        self.inputs = _names(inputs, "inputs")
-
-    @property
-    def label(self) -> str:
-        """The ports in words."""
-        return f"{_listed(self.outputs, 'all outputs')} over {_listed(self.inputs, 'all inputs')}"
+    def __init__(self, outputs: Weighted, inputs: Weighted, label: str | None = None) -> None:
+        self.outputs, self.inputs = _names(outputs, "outputs"), _names(inputs, "inputs")
+        self.label = label or f"{_listed(self.outputs, 'all outputs')} over {_listed(self.inputs, 'all inputs')}"
+        self._weights = [dict(ports) if isinstance(ports, Mapping) else None for ports in (outputs, inputs)]
 
     def of(self, system: System) -> tuple[list[str], list[str]]:
         """Return the names of outputs and inputs; None stands for all of the system."""
         return (_known(system.outputs, self.outputs, "output", system.name),
                 _known(system.inputs, self.inputs, "input", system.name))  # fmt: skip
 
-    def response(self, system: System, w: Array) -> Complex:
-        """Return the responses at angular frequencies, (outputs, inputs, n)."""
-        return steady_response(system, w, *self.of(system))
-
-    def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
-        """Return the responses and their derivatives, (variables, outputs, inputs, n)."""
-        outputs, inputs = self.of(point.system)
-        return point.response(w, inputs, outputs)
+    def _weighted(self, g: Complex, names: tuple[list[str], list[str]]) -> Complex:
+        """Responses (..., outputs, inputs, n) times the weights of ports."""
+        left, right = (np.array([1.0 if own is None else own[name] for name in of_side])
+                       for own, of_side in zip(self._weights, names, strict=True))  # fmt: skip
+        return g * np.outer(left, right)[:, :, None]
 
     def magnitude(self, system: System, w: Array) -> Array:
         """Return the norm at angular frequencies."""
-        return np.asarray(np.sqrt((np.abs(self.response(system, w)) ** 2).sum(axis=(0, 1))))
+        names = self.of(system)
+        of = norm_response if isinstance(system, System) else steady_response
+        return np.asarray(np.sqrt((np.abs(self._weighted(of(system, w, *names), names)) ** 2).sum(axis=(0, 1))))
 
     def size(self, point: DesignPoint, w: Array) -> Dual:
         """Return the norm at angular frequencies, with derivatives."""
-        g, slope = self.with_slopes(point, w)
+        names = self.of(point.system)
+        g, slope = (self._weighted(part, names) for part in point.response(w, names[1], names[0]))
         value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
         change = (g.conj() * slope).real.sum(axis=(1, 2))
         return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
@@ -141,7 +141,7 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
         raise ResponseError(f"rms: spectra = {check.shown(spectra)}; expected a density for each input, such as "
                             f"{{'floor.x': 1e-6}}.")  # fmt: skip
     known = {name: density(value, f"noise at '{name}'") for name, value in spectra.items()}
-    ports, span_ = PortResponses(outputs, known), band_of(band, "rms")
+    ports, span_ = PortResponses(outputs, list(known)), band_of(band, "rms")
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
                 partial(_rms, ports=ports, spectra=known, band=span_))  # fmt: skip

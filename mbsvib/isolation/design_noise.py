@@ -1,4 +1,4 @@
-"""Quantities of responses whose ports have weights, and of noise that is correlated."""
+"""Mean squares of an isolation under noise of the base, for designs: with derivatives, several at once."""
 
 from __future__ import annotations
 
@@ -9,42 +9,12 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.arrays import Array, Complex
-from mbsvib.common.patterns import matching
-from mbsvib.feedback.loop_rounding import response
 from mbsvib.random.sources import BaseNoise, base_sources
+from mbsvib.sensitivities.variables import variables
 from mbsvib.studies.evaluation import DesignPoint, Dual
-from mbsvib.studies.responses import PortResponses, mean_squares
+from mbsvib.studies.responses import mean_squares
 
 Law = tuple[str, str, str]
-
-
-class Weighted(PortResponses):
-    """Responses as one number, the Frobenius norm of weight of output x response x weight of input."""
-
-    def __init__(self, label: str, outputs: Mapping[str, float], inputs: Mapping[str, float]) -> None:
-        super().__init__(list(outputs), list(inputs))
-        self._label, self._output_weights, self._input_weights = label, dict(outputs), dict(inputs)
-
-    @property
-    def label(self) -> str:
-        """The response in words."""
-        return self._label
-
-    def _weights(self, system: System) -> Array:
-        outputs, inputs = self.of(system)
-        left = [self._output_weights[name] for name in outputs]
-        right = [self._input_weights[name] for name in inputs]
-        return np.outer(left, right)[:, :, None]
-
-    def response(self, system: System, w: Array) -> Complex:
-        """Return the weighted responses at angular frequencies, (outputs, inputs, n)."""
-        return np.asarray(self._weights(system) * response(system, w, *self.of(system)))
-
-    def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
-        """Return the weighted responses and their derivatives, (variables, outputs, inputs, n)."""
-        weights = self._weights(point.system)
-        value, slope = super().with_slopes(point, w)
-        return weights * value, weights * slope
 
 
 def _by_laws(
@@ -56,26 +26,15 @@ def _by_laws(
     rows = [unique.index(name) for name in computed]
     value, slope = (part.take(rows, axis=part.ndim - 3) for part in point.response(w, inputs, unique))
     known = point.system.parameters
-    rates = _rates(point, [name for output in outputs if output in laws for name in laws[output][1:]])
+    moved = [dict(one.rates) for one in variables(known, point.rates).as_directions()]
     for row, name in enumerate(outputs):
         if name in laws:
             _, stiffness, damping = laws[name]
             z = known[stiffness] + 1j * w * known[damping]
             value[row] /= z
-            change = rates[stiffness][:, None] + 1j * w * rates[damping][:, None]
-            slope[:, row] = (slope[:, row] - value[row] * change[:, None]) / z
+            k, c = (np.array([rates.get(name, 0.0) for rates in moved])[:, None] for name in (stiffness, damping))
+            slope[:, row] = (slope[:, row] - value[row] * (k + 1j * w * c)[:, None]) / z
     return value, slope
-
-
-def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
-    """Derivatives of some parameters with respect to each variable."""
-    known = point.system.parameters
-    result = {name: np.zeros(len(point.rates)) for name in parameters}
-    for i, rates in enumerate(point.rates.values()):
-        for pattern, rate in rates.items():
-            for name in result.keys() & ([pattern] if pattern in known else matching(pattern, result)):
-                result[name][i] += rate
-    return result
 
 
 class MeanSquares:
