@@ -14,13 +14,16 @@ from mbsvib.api.model import Model
 from mbsvib.api.system import System
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.common.expected import angular, kind_of
-from mbsvib.errors import ModelError
+from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.feedback.loop import Loop
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.modes import Modes
 from mbsvib.sensitivities.variables import variables as resolved
 from mbsvib.studies.derivatives import Derivatives, Differences, OfLoop, OfSystem
-from mbsvib.studies.plants import PlantPoint, Systems
+from mbsvib.studies.plants import GAIN_STEP, Plant, Systems
+
+STEP = 1e-4  # of differences, in parts of a variable: close resonances allow no larger one, rounding no smaller one
+SMOOTH = 1e-3  # share by which differences of second and of fourth order of smooth matrices differ at most
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +82,8 @@ class DesignPoint:
     converts derivatives with respect to variables to those with respect to the unknowns of a search, ``levels`` are
     bounds that replace the largest of many numbers, ``order`` is the mode number of each track. ``equations`` are None
     where no quantity of the study asks for the system; ``changed`` is the model at these values, None where it is that
-    of the system. ``plant`` is what quantities are those of in its place, None without one.
+    of the system. ``systems`` are those of a study with a plant around them, or with joints that are displaced, None of
+    others; differences take a small part of the ``sizes`` (variables,) of the variables.
     """
 
     equations: Any
@@ -89,7 +93,8 @@ class DesignPoint:
     levels: Mapping[Hashable, float]
     order: Index | None = None
     changed: Model | None = None
-    plant: PlantPoint | None = None
+    systems: Systems | None = None
+    sizes: Array | None = None
 
     @classmethod
     def of(
@@ -114,14 +119,13 @@ class DesignPoint:
         if not equations:
             return cls(None, rates, values, scale, {}, changed=systems.described(values))
         system = checked(systems.at(values))
-        around = systems.plant.function is not None or systems.design.pose
-        plant = PlantPoint(systems, system, values, rates, sizes) if around else None
-        return cls(system, rates, values, scale, {}, plant=plant)
+        around = systems if systems.plant.function is not None or systems.design.pose else None
+        return cls(system, rates, values, scale, {}, systems=around, sizes=sizes)
 
-    @property
+    @cached_property
     def system(self) -> Any:
         """The equations of motion, or the plant."""
-        return linear(self.equations if self.plant is None else self.plant.asked)
+        return linear(self.equations if self.systems is None else self.systems.plant(self.equations, self.values))
 
     @property
     def model(self) -> Model:
@@ -135,10 +139,17 @@ class DesignPoint:
 
     def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
         """Return the same point, with its cached results, and with bounds that replace the largest of many numbers."""
-        result = replace(self, levels=levels)
         if self.equations is not None:
-            result.__dict__["derivatives"] = self.derivatives
-        result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
+            _ = self.derivatives
+        return self._like(("system", "derivatives", "differences", "modes", "pairs"), levels=levels)
+
+    def ordered(self, order: Index | None) -> DesignPoint:
+        """Return the same point, with its cached results, and the mode number of each track."""
+        return self._like(("system", "derivatives", "differences", "modes"), order=order)
+
+    def _like(self, cached: tuple[str, ...], **changes: Any) -> DesignPoint:
+        result = replace(self, **changes)
+        result.__dict__.update((name, self.__dict__[name]) for name in cached if name in self.__dict__)
         return result
 
     @property
@@ -177,25 +188,79 @@ class DesignPoint:
         return modes.eigenvalues[ends], self.derivatives.eigenvalues(modes)[:, ends]
 
     @cached_property
+    def differences(self) -> Differences:
+        """Differences to all variables."""
+        return Differences(self._off, self._steps(STEP))
+
+    @cached_property
     def derivatives(self) -> Derivatives:
-        """The derivatives to the variables: exact ones where there are such, else differences."""
-        if self.plant is not None:
-            return self.plant.derivatives
-        return (OfLoop if kind_of(self.system) == "closed loop" else OfSystem)(self.system, self.rates)
+        """The derivatives to the variables: exact ones of a system and of a continuous loop around it whose controller
+        does not depend on the parameters, else differences. Those of the controller's matrices to gains are
+        differences, if they are smooth.
+        """
+        asked, systems = self.system, self.systems
+        if systems is None:
+            return (OfLoop if kind_of(asked) == "closed loop" else OfSystem)(asked, self.rates)
+        if systems.design.pose:
+            return self.differences
+        if not systems.plant.gains and _selected(asked, self.equations):
+            return OfSystem(asked, self.rates)
+        law = _law(asked)
+        if law is None or not _selected(asked.plant.source, self.equations) or not self._independent(systems, law):
+            return self.differences
+        change = self._law_changes(systems.plant, law)
+        return self.differences if change is None else OfLoop(asked, self.rates, change)
+
+    def _off(self, offsets: Mapping[str, float]) -> Any:
+        assert self.systems is not None
+        plant, values = self.systems.plant, {name: x + offsets.get(name, 0.0) for name, x in self.values.items()}
+        return plant(self.equations if set(offsets) <= set(plant.gains) else self.systems.at(values), values)
+
+    def _steps(self, share: float) -> dict[str, float]:
+        assert self.sizes is not None
+        return {name: share * float(size) for name, size in zip(self.values, self.sizes, strict=True)}
+
+    def _independent(self, systems: Systems, law: Array) -> bool:
+        """Whether the controller is the same around another system."""
+        if set(self.values) <= set(systems.plant.gains):
+            return True
+        try:
+            others = None if systems.other is None else _law(systems.plant(systems.other, self.values))
+            return others is not None and np.array_equal(law, others)
+        except MbsvibError:
+            return False
+
+    def _law_changes(self, plant: Plant, law: Array) -> Array | None:
+        """Derivatives of the controller's matrices, (variables, ...), None where they are not smooth."""
+        result = np.zeros((len(self.values), *law.shape))
+        for k, (name, step) in enumerate(self._steps(GAIN_STEP).items()):
+            if name not in plant.gains:
+                continue
+            known = [_law(self._off({name: offset * step})) for offset in (-2, -1, 1, 2)]
+            near = [item for item in known if item is not None and item.shape == law.shape]
+            if len(near) < len(known):
+                return None
+            wide, close = (near[3] - near[0]) / (4.0 * step), (near[2] - near[1]) / (2.0 * step)
+            change = (4.0 * close - wide) / 3.0
+            if np.abs(close - change).max(initial=0.0) > SMOOTH * np.abs(change).max(initial=0.0):
+                return None
+            result[k] = change
+        return result
 
     @property
     def of_parameters(self) -> bool:
         """Whether derivatives to the variables are those to parameters of the system, which the plant has, too."""
-        return self.plant is None or not (self.plant.plant.gains or isinstance(self.derivatives, Differences))
+        return self.systems is None or not (
+            self.systems.plant.gains or isinstance(self.derivatives, Differences))
 
     def by_differences(self, function: Callable[[Any], Any]) -> Array:
         """Return the differences of numbers (k,) of the plant, (k, variables)."""
         if not self.rates:
             return np.zeros((1, 0))
-        if self.plant is None:
+        if self.systems is None:
             raise ModelError(f"gradient: '{self.system.name}' is not a continuous loop around a system; expected one, "
                              f"or plant= of a study, which takes differences.", field="system")  # fmt: skip
-        return np.asarray(self.plant.differences.of(function)).T
+        return np.asarray(self.differences.of(function)).T
 
     def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:
         """Return the frequency response (outputs, inputs, n), and its derivatives (variables, outputs, inputs, n)."""
@@ -264,3 +329,21 @@ def check_variables(system: System, rates: Mapping[str, Mapping[str, float]]) ->
     """Refuse variables whose derivatives are not supported, before anything is computed."""
     resolved(system.parameters, rates)
     system.sensitivity_basis.groups(rates)
+
+
+def _law(asked: Any) -> Array | None:
+    """[A B; C D] of the controller of a continuous loop, None of all else."""
+    if kind_of(asked) != "closed loop" or asked.period is not None:
+        return None
+    return np.block([[asked.law.A, asked.law.B], [asked.law.C, asked.law.D]])
+
+
+def _selected(asked: Any, system: Any) -> bool:
+    """Whether something is the system itself, or that with some of its outputs and inputs."""
+    if asked is system:
+        return True
+    if kind_of(asked) != "system" or any(getattr(asked, key) is not getattr(system, key) for key in ("M", "C", "K")) \
+            or not (set(asked.outputs) <= set(system.outputs) and set(asked.inputs) <= set(system.inputs)):
+        return False
+    same = system.with_ports(list(asked.outputs), list(asked.inputs))
+    return all(np.array_equal(getattr(asked, key), getattr(same, key)) for key in ("B", "Cq", "Cv", "Ca", "D"))

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import util
 from typing import Any
 
@@ -17,9 +18,9 @@ from mbsvib.common.arrays import Array
 from mbsvib.common.casadi_function import casadi_function
 from mbsvib.errors import MbsvibError, ModelError, UnstableWarning
 from mbsvib.responses.norms import growth
-from mbsvib.studies.design import Ties, design
+from mbsvib.studies.design import Ties
 from mbsvib.studies.optimum import FEASIBLE, HELD, Descent, Optimum
-from mbsvib.studies.plants import Systems, plant_of
+from mbsvib.studies.plants import systems_of
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.search import Search, Value, scales
 
@@ -43,7 +44,10 @@ class SolverResult:
 
 def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverResult]:
     """Return a solver by its name: "SLSQP", "trust-constr" or "ipopt"."""
-    known = {"slsqp": _slsqp, "trust-constr": _trust, "ipopt": _ipopt}
+    known: dict[str, Callable[..., SolverResult]] = {
+        "slsqp": partial(_scipy, method="SLSQP"), "trust-constr": partial(_scipy, method="trust-constr"),
+        "ipopt": _ipopt,
+    }  # fmt: skip
     name = str(method).lower()
     if name not in known:
         raise check.refuse("optimize", "method", method, "'SLSQP', 'trust-constr' or 'ipopt'")
@@ -52,20 +56,30 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverRe
     return known[name]
 
 
-def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
-    from scipy.optimize import minimize
+def _scipy(search: Search, z: Array, options: Mapping[str, Any], method: str) -> SolverResult:
+    """A search by scipy; only line searches, as SLSQP's, go back from where there is no mechanism."""
+    from scipy.optimize import Bounds, minimize
 
-    trials = _Trials(search, search.at(z))
+    slsqp, trials = method == "SLSQP", _Trials(search, search.at(z))
+
+    def at(z: Array, part: str) -> Array:
+        return trials.at(z, part) if slsqp else np.asarray(getattr(search.at(z), part).value)
+
     constraints = [
-        {"type": kind, "fun": lambda z, part=part: trials.at(z, part),
+        {"type": kind, "fun": lambda z, part=part: at(z, part),
          "jac": lambda z, part=part: getattr(search.at(z), part).slope}
         for kind, part in (("ineq", "g"), ("eq", "h"))
         if len(getattr(trials.first, part).value)
     ]  # fmt: skip
-    end = minimize(lambda z: float(trials.at(z, "f")[0]), z, jac=lambda z: search.at(z).f.slope[0],
-                   method="SLSQP", bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
-                   options={"ftol": FTOL, "maxiter": ITERATIONS, **options})  # fmt: skip
-    return SolverResult(np.asarray(end.x), bool(end.success), str(end.message), int(end.nit), tuple(trials.failures))
+    own = {"ftol": FTOL, "maxiter": ITERATIONS} if slsqp else {"maxiter": 1000, "gtol": 1e-9, "xtol": 1e-10}
+    with warnings.catch_warnings():  # trust-constr's BFGS warns of steps that do not change the gradient
+        if not slsqp:
+            warnings.simplefilter("ignore", UserWarning)
+        end = minimize(lambda z: float(at(z, "f")[0]), z, jac=lambda z: search.at(z).f.slope[0], method=method,
+                       bounds=Bounds(*search.bounds(), keep_feasible=True), constraints=constraints,
+                       options=own | dict(options))  # fmt: skip
+    success = bool(end.success) if slsqp else end.status in (1, 2)
+    return SolverResult(np.asarray(end.x), success, str(end.message), int(end.nit), tuple(trials.failures))
 
 
 class _Trials:
@@ -87,26 +101,6 @@ class _Trials:
             self.failures.append((z.copy(), error))
             return np.array([np.inf]) if part == "f" else np.asarray(getattr(self.first, part).value)
         return np.asarray(getattr(value, part).value)
-
-
-def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
-    import warnings
-
-    from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
-
-    constraints = [
-        NonlinearConstraint(lambda z, part=part: getattr(search.at(z), part).value, 0.0, high,
-                            jac=lambda z, part=part: getattr(search.at(z), part).slope, hess=BFGS())
-        for part, high in (("g", np.inf), ("h", 0.0))
-        if len(getattr(search.at(z), part).value)
-    ]  # fmt: skip
-    with warnings.catch_warnings():  # its BFGS warns of steps that do not change the gradient
-        warnings.simplefilter("ignore", UserWarning)
-        end = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0],
-                       method="trust-constr", hess=BFGS(), bounds=Bounds(*search.bounds(), keep_feasible=True),
-                       constraints=constraints,
-                       options={"maxiter": 1000, "gtol": 1e-9, "xtol": 1e-10, **options})  # fmt: skip
-    return SolverResult(np.asarray(end.x), end.status in (1, 2), str(end.message), int(end.nit))
 
 
 def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
@@ -226,10 +220,11 @@ def optimize(
         if not isinstance(constraint, Constraint):
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
-    around = plant_of(plant, variables, model)
-    variables_design = design(model, variables, ties, around.gains, relaxed)
-    search = Search(Systems(model, variables_design, around), scales(variables_design, variables, start), objective,
-                    constraint_list, _watched(observed))  # fmt: skip
+    watched = {} if observed is None else observed
+    if not isinstance(watched, Mapping) or not all(isinstance(part, Quantity) for part in watched.values()):
+        raise check.refuse("optimize", "observed", observed, "quantities by name, such as {'stroke': rms('stroke')}")
+    systems = systems_of(model, variables, ties, plant, relaxed)
+    search = Search(systems, scales(systems.design, variables, start), objective, constraint_list, dict(watched))
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
@@ -243,7 +238,7 @@ def optimize(
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:
                 raise
-            nowhere = dict.fromkeys(variables_design.variables, np.nan)
+            nowhere = dict.fromkeys(systems.design.variables, np.nan)
             descents.append(Descent(search.values(x), nowhere, np.nan, np.nan, False, str(error)))
     if not ends:
         raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
@@ -254,13 +249,6 @@ def optimize(
                       UnstableWarning, stacklevel=2)  # fmt: skip
     iterations = sum(end.iterations for end in ends)
     return replace(best, starts=tuple(descents), iterations=iterations, evaluations=search.evaluations)
-
-
-def _watched(observed: Mapping[str, Quantity] | None) -> dict[str, Quantity]:
-    result = {} if observed is None else observed
-    if not isinstance(result, Mapping) or not all(isinstance(part, Quantity) for part in result.values()):
-        raise check.refuse("optimize", "observed", observed, "quantities by name, such as {'stroke': rms('stroke')}")
-    return dict(result)
 
 
 def _points(search: Search, starts: int, seed: int) -> Array:
@@ -293,19 +281,15 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
         solver_result = solve(search, z)
         iterations += solver_result.iterations
         z, exchanged = search.exchange(np.clip(solver_result.z, *search.bounds()))
-        improved = again and _better(search.at(z), before)
+        now = search.at(z)
+        improved = again and (max(_violation(now), FEASIBLE), float(now.f.value[0]) + PROGRESS) < (
+            max(_violation(before), FEASIBLE), float(before.f.value[0]))  # fmt: skip
         failures += solver_result.failures
         if not exchanged and not (improved and not _ended(search, z, solver_result)):
             break
     solver_result = replace(solver_result, iterations=iterations, failures=failures)
     _check_failures(search, z, solver_result)
     return _optimum(search, z, solver_result, x, began)
-
-
-def _better(new: Value, old: Value) -> bool:
-    """Whether a point violates less, or has a smaller objective."""
-    return (max(_violation(new), FEASIBLE), float(new.f.value[0]) + PROGRESS) < (
-        max(_violation(old), FEASIBLE), float(old.f.value[0]))  # fmt: skip
 
 
 def _violation(evaluation: Value) -> float:

@@ -1,8 +1,8 @@
-"""Plants of a study, such as closed loops, around its systems, and their derivatives to its variables."""
+"""Plants of a study, such as closed loops, around its systems."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,19 +18,15 @@ from mbsvib.api.in_equilibrium import batch_in_equilibrium, in_equilibrium
 from mbsvib.api.model import Model
 from mbsvib.api.plant import Plant as CompiledPlant
 from mbsvib.common import arguments as check
-from mbsvib.common.arrays import Array
 from mbsvib.common.expected import kind_of
 from mbsvib.equations.assembly import is_small
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.responses.driven import Drive, differ, drives
-from mbsvib.studies.derivatives import Derivatives, Differences, OfLoop, OfSystem, Rates
-from mbsvib.studies.design import StudyVariables
+from mbsvib.studies.design import StudyVariables, Ties, design
 
 PlantFunction = Callable[..., Any]
 
-STEP = 1e-4  # of differences, in parts of a variable: close resonances allow no larger one, rounding no smaller one
 GAIN_STEP = 1e-3  # of differences of a controller's matrices, which are smooth or jump with their realization
-SMOOTH = 1e-3  # share by which differences of second and of fourth order of smooth matrices differ at most
 
 
 def name_of(item: Any, attribute: str = "__qualname__") -> str:
@@ -182,98 +178,9 @@ class Systems:
         return None
 
 
-@dataclass(frozen=True)
-class PlantPoint:
-    """What the plant of a study makes of the ``system`` at some ``values`` of its variables, with ``rates`` of
-    parameters.
-
-    ``sizes`` (variables,): sizes of the variables, of which differences take a small part.
-    """
-
-    systems: Systems
-    system: Any
-    values: Mapping[str, float]
-    rates: Rates
-    sizes: Array
-
-    @property
-    def plant(self) -> Plant:
-        """The plant of the study."""
-        return self.systems.plant
-
-    @cached_property
-    def asked(self) -> Any:
-        """What the function returns here."""
-        return self.plant(self.system, self.values)
-
-    @cached_property
-    def differences(self) -> Differences:
-        """Differences to all variables."""
-        return Differences(self._off, self._steps(STEP))
-
-    @cached_property
-    def derivatives(self) -> Derivatives:
-        """Exact derivatives of the system or of a continuous loop around it whose controller does not depend on the
-        parameters; else differences. Those of the controller's matrices to gains are differences, if they are smooth.
-        """
-        if self.systems.design.pose:
-            return self.differences
-        if not self.plant.gains and _selected(self.asked, self.system):
-            return OfSystem(self.asked, self.rates)
-        law = _law(self.asked)
-        if law is None or not _selected(self.asked.plant.source, self.system) or not self._independent(law):
-            return self.differences
-        change = self._law_changes(law)
-        return self.differences if change is None else OfLoop(self.asked, self.rates, change)
-
-    def _off(self, offsets: Mapping[str, float]) -> Any:
-        values = {name: value + offsets.get(name, 0.0) for name, value in self.values.items()}
-        return self.plant(self.system if set(offsets) <= set(self.plant.gains) else self.systems.at(values), values)
-
-    def _steps(self, share: float) -> dict[str, float]:
-        return {name: share * float(size) for name, size in zip(self.values, self.sizes, strict=True)}
-
-    def _independent(self, law: Array) -> bool:
-        """Whether the controller is the same around another system."""
-        if set(self.values) <= set(self.plant.gains):
-            return True
-        try:
-            other = self.systems.other
-            others = None if other is None else _law(self.plant(other, self.values))
-            return others is not None and np.array_equal(law, others)
-        except MbsvibError:
-            return False
-
-    def _law_changes(self, law: Array) -> Array | None:
-        """Derivatives of the controller's matrices, (variables, ...), None where they are not smooth."""
-        steps = {name: step for name, step in self._steps(GAIN_STEP).items() if name in self.plant.gains}
-        result = np.zeros((len(self.values), *law.shape))
-        for name, step in steps.items():
-            known = [_law(self._off({name: offset * step})) for offset in (-2, -1, 1, 2)]
-            near = [item for item in known if item is not None and item.shape == law.shape]
-            if len(near) < len(known):
-                return None
-            wide, close = (near[3] - near[0]) / (4.0 * step), (near[2] - near[1]) / (2.0 * step)
-            change = (4.0 * close - wide) / 3.0
-            if np.abs(close - change).max(initial=0.0) > SMOOTH * np.abs(change).max(initial=0.0):
-                return None
-            result[list(self.values).index(name)] = change
-        return result
-
-
-def _law(asked: Any) -> Array | None:
-    """[A B; C D] of the controller of a continuous loop, None of all else."""
-    if kind_of(asked) != "closed loop" or asked.period is not None:
-        return None
-    return np.block([[asked.law.A, asked.law.B], [asked.law.C, asked.law.D]])
-
-
-def _selected(asked: Any, system: Any) -> bool:
-    """Whether something is the system itself, or that with some of its outputs and inputs."""
-    if asked is system:
-        return True
-    if kind_of(asked) != "system" or any(getattr(asked, key) is not getattr(system, key) for key in ("M", "C", "K")) \
-            or not (set(asked.outputs) <= set(system.outputs) and set(asked.inputs) <= set(system.inputs)):
-        return False
-    same = system.with_ports(list(asked.outputs), list(asked.inputs))
-    return all(np.array_equal(getattr(asked, key), getattr(same, key)) for key in ("B", "Cq", "Cv", "Ca", "D"))
+def systems_of(
+    model: Model, names: Iterable[str], ties: Ties | None, function: PlantFunction | None, relaxed: bool
+) -> Systems:
+    """Return the systems of a study whose variables have some ``names``; ``ties`` and ``relaxed`` as of ``design``."""
+    around = plant_of(function, names, model)
+    return Systems(model, design(model, names, ties, around.gains, relaxed), around)

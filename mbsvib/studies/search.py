@@ -133,7 +133,7 @@ class Search:
         self.needs_equations = any(part.needs_equations for part in (*requested, *self.observed.values()))
         start = self.point(np.zeros(len(scales.start)))
         if self.needs_equations:
-            if start.plant is None:
+            if start.systems is None:
                 check_variables(start.system, start.rates)
             self.systems = Systems(systems.model, systems.design, systems.plant, start.equations.coordinates)
         true = {item: float(item.true(start).value[0]) for item in self.largest}
@@ -164,7 +164,7 @@ class Search:
             except MbsvibError as error:
                 error.add_note(f"at {_text(values)}")
                 raise
-            self._point = x.copy(), replace(point, order=order)
+            self._point = x.copy(), point.ordered(order)
         return self._point[1]
 
     def at(self, z: Array) -> Value:

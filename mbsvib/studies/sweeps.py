@@ -27,8 +27,8 @@ from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of, read_json_content
 from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import ModelError
-from mbsvib.studies.design import Ties, design
-from mbsvib.studies.plants import PlantFunction, Systems, name_of, plant_of
+from mbsvib.studies.design import Ties
+from mbsvib.studies.plants import PlantFunction, name_of, systems_of
 from mbsvib.studies.quantities import Quantity
 from mbsvib.studies.results import Points, Sweep, gathered, points
 from mbsvib.studies.running import Asked, Outcome, Question, question, run, task
@@ -93,14 +93,14 @@ def sweep(
     """
     sweep_points = points(values, how)
     columns = sweep_points.columns
-    around = plant_of(plant, columns, model)
-    variables = design(model, columns, ties, around.gains, relaxed)
-    quantities = question(of, batched, around)
-    work = task(Systems(model, variables, around), quantities)
+    systems = systems_of(model, columns, ties, plant, relaxed)
+    variables, quantities = systems.design, question(of, batched, systems.plant)
+    work = task(systems, quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
         varied = variables.values(columns) | variables.displacements(columns)
-        varied |= {name: columns[name] for name in around.gains} | ({"relaxed": relaxed} if variables.pose else {})
+        varied |= {name: columns[name] for name in systems.plant.gains}
+        varied |= {"relaxed": relaxed} if variables.pose else {}
         record = Record(file, head(model, sweep_points, varied, quantities))
         outcomes.update((i, outcome) for i, outcome in record.known.items() if not (retry and isinstance(outcome, str)))
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
@@ -238,13 +238,9 @@ def _quantities(question: Question) -> dict[str, str]:
 def _line(point: int, outcome: Outcome) -> str:
     if isinstance(outcome, str):
         return json.dumps({"point": point, "error": outcome}) + "\n"
-    return json.dumps({"point": point, "result": {label: _encoded(value) for label, value in outcome.items()}}) + "\n"
-
-
-def _encoded(value: Any) -> Any:
-    if np.iscomplexobj(value):
-        return {"real": value.real.tolist(), "imag": value.imag.tolist()}
-    return value.tolist()
+    encoded = {label: {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value)
+               else value.tolist() for label, value in outcome.items()}  # fmt: skip
+    return json.dumps({"point": point, "result": encoded}) + "\n"
 
 
 def _decoded(value: Any) -> Any:

@@ -21,9 +21,9 @@ from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.modes import Modes
 from mbsvib.plots._sheet import Given
 from mbsvib.plots.studies import root_locus
-from mbsvib.studies.design import Ties, design
+from mbsvib.studies.design import Ties
 from mbsvib.studies.evaluation import frame, framed, station
-from mbsvib.studies.plants import PlantFunction, Systems, plant_of
+from mbsvib.studies.plants import PlantFunction, Systems, systems_of
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
 
@@ -150,9 +150,7 @@ def track(
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
                          "as a mass that vanishes, or poles of a loop that meet on the real axis.",
                          field="values")  # fmt: skip
-    around = plant_of(plant, swept.parameters, model)
-    variables = design(model, swept.parameters, ties, around.gains, relaxed)
-    interval = _Interval(Systems(model, variables, around), swept.parameters)
+    interval = _Interval(systems_of(model, swept.parameters, ties, plant, relaxed), swept.parameters)
     first = int(good[0])
     asked = interval.asked(first)
     titles = _titles(asked.modes(), names)

@@ -16,11 +16,11 @@ from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
 from mbsvib.common.progress import Progress, counting
 from mbsvib.errors import MbsvibError, ModelError, counted
-from mbsvib.studies.design import Ties, design
+from mbsvib.studies.design import Ties
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.optimizing import optimize
 from mbsvib.studies.optimum import Optimum
-from mbsvib.studies.plants import PlantFunction, Systems, plant_of
+from mbsvib.studies.plants import PlantFunction, systems_of
 from mbsvib.studies.quantities import Constraint, Quantity, largest, quantity
 
 # Share of the sum that is added to the largest: of designs with the same largest, the better ones in the others count.
@@ -173,8 +173,11 @@ def trade_off(
                 failed += 1
             tell(1)
     rows = np.array([_numbers(optimum) for _, optimum in ends])
-    around = plant_of(plant, variables, model)
-    began = _began(Systems(model, design(model, variables, ties, around.gains, relaxed), around), quantities)
+    systems = systems_of(model, variables, ties, plant, relaxed)
+    start, sizes = dict(systems.design.start), np.ones(len(systems.design.start))
+    equations = any(part.needs_equations for part in quantities.values())
+    given = DesignPoint.at(systems, start, sizes, sizes, equations)
+    began = {name: float(part.at(given).value[0]) for name, part in quantities.items()}
     return _front(model, quantities, ends, rows, span, ideal, began, failed)
 
 
@@ -217,14 +220,6 @@ def _front(
         began, optima[0].units,
         {"dominated": dominated, "same as others": same, "not converged": int((~good).sum()), "refused": failed},
     )  # fmt: skip
-
-
-def _began(systems: Systems, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """The quantities of the given model."""
-    values, sizes = dict(systems.design.start), np.ones(len(systems.design.start))
-    equations = any(part.needs_equations for part in quantities.values())
-    point = DesignPoint.at(systems, values, sizes, sizes, equations)
-    return {name: float(part.at(point).value[0]) for name, part in quantities.items()}
 
 
 def _scalar(quantities: Mapping[str, Quantity], weights: Array, ideal: Array, span: Array) -> Quantity:
