@@ -49,13 +49,23 @@ def blocks(
     outputs and inputs.
     """
     m, count = len(matrices.K), 0 if slopes is None else len(slopes["K"])
-    scale, middle = _scale(matrices, omega), float(np.exp(np.log(np.maximum(omega, omega.max() * 1e-6)).mean()))
+    size = np.abs(matrices.K).diagonal() + np.median(omega) ** 2 * np.abs(matrices.M).diagonal()
+    size = np.where(size > 0.0, size, size.max(initial=0.0) or 1.0)
+    scale = np.exp2(np.round(-0.5 * np.log2(size)))  # gives all coordinates one size in the middle of the lines
+    middle = float(np.exp(np.log(np.maximum(omega, omega.max() * 1e-6)).mean()))
     pencil = [matrix * scale[:, None] * scale for matrix in (matrices.K, matrices.C, matrices.M)]
     b = scale[:, None] * matrices.B[:, columns]
     h = [matrix[rows] * scale for matrix in (matrices.Cq, matrices.Cv, matrices.Ca)]
     d = matrices.D[np.ix_(rows, columns)]
     symmetric = all((matrix == matrix.T).all() for matrix in pencil)
-    changes = None if slopes is None else _changes(slopes, scale, rows, columns, middle)
+    changes: list[tuple[Any, ...]] | None = None
+    if slopes is not None:  # factors of dZ, dB, dH (3, outputs, m) and dD of each variable, None where they do not move
+        pencils = np.array([slopes[key] for key in ("K", "C", "M")]).swapaxes(0, 1) * scale[:, None] * scale
+        sensed = np.array([slopes[key][:, rows] for key in ("Cq", "Cv", "Ca")]).swapaxes(0, 1) * scale
+        direct = slopes["D"][:, rows][:, :, columns]
+        others = zip(slopes["B"][:, :, columns] * scale[:, None], sensed, direct, strict=True)
+        changes = [(_factors(own, middle), *(x if x.any() else None for x in ends))
+                   for own, ends in zip(pencils, others, strict=True)]  # fmt: skip
     step = max(1, BLOCK // max(1, (count + 2) * len(rows) * len(columns) + m * (m + len(rows) + len(columns))))
     for start in range(0, len(omega), step):
         which = slice(start, start + step)
@@ -88,26 +98,6 @@ def _moves_freely(stiffness: Array) -> bool:
     size = np.sqrt(np.abs(stiffness.diagonal()))
     size = np.where(size > 0.0, size, 1.0)
     return bool(CANCELLING_SPRINGS * np.linalg.cond(stiffness / size[:, None] / size) > 1.0)
-
-
-def _scale(matrices: Any, omega: Array) -> Array:
-    """Powers of two that give all coordinates one size in the middle of the lines."""
-    size = np.abs(matrices.K).diagonal() + np.median(omega) ** 2 * np.abs(matrices.M).diagonal()
-    size = np.where(size > 0.0, size, size.max(initial=0.0) or 1.0)
-    return np.asarray(np.exp2(np.round(-0.5 * np.log2(size))))
-
-
-def _changes(
-    slopes: Mapping[str, Array], scale: Array, rows: Index, columns: Index, middle: float
-) -> list[tuple[Any, ...]]:
-    """Factors of dZ, dB, dH (3, outputs, m) and dD of each variable, None where these do not change."""
-    result = []
-    pencils = np.array([slopes[key] for key in ("K", "C", "M")]).swapaxes(0, 1) * scale[:, None] * scale
-    sensed = np.array([slopes[key][:, rows] for key in ("Cq", "Cv", "Ca")]).swapaxes(0, 1) * scale
-    acting, direct = slopes["B"][:, :, columns] * scale[:, None], slopes["D"][:, rows][:, :, columns]
-    for pencil, b, h, d in zip(pencils, acting, sensed, direct, strict=True):
-        result.append((_factors(pencil, middle), *(x if x.any() else None for x in (b, h, d))))
-    return result
 
 
 def _factors(pencil: Array, middle: float) -> Factors | None:

@@ -64,10 +64,12 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
     variances = before.diagonal()
     widest = int((variances >= (1.0 - TIE_BREAK) * variances.max()).argmax())
     equations = problem.scenes[data[0].scene](problem.variables.map @ problem.variables.values(x), None)[0]
+    ports = selected(candidates, equations.outputs + equations.inputs, "output or input", equations.name)
     bare = replace(problem.variables, prior=np.full_like(problem.variables.prior, np.nan))
     result = []
     for kind, known in (("output", equations.outputs), ("input", equations.inputs)):
-        for number in _chosen(candidates, kind, known, equations):
+        first = 0 if kind == "output" else len(equations.outputs)
+        for number in [k - first for k in ports if 0 <= k - first < len(known)]:
             parts = tuple([part for one in data if (part := _with(one, kind, number, equations)) is not None])
             if not parts:
                 continue
@@ -79,12 +81,6 @@ def ranked(problem: Problem, x: Array, candidates: Any = None) -> tuple[Candidat
     if not result:
         raise ResponseError("next_sensor: no candidate is left; expected outputs or inputs of the model without data.")
     return tuple(sorted(result, key=lambda one: -float(f"{one.gain:.6g}")))  # equal gains: in the order of the model
-
-
-def _chosen(candidates: Any, kind: str, known: tuple[str, ...], equations: Any) -> list[int]:
-    first = 0 if kind == "output" else len(equations.outputs)
-    ports = selected(candidates, equations.outputs + equations.inputs, "output or input", equations.name)
-    return [number - first for number in ports if 0 <= number - first < len(known)]
 
 
 def _with(data: ResponseData, kind: str, number: int, equations: Any) -> ResponseData | None:

@@ -377,21 +377,15 @@ def passive(
     watched: list[str] = []
 
     def add_angles(changed: Model) -> None:
-        watched.extend(_joints(changed, joints))
+        for pattern in names(joints, "passive", "joints", ModelError):
+            these = matching(pattern, changed.joints)
+            if not these:
+                raise check.unknown(pattern, changed.joints, f"passive: joints: no joint is named '{pattern}'",
+                                    "joints", "Joints are:")  # fmt: skip
+            watched.extend(name for name in these if name not in watched)
         for joint in (changed.joints[name] for name in watched):
             for axis in "xyz":
                 changed.add_output(f"{joint.name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
 
     studied = scene(model, body, base, point, length, directions, more=add_angles)
     return Passive(model, studied, tuple(watched))
-
-
-def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:
-    joint_names: list[str] = []
-    for pattern in names(patterns, "passive", "joints", ModelError):
-        these = matching(pattern, model.joints)
-        if not these:
-            raise check.unknown(pattern, model.joints, f"passive: joints: no joint is named '{pattern}'", "joints",
-                                "Joints are:")  # fmt: skip
-        joint_names.extend(name for name in these if name not in joint_names)
-    return tuple(joint_names)

@@ -82,7 +82,10 @@ def structured_singular_values(
         raise ResponseError(f"{caller}: complex_share = {complex_share!r}; expected a number from 0 on, such as 0.01.")
     points = np.moveaxis(m.reshape(n, n, -1), 2, 0)
     if complex_share and len(real):
-        points, sizes = _with_complex_share(points, sizes, real, complex_share)
+        # one more complex block for each real parameter, of a share of its range
+        t = np.eye(n)
+        t = np.concatenate((t, np.sqrt(complex_share) * t[np.cumsum([0, *sizes])[list(real)]]))
+        points, sizes = t @ points @ t.T, [*sizes, *[1] * len(real)]
     masks = np.repeat(np.eye(len(sizes)), sizes, axis=1)
     # blocks that act on others one way make a triangular determinant, of which each part counts alone
     part = part_numbers(masks @ np.any(points, axis=0) @ masks.T, strong=True)
@@ -99,15 +102,6 @@ def structured_singular_values(
         real_blocks = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
         np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], real_blocks), out=result)
     return result.reshape(m.shape[2:])
-
-
-def _with_complex_share(
-    points: Complex, sizes: list[int], real: Sequence[int], share: float
-) -> tuple[Complex, list[int]]:
-    """Matrices and sizes of blocks with one more complex block for each real parameter, of a share of its range."""
-    start = np.cumsum([0, *sizes])
-    t = np.concatenate((np.eye(points.shape[1]), np.sqrt(share) * np.eye(points.shape[1])[start[list(real)]]))
-    return t @ points @ t.T, [*sizes, *[1] * len(real)]
 
 
 def _part(m: Complex, masks: Array, real: list[int]) -> Array:

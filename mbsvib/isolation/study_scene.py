@@ -100,7 +100,13 @@ def scene(
     copy = _with_base(model, base, keep_ports)
     base_directions, notes = _base_directions(copy, directions)
     try:
-        _add_ports(copy, body, at, base_directions)
+        for direction in base_directions:
+            copy.add_base_motion(f"base.{direction}", direction, at)
+        for direction in DIRECTIONS:
+            copy.add_input(f"load.{direction}", body, direction, at)
+        for quantity in ("acceleration", "displacement"):
+            for direction in DIRECTIONS:
+                copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
         legs = _measured(copy)
         if more is not None:
             more(copy)
@@ -113,17 +119,6 @@ def scene(
         raise
     system = copy.linearize(method="dense")
     return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
-
-
-def _add_ports(model: Model, body: str, at: Vector, base_directions: Sequence[str]) -> None:
-    """Add motions of the base, loads on the payload, and its accelerations and displacements."""
-    for direction in base_directions:
-        model.add_base_motion(f"base.{direction}", direction, at)
-    for direction in DIRECTIONS:
-        model.add_input(f"load.{direction}", body, direction, at)
-    for quantity in ("acceleration", "displacement"):
-        for direction in DIRECTIONS:
-            model.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
 
 
 def check_body(model: Model, name: str, who: str, field: str) -> None:
@@ -198,12 +193,6 @@ def _base_directions(model: Model, directions: Sequence[str] | None) -> tuple[tu
     return DIRECTIONS[:3], (f"The base is shaken along x, y, z only: {fixed[0]} and does not turn with it.",)
 
 
-def _law(name: str, coefficients: Array, i: int) -> tuple[str, str] | None:
-    """Stiffness and damping parameters of one direction of a bushing, if it is not coupled with others."""
-    uncoupled = coefficients.ndim == 1 or np.count_nonzero(coefficients[i]) == np.count_nonzero(coefficients[i, i])
-    return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if uncoupled else None
-
-
 def _measured(model: Model) -> tuple[Leg, ...]:
     legs = []
     for name, spring in model.springs.items():
@@ -211,8 +200,10 @@ def _measured(model: Model) -> tuple[Leg, ...]:
             axes, coefficients = np.array(spring.orientation), np.abs(spring.stiffness) + np.abs(spring.damping)
             for i, direction in enumerate("xyz"):
                 if coefficients[i].any():
-                    legs.append(Leg(f"{name}.{direction}", f"{name}.{direction}.stroke", f"{name}.{direction}.force",
-                                    _law(name, coefficients, i)))  # fmt: skip
+                    alone = coefficients.ndim == 1 or not np.delete(coefficients[i], i).any()
+                    law = (f"{name}.stiffness.{direction}", f"{name}.damping.{direction}") if alone else None
+                    leg = f"{name}.{direction}"
+                    legs.append(Leg(leg, f"{leg}.stroke", f"{leg}.force", law))
                     model.add_output(legs[-1].stroke, spring.second, axes[:, i], spring.position, spring.first)
                     model.add_force_output(legs[-1].force, name, direction)
         elif spring.acts_along_line:  # torsion springs have no stroke

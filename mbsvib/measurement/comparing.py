@@ -302,15 +302,10 @@ def _shared_shapes(sides: list[Any], modes: list[Any]) -> tuple[tuple[str, ...],
     return names, [other, one] if back else [one, other], radius
 
 
-def _seen(shapes: Any) -> Any:
-    """Shapes with zeros for modes that no output shows."""
-    sizes = np.linalg.norm(shapes, axis=0)
-    return shapes * (sizes > UNSEEN * sizes.max(initial=0.0))
-
-
 def _paired(modes: list[Any], rows: list[Any]) -> tuple[tuple[Pair, ...], Array, list[str]]:
     first, second = modes
-    a, b = map(_seen, rows)
+    sizes = [np.linalg.norm(shapes, axis=0) for shapes in rows]  # of modes that no output shows, 0
+    a, b = (shapes * (size > UNSEEN * size.max(initial=0.0)) for shapes, size in zip(rows, sizes, strict=True))
     table = mac(a, b)
     alike = np.maximum(subspace_mac(a, first.frequencies, b), subspace_mac(b, second.frequencies, a).T)
     alike *= np.multiply.outer(a.any(axis=0), b.any(axis=0))  # what no output shows has no partner

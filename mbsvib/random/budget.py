@@ -16,7 +16,7 @@ from mbsvib.common.expected import band_of, hertz
 from mbsvib.common.selection import Names, selected
 from mbsvib.common.units import pretty
 from mbsvib.errors import ResponseError, counted
-from mbsvib.random.mean_squares import MeanSquares, Random
+from mbsvib.random.mean_squares import Random
 from mbsvib.random.sources import CORRELATION, Correlation, Sources, sources
 from mbsvib.random.weights import weights
 from mbsvib.responses.frequency_grid import frequency_grid
@@ -348,20 +348,14 @@ def budget(under: Random) -> Budget:
     result = under.mean_squares()
     root = np.sqrt(result.total)
     names, units = under.outputs, dict(zip(under.outputs, under.units, strict=True))
+    extra = np.copysign(np.sqrt(np.abs(result.correlation)), result.correlation).tolist()
     parts = {name: _ranked(dict(zip(under.sources.names, np.sqrt(result.parts[row]).tolist(), strict=True)),
-                           _correlated(result, row, under)) for row, name in enumerate(names)}  # fmt: skip
+                           None if under.sources.correlation is None else extra[row])
+             for row, name in enumerate(names)}  # fmt: skip
     weighting = {name: weight.words for name, weight in zip(names, under.weights, strict=True) if weight is not None}
     members = {name: (k,) for k, name in enumerate(under.sources.names)}
     return Budget(under.linear.name, dict(zip(names, root.tolist(), strict=True)), parts, units, under.band,
                   weighting, result.error, under, members)  # fmt: skip
-
-
-def _correlated(result: MeanSquares, row: int, under: Random) -> float | None:
-    """The root of what correlation adds to an output, negative where it takes away; None without."""
-    if under.sources.correlation is None:
-        return None
-    extra = float(result.correlation[row])
-    return float(np.copysign(np.sqrt(abs(extra)), extra))
 
 
 def _ranked(parts: Mapping[str, float], correlation: float | None) -> dict[str, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -120,16 +120,13 @@ class SampledRandom(Random):
             raise ResponseError(f"noise: '{name}' is sampled; expected a rational weighting, 'Wk', 'Wd' or "
                                 f"isolation.shaped(...), unless a band is given.")  # fmt: skip
 
-    def _is_sequence(self, name: str) -> bool:
-        """Whether an input is the noise of a sensor."""
-        known = self.linear.plant.without_noise
-        return known is not None and name.endswith(NOISE) and name[: -len(NOISE)] in known.outputs
-
     @cached_property
     def _sequences(self) -> list[int]:
         """White noises of sensors; filtered noise, or a table, has its own course between samples."""
+        known = self.linear.plant.without_noise
+        sensors = [] if known is None else [f"{name}{NOISE}" for name in known.outputs]
         return [k for k, (name, part) in enumerate(zip(self.sources.names, self.sources.densities, strict=True))
-                if self._is_sequence(name) and part.filter is not None and not len(part.poles)]
+                if name in sensors and part.filter is not None and not len(part.poles)]
 
     def _moments(self, which: list[int], together: bool = False) -> Array:
         loop, intensities = self._by_white_noise(self._among_filters(which)[0], which, together)
@@ -241,7 +238,8 @@ class SampledRandom(Random):
 
         for k, part in enumerate(self.sources.densities):
             if isinstance(part, Table):
-                result[:, k] += shown(self._folded_tables([k], f, partial(_column, part)))
+                own = self._folded_tables([k], f, lambda f, part=part: part.at(f)[:, None, None] + 0j)  # type: ignore[misc]
+                result[:, k] += shown(own)
             elif k not in self._sequences:
                 result[:, k] += shown(self._folded([k], w))
         if self.sources.correlation is not None:
@@ -284,11 +282,6 @@ def _roots_of(sources: Sources, f: Array) -> Complex:
     """Amplitudes (n, s, s) of independent inputs of unit density that add up to the sources."""
     values, vectors = np.linalg.eigh(sources.matrix(f))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
-
-
-def _column(table: Table, f: Array) -> Complex:
-    """The density of a table as matrices (n, 1, 1)."""
-    return np.asarray(table.at(f)[:, None, None], dtype=complex)
 
 
 def _without(d: Array, rows: list[int], columns: list[int], which: Array) -> Array:

@@ -118,7 +118,10 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
         return {name: dict.fromkeys(scene.system.parameters, np.nan) for name in under.outputs}
     gradients = {row: scene.gradients(under, row)[0] for row in finite}
     n = len(scene.base.A)
-    parts = {row: _hidden(scene, under, row) for row in gradients}
+    parts = {}  # of open loops: groups of poles that no response contains, which changes may bring into them
+    if scene.loop is None and under.band is None:
+        a, b, c, _ = scene.equations
+        parts = {row: separated(a, b, c[[row]]) for row in gradients}
     count = max(1, BLOCK // max(1, scene.system.dof**2))
     for name in under.outputs:
         result[name] = {}
@@ -131,19 +134,10 @@ def sensitivities(under: Random, parameters: Requested) -> dict[str, dict[str, f
             to = gradients[row]
             pairs = (da, to[first:n, :n]), (db, to[first:n, n:]), (dc, to[n:, :n]), (dd, to[n:, n:])
             slope = np.asarray(sum(np.einsum("vij,ij->v", d, g) for d, g in pairs)) * 0.5 / np.sqrt(squares[row])
-            if parts[row] is not None:
+            if row in parts and len(parts[row].shown) < len(parts[row].lasting):
                 slope = np.where(hidden_appear(parts[row], first, da, db, dc[:, [row]]), np.inf, slope)
             result[name] |= dict(zip(change.variables, slope.tolist(), strict=True))
     return result
-
-
-def _hidden(scene: Scene, under: Random, row: int) -> Any:
-    """Groups of poles that no response contains, in open loops, which changes may bring into them."""
-    if scene.loop is not None or under.band is not None:
-        return None
-    a, b, c, _ = scene.equations
-    parts = separated(a, b, c[[row]])
-    return parts if len(parts.shown) < len(parts.lasting) else None
 
 
 def law_sensitivities(under: Random) -> dict[str, dict[str, Array]]:

@@ -178,16 +178,11 @@ def critical_speeds(
         if modes.pairs[number, 0].imag != 0.0:
             there = np.flatnonzero(sweep.followed((float(w[k]), modes_at[k]), (speed, modes)) == number)[0]
             mode = int(np.flatnonzero(order[k] == there)[0])
-            result.append(_point(sweep, modes, number, (mode, times, speed)))
+            value = upper(modes.pairs)[number]
+            result.append(CriticalSpeed(
+                mode + 1, times, speed, float(value.imag) / (2.0 * np.pi), float(0.0 - value.real / abs(value)),
+                float(sweep.whirl(modes, speed)[number])))  # fmt: skip
     return result
-
-
-def _point(sweep: SpeedSweep, modes: Modes, number: int, at: tuple[int, float, float]) -> CriticalSpeed:
-    mode, times, speed = at
-    value = upper(modes.pairs)[number]
-    ratio = float(0.0 - value.real / abs(value))
-    return CriticalSpeed(mode + 1, times, speed, float(value.imag) / (2.0 * np.pi), ratio,
-                         float(sweep.whirl(modes, speed)[number]))  # fmt: skip
 
 
 # A whirl is one if its area, in parts of that of a circle, is larger.

@@ -199,11 +199,13 @@ def design(
     own = [name for name in variables if name not in maps and name not in gains]
     pose = {} if relaxed is None else posed_names(model, own)
     direct = _direct(parameters, [name for name in own if name not in pose])
-    linear, bound = _linear(parameters, maps), _bound(maps, variables)
+    linear, objects = _linear(parameters, maps), {id(tie): tie for tie in maps.values() if isinstance(tie, Tie)}
+    bound = [(tie, tuple([name for name in variables if maps.get(name) is tie])) for tie in objects.values()]
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
     start = dict(direct.start) | dict(linear.start) | dict(gains) | dict.fromkeys(pose, 0.0)
-    units = _units(direct, parameters) | {name: "rad" if coordinates[0].rpartition(".")[2].startswith("r") else "m"
-                                          for name, coordinates in pose.items()}  # fmt: skip
+    known = {variable: {parameters.entry(name).unit for name in rates} for variable, rates in direct.maps.items()}
+    units = {variable: own.pop() for variable, own in known.items() if len(own) == 1} | {
+        name: "rad" if moved[0].rpartition(".")[2].startswith("r") else "m" for name, moved in pose.items()}
     for tie, tied in bound:
         start |= {name: started(tie, name) for name in tied}
         units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in tied}
@@ -253,12 +255,6 @@ def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> LinearMap:
     return LinearMap(maps, origin, dict.fromkeys(maps, 0.0))
 
 
-def _bound(maps: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
-    """Ties that are objects, each with its variables."""
-    ties = {id(tie): tie for tie in maps.values() if isinstance(tie, Tie)}
-    return [(tie, tuple([name for name in variables if maps.get(name) is tie])) for tie in ties.values()]
-
-
 def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start: Mapping[str, float]) -> list[str]:
     """The parameters of a tie, after checks of its values and rates."""
     at, who = {name: start[name] for name in variables}, f"variable '{variables[0]}'"
@@ -293,9 +289,3 @@ def _check_start(parameters: Parameters, values: Mapping[str, Any], who: str) ->
         if abs(value - parameters[name]) > START_TOLERANCE * size[unit[name]]:
             raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in the "
                              f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip
-
-
-def _units(direct: LinearMap, parameters: Parameters) -> dict[str, str]:
-    """Units of parameters, and of patterns that pick those of one kind."""
-    known = {variable: {parameters.entry(name).unit for name in rates} for variable, rates in direct.maps.items()}
-    return {variable: units.pop() for variable, units in known.items() if len(units) == 1}

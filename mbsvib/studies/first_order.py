@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.arrays import Array
 from mbsvib.errors import ModelError
 from mbsvib.studies.evaluation import DesignPoint
 from mbsvib.studies.measures import Modal, together
@@ -107,9 +107,11 @@ def _close_modes(
             continue
         start, slope = forms
         known = values[group, 0]
-        changes = np.concatenate([_eigenvalues(start + np.tensordot(off[i : i + CHUNK], slope, axes=1))
-                                  for i in range(0, len(off), CHUNK)])  # fmt: skip
-        changes = changes - known[np.argsort(np.abs(known), kind="stable")]
+        found = np.concatenate([np.linalg.eigvals(start + np.tensordot(off[i : i + CHUNK], slope, axes=1))
+                                for i in range(0, len(off), CHUNK)])  # fmt: skip
+        # in ascending size, as modes are
+        changes = np.take_along_axis(found, np.argsort(np.abs(found), axis=1), axis=1) - known[
+            np.argsort(np.abs(known), kind="stable")]
         for first, quantity, numbers in modal:
             for k, mode in enumerate(np.array(group)[np.argsort(np.abs(known), kind="stable")].tolist()):
                 if mode not in numbers:
@@ -121,9 +123,3 @@ def _close_modes(
                 result.append((first + numbers.index(mode), np.asarray((rate * changes[:, k]).real),
                                np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))))  # fmt: skip
     return result
-
-
-def _eigenvalues(matrices: Complex) -> Complex:
-    """Eigenvalues (n, modes) in ascending size, as modes are."""
-    values = np.linalg.eigvals(matrices)
-    return np.asarray(np.take_along_axis(values, np.argsort(np.abs(values), axis=1), axis=1))

@@ -99,7 +99,8 @@ class Optimum(Columnar, Displayed):
         rows = [(name + (f" [{self.units[name]}]" if name in self.units else ""), f"{self.start[name]:.7g}",
                  f"{value:.7g}") for name, value in self.values.items()]  # fmt: skip
         rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))
-        notes = [f"{label}: {_span(numbers)}{', not met' if self.violations.get(label, 0.0) > FEASIBLE else ''}."
+        notes = [f"{label}: {' to '.join([f'{x:.6g}' for x in (numbers.min(), numbers.max())][: len(numbers)])}"
+                 f"{', not met' if self.violations.get(label, 0.0) > FEASIBLE else ''}."
                  for label, numbers in {**self.constraints, **self.observed}.items()]  # fmt: skip
         if self.at_bounds:
             notes.append(f"At a bound: {', '.join(f'{name} ({side})' for name, side in self.at_bounds.items())}.")
@@ -132,8 +133,3 @@ class Optimum(Columnar, Displayed):
 
     def __repr__(self) -> str:
         return f"Optimum({self.model.name!r}: {self.label} from {self.began:.6g} to {self.objective:.6g})"
-
-
-def _span(numbers: Array) -> str:
-    low, high = float(numbers.min()), float(numbers.max())
-    return f"{low:.6g}" if len(numbers) == 1 else f"{low:.6g} to {high:.6g}"

@@ -105,7 +105,11 @@ class Peak(Largest):
         low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()
         self._check_stable(system)
-        _refuse_undamped(system, poles, low, high, lambda w: self.ports.magnitude(system, w), self.label)
+        grows = extrema.excited(lambda w: self.ports.magnitude(system, w), poles, low, high)
+        if len(grows):
+            raise ResponseError(f"{self.label}: the mode of '{system.name}' at {grows[0] / (2.0 * np.pi):.6g} Hz is "
+                                f"not damped, and is excited without bound; give the mechanism damping, or a band "
+                                f"without it.")  # fmt: skip
         band = extrema.Band(lambda w: self.ports.magnitude(system, w) ** 2, extrema.panels(poles, low, high))
         where, square = band.maxima(np.asarray, LOWER**2)
         return where, np.sqrt(square)
@@ -183,15 +187,6 @@ def mean_squares(
     half = np.einsum("oin,nij,n->ojn", g, known.matrix(f), weight, optimize=True).conj()
     value = np.einsum("ojn,ojn->o", half, g).real
     return value, 2.0 * np.einsum("ojn,pojn->po", half, slope, optimize=True).real.T
-
-
-def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, quantity: str) -> None:
-    """Refuse undamped modes in a band that are excited: there the response has no bound."""
-    grows = extrema.excited(size, poles, low, high)
-    if len(grows):
-        raise ResponseError(f"{quantity}: the mode of '{system.name}' at {grows[0] / (2.0 * np.pi):.6g} Hz is not "
-                            f"damped, and is excited without bound; give the mechanism damping, or a band without "
-                            f"it.")  # fmt: skip
 
 
 def _names(ports: Any, field: str) -> list[str] | None:

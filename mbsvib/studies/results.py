@@ -238,18 +238,13 @@ class Sweep(Columnar, Displayed):
         if values.dtype.kind not in "biuf":
             raise ModelError(f"plot of '{self.name}': '{name}' is not of real numbers; draw results of real numbers.",
                              element=name, field="label")  # fmt: skip
+        modes = values.shape[1] if name.startswith("modes.") and values.ndim == 2 else 0
         return over_variables(values, name, self.parameters, self.axes, grid=len(self.shape) > 1, units=self.units,
-                              name=self.name, entries=self.entries or _mode_numbers(name, values), ax=ax)  # fmt: skip
+                              name=self.name, entries=self.entries or tuple([f"{k + 1}" for k in range(modes)]), ax=ax)
 
     def __repr__(self) -> str:
         return (f"{type(self).__name__}({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "
                 f"{len(self.errors)} failed)")  # fmt: skip
-
-
-def _mode_numbers(label: str, values: NDArray[Any]) -> tuple[str, ...]:
-    """The numbers of the modes, from 1, that the entries of a result belong to; none where these are no modes."""
-    of_modes = label.startswith("modes.") and values.ndim == 2
-    return tuple(f"{k + 1}" for k in range(values.shape[1])) if of_modes else ()
 
 
 def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:

@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
+from functools import partial
+from operator import getitem
 from time import perf_counter
 from typing import Any, TypeAlias
 
@@ -65,7 +67,9 @@ class Question:
                 result |= {f"{prefix}{key}": _numbers(f"{prefix}{key}", entry) for key, entry in value.items()}
             else:
                 result[label] = _numbers(label, value)
-        if any(map(_is_magnitude, self.items.values())) and not np.all(asked.modes().stable):
+        natural = [item in ("modes.natural", "modes.frequencies") or getattr(item, "quantity", None) == "frequency"
+                   for item in self.items.values()]  # fmt: skip
+        if any(natural) and not np.all(asked.modes().stable):  # which does not show whether modes grow
             warnings.warn(f"modes of '{asked.name}' grow at some of the points. Their natural frequency is the "
                           f"magnitude of the eigenvalue, also where they do not vibrate; 'modes.stable' tells where.",
                           UnstableWarning, stacklevel=2)  # fmt: skip
@@ -91,7 +95,8 @@ def question(of: Asked, batched: bool = False, plant: Plant = NO_PLANT) -> Quest
     """
     if plant.function is not None and batched:
         raise check.refuse("study", "batched", batched, "False beside plant, which is a function of single systems")
-    items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
+    name = of if isinstance(of, str) else name_of(of, "__name__")
+    items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {"value" if name == "<lambda>" else name: of}
     for item in items.values():
         if not callable(item) and not (isinstance(item, str) and item):
             raise check.refuse("study", "of", item, "a result such as 'modes.frequencies', or a function of a system")
@@ -117,18 +122,6 @@ def follow(system: Any, path: str) -> Any:
                                  f"lambda system: system.{name}(...). ({error})", element=path,
                                  field="of") from error  # fmt: skip
     return value
-
-
-def _is_magnitude(item: Any) -> bool:
-    """Whether a result is the natural frequency of modes, which does not show whether they grow."""
-    return item in ("modes.natural", "modes.frequencies") or getattr(item, "quantity", None) == "frequency"
-
-
-def _label(of: Any) -> str:
-    if isinstance(of, str):
-        return of
-    name = name_of(of, "__name__")
-    return "value" if name == "<lambda>" else name
 
 
 def _numbers(label: str, value: Any) -> NDArray[Any]:
@@ -174,7 +167,8 @@ class Task:
                         for i, number in enumerate(numbers)]  # fmt: skip
         except REFUSED:
             return self._sorted_out(numbers, columns)
-        return [(number, self._answers(batch, i, _at(columns, i))) for i, number in enumerate(numbers)]
+        return [(number, self._single(_at(columns, i), partial(getitem, batch, i)))
+                for i, number in enumerate(numbers)]  # fmt: skip
 
     def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Run a refused piece without the points with invalid values; these are run separately."""
@@ -199,8 +193,10 @@ class Task:
             result += self.run(numbers[part], {name: column[part] for name, column in columns.items()})
         return result
 
-    def _single(self, values: Mapping[str, Any]) -> Outcome:
+    def _single(self, values: Mapping[str, Any], known: Callable[[], Any] | None = None) -> Outcome:
         try:
+            if known is not None:
+                return self.question.ask(known(), values)
             model, system = self.systems.balanced(values)
             if self.kind == "batch" and self.question.takes_batch:
                 name, value = next(iter(model.parameters.items()))
@@ -208,12 +204,6 @@ class Task:
                 return {label: value[0] for label, value in self.question.ask_batch(batch).items()}
             return self.question.ask(system, values)
         except Exception as error:  # any error of a point is its outcome
-            return error_text(error)
-
-    def _answers(self, batch: Any, i: int, values: Mapping[str, Any]) -> Outcome:
-        try:
-            return self.question.ask(batch[i], values)
-        except Exception as error:
             return error_text(error)
 
 

@@ -248,7 +248,8 @@ def unreached(scene: Scene) -> list[str]:
     for value in of_a.values[~of_a.decaying]:
         if value.imag < 0.0:
             continue
-        words = _words(value * scene.rate)
+        hertz = value.imag * scene.rate / (2.0 * np.pi)
+        words = f"the mode at {hertz:.4g} Hz" if hertz > UNREACHED else "a rigid-body mode at 0 Hz"
         if _deficient(a, b, value):
             result[words] = f"no actuator reaches {words}"
         elif _deficient(a.T, c.T, value):
@@ -266,8 +267,3 @@ def _deficient(a: Array, b: Array, value: complex) -> bool:
     matrix: Complex = np.concatenate((a - value * np.eye(len(a)), b), axis=1)
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return bool(sizes[-1] <= UNREACHED * sizes[0])
-
-
-def _words(pole: complex) -> str:
-    hertz = abs(pole.imag) / (2.0 * np.pi)
-    return f"the mode at {hertz:.4g} Hz" if hertz > UNREACHED else "a rigid-body mode at 0 Hz"

@@ -86,7 +86,9 @@ class Proof:
             w = cover(channels, known, starts, min(budget, FEW))
             budget -= len(known) + 1
             if w is not None:
-                boxes += _halves(box, self._most(channels, w))
+                k = self._most(channels, w)
+                boxes += [box.copy(), box.copy()]
+                boxes[-2][k, 1] = boxes[-1][k, 0] = box[k].mean()
         return True
 
     def _most(self, channels: Channels, w: float) -> int:
@@ -95,13 +97,6 @@ class Proof:
         both = size[: self.r].sum(axis=1) * size[:, : self.r].sum(axis=0)
         owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return int(np.bincount(owner, weights=np.sqrt(both)).argmax())
-
-
-def _halves(box: Array, k: int) -> list[Array]:
-    """Both halves of a box along a parameter."""
-    low, high = box.copy(), box.copy()
-    low[k, 1] = high[k, 0] = box[k].mean()
-    return [low, high]
 
 
 def _proof(plant: Any, problem: Perturbed, velocities: bool = True) -> Proof:
@@ -175,7 +170,10 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
     if found is not None:
         upper, delta = found
         values = values_at(plant, delta)
-        omega = np.inf if (closed := problem.closure(delta)) is None else _rightmost(closed.closed[0])
+        if (closed := problem.closure(delta)) is None:
+            omega = np.inf
+        else:  # of the rightmost pole
+            omega = abs(float(max(np.linalg.eigvals(closed.closed[0]).tolist(), key=lambda pole: pole.real).imag))
         starts = [omega / proof.unit] if np.isfinite(omega) else []
 
     def proves(t: float) -> bool:
@@ -188,11 +186,6 @@ def robust_stability(plant: Any, accuracy: float) -> RobustStability:
             break
         lower = share * last
     return RobustStability(plant.name, lower, upper, values, omega, plant.parameters)
-
-
-def _rightmost(a: Array) -> float:
-    poles = np.linalg.eigvals(a)
-    return float(np.abs(poles[int(np.argmax(poles.real))].imag))
 
 
 def worst_gain(plant: Any, outputs: Names, inputs: Names, accuracy: float) -> WorstGain:

@@ -137,7 +137,9 @@ def largest(coefficients: Array, own: Basis, reached: float, near: float, most: 
     for _ in range(most):
         k = int(np.argmax([bound for bound, _ in boxes]))
         bound, here = boxes[k]
-        reached = max(reached, _corner(here, own))
+        slopes = here[[own.place[tuple(row)] for row in np.eye(own.count, dtype=int).tolist()]]
+        corner = np.where(slopes < 0.0, -1.0, 1.0)[None]  # to which the linear terms point
+        reached = max(reached, float((own.at(corner) @ here)[0]))
         if bound <= (1.0 + near) * reached:
             break
         weights = np.abs(here) @ np.array(own.powers, dtype=float).reshape(len(here), own.count)
@@ -147,12 +149,6 @@ def largest(coefficients: Array, own: Basis, reached: float, near: float, most: 
 
 def _bound(coefficients: Array) -> float:
     return float(coefficients[0] + np.abs(coefficients[1:]).sum())
-
-
-def _corner(coefficients: Array, own: Basis) -> float:
-    """The value at the corner to which the linear terms point."""
-    slopes = np.array([coefficients[own.place[tuple(row)]] for row in np.eye(own.count, dtype=int).tolist()])
-    return float((own.at(np.where(slopes < 0.0, -1.0, 1.0)[None]) @ coefficients)[0])
 
 
 NEAR = 1e-3  # share of the mean square up to which a bound is made nearer
