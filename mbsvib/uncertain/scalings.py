@@ -22,6 +22,7 @@ STEPS = 60  # of Newton's method at one weight of the barrier
 FACTOR = 12.0  # from one weight of the barrier to the next
 GAP = 1e-4  # of the least eigenvalue of Phi at which the search ends
 LARGEST = 30.0  # times 1 + |M|^2: the bound of Phi
+REACH = 10.0  # times 1 + |M|^2: G of light damping, which does not count in the decision that there are no scalings
 SWEEPS = 30  # of balancing
 LEAST = 1e-9  # share below which entries do not count in balancing
 
@@ -123,7 +124,9 @@ class _Problem:
         self.slopes = np.concatenate((wide - adjoint @ tall @ m, -1j * (product - product.conj().swapaxes(1, 2))))
         self.basis, self.n, self.size = positive, n + last, size
         self.trace = np.concatenate((np.trace(positive, axis1=1, axis2=2).real, np.zeros(k)))
-        self.bound = LARGEST * (1.0 + float(np.linalg.norm(m, 2)) ** 2)  # G could grow without end else
+        size = 1.0 + float(np.linalg.norm(m, 2)) ** 2
+        self.bound = LARGEST * size  # G could grow without end else
+        self.price = 1.0 / (REACH * size) ** 2
 
     def solved(self, enough: float) -> tuple[Array, float]:
         k = len(self.basis)
@@ -136,7 +139,7 @@ class _Problem:
         weight = 1.0
         while True:
             x, s = self._centred(x, s, weight, enough)
-            gap = (2 * self.size + self.n + 0.5 * float(np.square(x[k:]).sum()) / weight) / weight
+            gap = (2 * self.size + self.n + 0.5 * self.n**2 / weight) / weight
             if s > enough or s < -4.0 * gap or gap < GAP:
                 return x, s
             weight *= FACTOR
@@ -150,7 +153,7 @@ class _Problem:
     def _value(self, x: Array, s: float, weight: float) -> float:
         """The barrier's value; infinite where a matrix is not positive definite."""
         phi, one = self._phi(x), np.eye(self.size)
-        total = 0.5 * float(np.square(x[len(self.basis) :]).sum()) / weight - weight * s
+        total = 0.5 * self.price * float(np.square(x[len(self.basis) :]).sum()) / weight - weight * s
         try:
             for matrix in (phi - s * one, self.bound * one - phi, self._d(x)):
                 total -= 2.0 * float(np.log(np.diagonal(np.linalg.cholesky(matrix)).real).sum())
@@ -170,11 +173,11 @@ class _Problem:
             along = np.trace(right - left, axis1=1, axis2=2).real
             gradient = np.concatenate((along, [np.trace(inverse).real - weight]))
             gradient[:k] -= np.trace(of_basis, axis1=1, axis2=2).real
-            gradient[k:-1] += x[k:] / weight
+            gradient[k:-1] += self.price * x[k:] / weight
             hessian = np.zeros((len(gradient), len(gradient)))
             hessian[:-1, :-1] = _traces(left) + _traces(right)
             hessian[:k, :k] += _traces(of_basis)
-            hessian[range(k, len(x)), range(k, len(x))] += 1.0 / weight
+            hessian[range(k, len(x)), range(k, len(x))] += self.price / weight
             hessian[:-1, -1] = hessian[-1, :-1] = -np.einsum("kij,ji->k", left, inverse).real
             hessian[-1, -1] = np.einsum("ij,ji->", inverse, inverse).real
             step = self._step(gradient, hessian)

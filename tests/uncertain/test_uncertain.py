@@ -228,6 +228,20 @@ def test_scalings_of_a_repeated_parameter():
         assert (best_scalings(matrix, (3,), 0, 0.0)[1] > 0.0) is expected, a
 
 
+@pytest.mark.parametrize("share", [1.0, 0.1, 1e-2, 1e-3])
+def test_scalings_of_a_lightly_damped_mode(share):
+    """M = g u v^T is singular where u1 v1 d1 + u2 v2 d2 = 1 / g: for no real d, however real g nearly is."""
+    m = (1.0 - 1j * share) * np.outer((2.5, -1.7), (1.0, 0.6))
+    assert best_scalings(m, (1, 1), 0, 0.1)[1] > 0.1
+
+
+@pytest.mark.slow
+def test_light_damping_is_proven_stable_within_the_limits():
+    """One mass on a spring and a damper of a damping ratio of 1e-3: stable for all positive values."""
+    plant = oscillator(1.67, 857.0, 0.08).linearize().uncertain({"b.mass": (1.5, 1.84), "s.stiffness": 0.06})
+    assert plant.robust_stability().lower > 1.0
+
+
 @pytest.mark.few(2)
 @pytest.mark.parametrize(("sizes", "ports"), [((1,), (0, 0)), ((2, 1), (0, 0)), ((1, 1), (1, 2)), ((3,), (2, 1))])
 def test_no_other_scalings_are_better(sizes, ports):
