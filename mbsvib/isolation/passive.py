@@ -18,8 +18,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import band_of, hertz, names, one_of, reals
 from mbsvib.common.patterns import matching
 from mbsvib.errors import ModelError
-from mbsvib.isolation.design import Design, Front
-from mbsvib.isolation.design_noise import MeanSquares
+from mbsvib.isolation.design import Design, Front, MeanSquares
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.mechanism.mechanism import GROUND

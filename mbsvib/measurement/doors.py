@@ -347,6 +347,6 @@ class Doors(ArrayFiles):
 
         Source: van der Seijs, van den Bosch, Rixen & de Klerk, COMPDYN 2013.
         """
-        from mbsvib.measurement.virtual_point import with_virtual_point
+        from mbsvib.measurement.common_errors import with_virtual_point
 
         return cast("Self", with_virtual_point(self, name, position, outputs, inputs))

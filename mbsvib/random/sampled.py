@@ -95,7 +95,6 @@ class SampledRandom(Random):
         """Warn of nothing: sampling folds noise to all frequencies."""
 
     def check_finite(self) -> None:
-        """Refuse mean squares over a band that are infinite."""
         if self.band is not None and self._infinite().any():
             raise ResponseError(f"rms: a mode of '{self.linear.name}' from {self.band[0]:g} to {self.band[1]:g} Hz is "
                                 f"not damped, and noise at its frequency drives it without bound; give the mechanism "
@@ -222,7 +221,6 @@ class SampledRandom(Random):
         return replace(loop, plant=LoopPlant(whole), selection=(names, inputs)), filters, ports
 
     def densities(self, f: Array) -> Array:
-        """Return the densities (outputs, s + 1, n) due to each source and, last, to their correlation."""
         self._check()
         loop, w = self.linear, 2.0 * np.pi * f
         g, out = loop.frequency_response(w), held(loop, w)

@@ -176,7 +176,6 @@ class Leaf(Quantity):
         super().__init__(label, (), ask, equations)
 
     def at(self, point: DesignPoint) -> Dual:
-        """Return numbers and derivatives at a point."""
         return self._rule(point)
 
 

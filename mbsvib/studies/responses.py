@@ -76,12 +76,10 @@ class Peak(Largest):
         self.ports, self.band = ports, band
 
     def true(self, point: DesignPoint) -> Dual:
-        """Return the peak, and its derivatives at the frequency where it is."""
         w, size = self.tops(point)
         return self.members(point, w[[int(size.argmax())]])
 
     def members(self, point: DesignPoint, active: Array | None) -> Dual:
-        """Return the magnitudes at angular frequencies."""
         if active is None:
             return self.true(point)
         self._check_stable(point.system)  # a search is to go back from where no response is steady
@@ -93,14 +91,12 @@ class Peak(Largest):
                                 f"vibration has a peak; give values at which it is held.")  # fmt: skip
 
     def seeds(self, point: DesignPoint) -> Array:
-        """Return angular frequencies distributed over the band, and at all modes."""
         low, high = self._band(point.system)
         poles = np.unique(np.abs(point.system.poles()))
         inside = poles[(poles > 2.0 * np.pi * low) & (poles < 2.0 * np.pi * high)][:SEEDS]
         return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(point)[0])))
 
     def tops(self, point: DesignPoint) -> tuple[Array, Array]:
-        """Return angular frequencies of the significant local maxima, and the magnitudes there."""
         system = point.system
         low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()

@@ -97,7 +97,6 @@ class Hinf(Goal):
         return self.shape.for_outputs(part.outputs, part.output_units)
 
     def at(self, scene: Scene) -> Measure:
-        """Return the norm at a plant."""
         inputs = scene.system.inputs if self.inputs is None else self.inputs
         ports = needed_ports(self.outputs, inputs, (scene.system.outputs, scene.ports.inputs), scene.system.name)
         return _peak(*ports, self._shape(scene.system))
@@ -145,7 +144,6 @@ class Rms(Goal):
         return f"rms {_text(self.outputs)}"
 
     def at(self, scene: Scene) -> Measure:
-        """Return the root mean square at a plant."""
         known = random(scene.ports, self.floor, self.outputs, self.band, self.correlation, self.weighting)
         inputs = [scene.ports.inputs.index(name) for name in known.sources.names]
         outputs = [scene.ports.outputs.index(name) for name in known.outputs]
@@ -199,7 +197,6 @@ class Damping(Goal):
         return "damping"
 
     def at(self, scene: Scene) -> Measure:
-        """Return the least damping ratio at a plant, 1 if no pole vibrates."""
         return _damping
 
     def of(self, loop: Any) -> Norm:
@@ -233,7 +230,6 @@ class Margin(Goal):
         return "margin"
 
     def at(self, scene: Scene) -> Measure:
-        """Return the modulus margin at a plant."""
         of_sensitivity = _peak(scene.commands, scene.driven)
 
         def measure(loop: Loop, known: Sequence[float]) -> tuple[float, Callable[[], Array]]:
@@ -266,7 +262,6 @@ class Rolloff(Goal):
         return Weight(None, Table(f, (f / self.frequency) ** (self.decibels / 20.0)))
 
     def at(self, scene: Scene) -> Measure:
-        """Return the highest peak of the weighted complementary sensitivity at a plant."""
         return _peak(scene.commands, scene.driven, self.shape, less=True)
 
     def of(self, loop: Any) -> Norm:

@@ -35,11 +35,9 @@ class Gain(Part):
     kind: ClassVar[str] = "gain"
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """Return the entries of D, row by row."""
         return _matrix("gain", sizes.actuators, sizes.sensors, -SMALL)
 
     def at(self, values: Complex) -> Realization:
-        """Return D."""
         return Realization(0, values.T.reshape(-1, len(self.outputs), len(self.inputs)))
 
 
@@ -53,7 +51,6 @@ class Pid(Part):
     terms: str = "pid"
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """Return kp, ki, kd and tau, as far as there are such terms."""
         size, rate = float(sizes.actuators[0] / sizes.sensors[0]), sizes.rate
         spread = SMALL * SPREAD
         known = {"p": [Value("kp", size, -SMALL, spread)], "i": [Value("ki", size * rate, -0.1 * SMALL, 0.1 * spread)],
@@ -83,7 +80,6 @@ class LeadLag(Part):
     single: ClassVar[bool] = True
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """Return gain, zero and pole [rad/s]."""
         return [Value("gain", float(sizes.actuators[0] / sizes.sensors[0]), -SMALL, SMALL * SPREAD),
                 Value("zero", sizes.rate, 1.0, SPREAD, positive=True),
                 Value("pole", sizes.rate, 3.0, SPREAD, positive=True)]  # fmt: skip
@@ -102,7 +98,6 @@ class Notch(Part):
     single: ClassVar[bool] = True
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """Return frequency [rad/s], depth and width."""
         return [Value("frequency", sizes.rate, 1.0, SPREAD, positive=True),
                 Value("depth", 1.0, DEEP, SPREAD, positive=True),
                 Value("width", 1.0, WIDE, SPREAD, positive=True)]  # fmt: skip
@@ -113,7 +108,6 @@ class Notch(Part):
         return stacked(2, [[0.0, w, 0.0], [-w, -2.0 * width * w, w], [0.0, 2.0 * (depth - width), 1.0]], len(w))
 
     def through(self, sensors: Array, rate: float) -> Array:
-        """Return the sizes of the inputs."""
         return sensors
 
 
@@ -133,7 +127,6 @@ class Space(Part):
         return self.structure != "full" and len(self.inputs) == 1
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """Return the values of A, then of B unless they follow from A, of C and of D."""
         k, rate = self.order, sizes.rate
         spread = np.linspace(1.0, 2.0, k)
         if self.structure == "full":
@@ -158,7 +151,6 @@ class Space(Part):
         return values
 
     def at(self, values: Complex) -> Realization:
-        """Return the equations in their own states."""
         k, o, i = self.order, len(self.outputs), len(self.inputs)
         x = np.zeros((values.shape[1], k + o, k + i), dtype=complex)
         v = self._dynamics(values, x)

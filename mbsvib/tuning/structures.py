@@ -139,21 +139,17 @@ class Part(Tunable):
         """Return the equations (n, ...) for values (v, n)."""
 
     def parts(self) -> tuple[Part, ...]:
-        """Return this part."""
         return (self,)
 
     def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Self:
-        """Return the part with names in the place of patterns."""
         return replace(self, outputs=_names(self.outputs, outputs, "actuator", owner),
                        inputs=_names(self.inputs, inputs, "sensor", owner))  # fmt: skip
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
-        """Return the sizes of its own signals."""
         yield Sizes(np.array([signals.actuators[name] for name in self.outputs]),
                     np.array([signals.sensors[name] for name in self.inputs]), rate)  # fmt: skip
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
-        """Return the next equations."""
         return next(parts)
 
     def described(self, sizes: Sizes) -> list[Value]:
@@ -209,16 +205,13 @@ class Fixed(Part):
     law: Any = None
 
     def values(self, sizes: Sizes) -> list[Value]:
-        """No values."""
         return []
 
     def at(self, values: Complex) -> Realization:
-        """Return the equations that were given."""
         x = np.block([[self.law.A, self.law.B], [self.law.C, self.law.D]])
         return Realization(len(self.law.A), np.broadcast_to(x, (values.shape[1], *x.shape)))
 
     def through(self, sensors: Array, rate: float) -> Array:
-        """Return the sizes of outputs by the gain at the rate."""
         sizes = np.abs(self.law.at(np.array([1j * rate]))[0]) @ sensors
         return np.asarray(np.where(sizes > 0.0, sizes, 1.0))
 
@@ -240,20 +233,16 @@ class Sum(Tunable):
         return united(*[term.outputs for term in self.terms])
 
     def parts(self) -> tuple[Part, ...]:
-        """Return the parts of all terms."""
         return tuple([part for term in self.terms for part in term.parts()])
 
     def for_ports(self, outputs: Sequence[str] | None, inputs: Sequence[str] | None, owner: str) -> Sum:
-        """Return the sum with names in the place of patterns."""
         return Sum(tuple([term.for_ports(outputs, inputs, owner) for term in self.terms]))
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
-        """Return the sizes of all parts."""
         for term in self.terms:
             yield from term.sized(signals, rate)
 
     def through(self, sensors: Array, rate: float) -> Array:
-        """Return the sizes of outputs, the largest of all terms."""
         known, sizes = dict(zip(self.inputs, sensors, strict=True)), dict.fromkeys(self.outputs, 0.0)
         for term in self.terms:
             own = term.through(np.array([known[name] for name in term.inputs]), rate)
@@ -261,7 +250,6 @@ class Sum(Tunable):
         return np.array(list(sizes.values()))
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
-        """Return the terms side by side."""
         outputs, inputs = self.outputs, self.inputs
         rows = [[outputs.index(name) for name in term.outputs] for term in self.terms]
         columns = [[inputs.index(name) for name in term.inputs] for term in self.terms]
@@ -300,18 +288,15 @@ class Series(Tunable):
         return Series(self.last.for_ports(outputs, None, owner), self.first.for_ports(None, inputs, owner))
 
     def sized(self, signals: Signals, rate: float) -> Iterator[Sizes]:
-        """Return the sizes of the parts of both."""
         size = self.first.through(np.array([signals.sensors[name] for name in self.inputs]), rate)
         to, of = (dict(zip(names, size.tolist(), strict=True)) for names in (self.first.outputs, self.last.inputs))
         yield from self.first.sized(signals._replace(actuators=to), rate)
         yield from self.last.sized(signals._replace(sensors=of), rate)
 
     def through(self, sensors: Array, rate: float) -> Array:
-        """Return the sizes of outputs of the last one."""
         return self.last.through(self.first.through(sensors, rate), rate)
 
     def realized(self, parts: Iterator[Realization]) -> Realization:
-        """Return both in series."""
         first = self.first.realized(parts)
         return in_series(self.last.realized(parts), first)
 

@@ -22,12 +22,10 @@ from mbsvib.random.moments import Equations, moments
 from mbsvib.random.slopes import mean_square_gradient
 from mbsvib.responses.norms import pole_words
 from mbsvib.uncertain.blocks import OFF_POLES
-from mbsvib.uncertain.energy_bound import energy_bound
-from mbsvib.uncertain.intervals import Channels, cover
 from mbsvib.uncertain.moment_bound import affine, moment_bound
 from mbsvib.uncertain.results import RobustStability, WorstGain, WorstRms
-from mbsvib.uncertain.rms_bound import behind_filters, mean_square_bound
-from mbsvib.uncertain.scalings import Scalings
+from mbsvib.uncertain.rms_bound import behind_filters, energy_bound, mean_square_bound
+from mbsvib.uncertain.scalings import Channels, Scalings, cover
 from mbsvib.uncertain.search import Perturbed, gain, halved, peak_of, perturbed, values_at
 
 LEAST, LARGEST = 0.05, 100.0  # factors on limits from and up to which destabilizing values are sought

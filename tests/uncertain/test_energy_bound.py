@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
-from mbsvib.uncertain.energy_bound import energy_bound
+from mbsvib.uncertain.rms_bound import energy_bound
 from tests.random.scenes import oscillator
 
 LIMITS = {"s.stiffness": 0.2, "s.damping": (1.0, 4.0), "b.mass": (1.8, 2.3)}

@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 from mbsvib.uncertain.blocks import OFF_POLES
 from mbsvib.uncertain.certain import Proof, by_velocities, even_gain
-from mbsvib.uncertain.intervals import Channels, _beside, _candidates, _without, cover, interval, least
-from mbsvib.uncertain.scalings import best_scalings
+from mbsvib.uncertain.scalings import Channels, _beside, _candidates, _without, best_scalings, cover, interval, least
 
 GRID = np.tan(np.linspace(0.0, 0.5 * np.pi, 3001)[:-1])
 
@@ -255,6 +254,6 @@ def test_frequencies_to_begin_with_go_before_rest(monkeypatch):
         tried.append(w0)
         return 0.0, np.inf
 
-    monkeypatch.setattr("mbsvib.uncertain.intervals.interval", everywhere)
+    monkeypatch.setattr("mbsvib.uncertain.scalings.interval", everywhere)
     assert cover(made(0), [], [0.8]) is None
     assert tried == [0.8]

@@ -9,7 +9,7 @@ import pytest
 from mbsvib import isolation, library
 from mbsvib.feedback.closing import transfer
 from mbsvib.uncertain import rms_bound
-from mbsvib.uncertain.intervals import Channels
+from mbsvib.uncertain.scalings import Channels
 from mbsvib.uncertain.search import perturbed
 from tests.random.scenes import oscillator
 

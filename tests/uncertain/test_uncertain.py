@@ -11,9 +11,8 @@ import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.uncertain import certain
 from mbsvib.uncertain.certain import Proof
-from mbsvib.uncertain.intervals import Channels, cover, least
 from mbsvib.uncertain.results import RobustStability
-from mbsvib.uncertain.scalings import _Problem, bases, best_scalings
+from mbsvib.uncertain.scalings import Channels, _Problem, bases, best_scalings, cover, least
 from mbsvib.uncertain.search import gain, growth, perturbed, values_at
 from tests.random.scenes import oscillator, two_masses
 
