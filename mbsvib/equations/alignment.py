@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, log10
 from typing import TypeVar
 
@@ -120,8 +121,8 @@ def _groups(model: Mechanism) -> Iterator[tuple[Loops, float]]:
                              f"{MOST_COORDINATES} can be aligned. Align their joints in the model.",
                              element="linearize", field="align")  # fmt: skip
         points = np.concatenate((cuts.rows.point[:, rows[rows < count]], coordinates.point[:, columns]), axis=1)
-        lever = cuts.lever(rows) or coordinates.pitch
-        length, noise = measures(points, max(len(rows), len(columns)), lever)
+        spare = partial(cuts.spare_length, coordinates.point, coordinates.pitch, rows)
+        length, noise = measures(points, max(len(rows), len(columns)), spare)
         names = [coordinates.names[k] for k in columns.tolist()]
         yield loops_of(model, [cuts.joints[k] for k in set(cuts.joint[rows].tolist())], names, length), noise
 

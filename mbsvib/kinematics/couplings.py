@@ -78,8 +78,10 @@ class Couplings:
         return np.asarray(1.0 / np.maximum(angle, distance * length))
 
     def lever(self, members: Index) -> float:
-        """Return the mean length [m] by which some couplers take angles to distances, 0 where none does."""
-        angle, distance = self.largest[..., members]
+        """Return the mean length [m] by which some couplers take angles to distances, 0 where none does; negative
+        ``members`` are none.
+        """
+        angle, distance = self.largest[..., members[members >= 0]]
         both = (angle > 0.0) & (distance > 0.0)
         return float(np.exp(np.log(angle[both] / distance[both]).mean())) if both.any() else 0.0
 

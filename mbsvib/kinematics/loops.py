@@ -80,10 +80,16 @@ class Cuts:
     translates: Bools
     couplings: Couplings | None = None
 
-    def lever(self, rows: Index) -> float:
-        """Return the length [m] by which couplers among some rows take angles to distances, 0 where none does."""
-        count = len(self.rows.first)
-        return 0.0 if self.couplings is None else self.couplings.lever(rows[rows >= count] - count)
+    def spare_length(self, coordinates: Array, pitch: float, members: Index, rounding: float) -> float:
+        """Return a unit of length [m] for some rows whose joints are all at one point, the same in any unit.
+
+        It is the largest ``pitch``, the size above ``rounding`` of the mechanism with joint ``coordinates`` at points
+        (3, n), or half of what couplers have per angle, so that distances stay. Without one, any length serves.
+        """
+        points = np.concatenate((self.rows.point, coordinates), axis=1)
+        size, distance = float(np.ptp(points, axis=1).max()), float(np.abs(points).max())
+        lever = 0.0 if self.couplings is None else self.couplings.lever(members - len(self.rows.first))
+        return pitch or size * (size > rounding) or 0.5 * lever or distance or 1.0
 
     def row_scale(self, length: float | Array, members: Index | slice = slice(None)) -> Array:
         """Return factors (..., rows) that make some rows dimensionless, with ``length`` [m] as the unit of length: one
@@ -116,8 +122,7 @@ def reduce(
 
     Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
     """
-    pinned = None if independent is None else _pinned(coordinates, independent)
-    n = len(coordinates.names)
+    pinned, n = None if independent is None else _pinned(coordinates, independent), len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
     blocks = loop_groups(coordinates, cuts)
@@ -226,8 +231,8 @@ def _scaled(
     for rows, columns in groups:
         cut = rows if cuts.couplings is None else rows[rows < count]
         group_points = points.take(np.concatenate((cut, columns + count)), axis=1)
-        lever = cuts.lever(rows) or coordinates.pitch
-        length, noise = measures(group_points, max(len(rows), len(columns)), lever, arm)
+        spare = partial(cuts.spare_length, coordinates.point, coordinates.pitch, rows)
+        length, noise = measures(group_points, max(len(rows), len(columns)), spare, arm)
         row_length[rows], column_length[columns], preferred[columns] = length, length, preference(len(columns))
         lengths.append(length)
         noises.append(noise)
@@ -335,23 +340,20 @@ class LoopGroup:
         return self._names() if self.surplus else ()
 
 
-def measures(points: Array, count: int, lever: float, arm: float = 0.0) -> tuple[float, float]:
+def measures(points: Array, count: int, spare: Callable[[float], float], arm: float = 0.0) -> tuple[float, float]:
     """Return the unit of length of loops [m], and the rounding of the entries of rows that are scaled by it.
 
-    The length is the size of the loops; where all ``points`` (3, n) of the joints [m] coincide within rounding, the
-    ``lever`` [m] by which couplers or screws take rotations to translations. Without one nothing does, and the length
-    decides nothing: it is the distance from the origin, or 1 m at the origin. The rounding is that of unit vectors, and
-    of points relative to their distance from the origin, or to ``arm`` [m], the largest distance of the points from the
-    centres of mass about which their bodies were turned. ``count``: number of the rows or of the coordinates, whichever
-    is larger.
+    The length is the size of the loops, or ``spare`` where all ``points`` (3, n) of the joints [m] coincide within
+    rounding. The rounding is that of unit vectors, and of points relative to their distance from the origin, or to
+    ``arm`` [m], the largest distance of the points from the centres of mass about which their bodies were turned, and
+    proportional to ``count``, the larger number of rows or coordinates.
     """
     if not points.size:  # a coupler of coordinates that other joints lock
         return 1.0, EPS * count
-    axes = points.tolist()
-    low, high = list(map(min, axes)), list(map(max, axes))
+    low, high = zip(*((min(axis), max(axis)) for axis in points.tolist()), strict=True)
     length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
-    if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
-        length = lever or distance or 1.0
+    rounding = RANK_FACTOR * EPS * count * distance
+    length = spare(rounding) if length <= rounding else length  # lever arms, which are shorter, are rounding
     return length, EPS * count * max(1.0, distance / length)
 
 

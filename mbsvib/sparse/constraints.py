@@ -252,7 +252,8 @@ class _Decision:
         columns, phi = self.entries.dense(members)
         of_joints = members[members < len(cuts.rows.first)]
         points = np.concatenate((cuts.rows.point[:, of_joints], tree.point[:, columns]), axis=1)
-        length, noise = measures(points, max(phi.shape), cuts.lever(members) or tree.pitch, reach)
+        spare = partial(cuts.spare_length, tree.point, tree.pitch, members)
+        length, noise = measures(points, max(phi.shape), spare, reach)
         scale = np.where(tree.turns[columns], 1.0, length) * preference(len(columns))
         a = phi * cuts.row_scale(length, members)[:, None] * scale
         rank, smallest_kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
