@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from mbsvib.common.arrays import Array
 from mbsvib.common.selection import Names
@@ -22,7 +23,8 @@ from mbsvib.responses.transmission_zeros import numbers
 
 # Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there
 # is one, and where it ends: a bisection to within NEAR, as poles of controllers go to infinity towards the least norm.
-BEGIN, LEAST, NEAR = (1.0, 1e1, 1e3, 1e6, 1e10), 1e-12, 1e-2
+# The open loop's own may be the least norm, at which rounding decides.
+BEGIN, LEAST, NEAR = (1.5, 1e1, 1e3, 1e6, 1e10), 1e-12, 1e-2
 # A controller whose loop has a larger norm than SLICOT says by more than this is none.
 EXCEEDED = 1e-3
 DEPENDENT = 1e-12  # least singular value of columns of size one that are not independent
@@ -65,7 +67,8 @@ def hinf_synthesis(
     ``plant``: A, B, C, D of P, in continuous time. ``measurements``, ``controls``: number of outputs y and of inputs u,
     the last ones of P. ``relaxation``: allowed norm, in parts of the smallest, 1 or more. The controller has as many
     states as the plant. The norm of its loop, which is checked, is within 1 % of the smallest that rounding permits.
-    Towards the infimum, poles of controllers may go to infinity.
+    Towards the infimum, poles of controllers may go to infinity, and controllers are known to fewer digits: another
+    unit changes them by rounding times the reciprocal conditions.
 
     Source: Glover & Doyle, State-space formulae for all stabilizing controllers that satisfy an H-infinity norm bound,
     Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection, as that of SLICOT's SB10AD ends early.
@@ -167,8 +170,9 @@ class _Normalized:
     """A plant in units of its own: ``matrices`` A, B, C, D; the units of time [1/s] ``rate``, of ``controls`` and
     ``measurements``, and of the ``performance`` per disturbance.
 
-    Times of the highest pole; balanced states with |B1| = |C1|; controls of unit cost and measurements of unit noise;
-    a response from w to z of size one. So a controller does not depend on the units of the plant.
+    Times of the highest pole; states that are moved as much as they are seen, with |B1| = |C1|; controls of unit cost
+    and measurements of unit noise; a response from w to z of size one. So a controller does not depend on the units of
+    the plant.
     """
 
     matrices: tuple[Array, Array, Array, Array]
@@ -196,9 +200,23 @@ def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, con
     cost, noise = (1.0 / np.where(norms > 0.0, norms, 1.0) for norms in (cost, noise))
     b[:, i:], d[:, i:] = b[:, i:] * cost, d[:, i:] * cost
     c[o:], d[o:] = c[o:] * noise[:, None], d[o:] * noise[:, None]
+    own = _own_units(a, b, c)
+    a, b, c = scaled(a * own / own[:, None], b / own[:, None], c * own)
     sizes = float(np.linalg.norm(b[:, :i])), float(np.linalg.norm(c[:o]))
     unit = np.sqrt(sizes[0] / sizes[1]) if all(sizes) else 1.0
     return _Normalized((a, b / unit, c * unit, d), rate, cost, noise, size)
+
+
+def _own_units(a: Array, b: Array, c: Array) -> Array:
+    """Units (n,) of states in which inputs move each state as much as outputs see it, of equations made to decay.
+
+    They do not depend on the units in which the states come, as powers of two that even out A do.
+    """
+    decaying = a - (1.0 + max(0.0, float(np.linalg.eigvals(a).real.max()))) * np.eye(len(a))
+    pairs = (decaying, b), (decaying.T, c.T)
+    moved, seen = (np.abs(solve_continuous_lyapunov(m, -f @ f.T).diagonal()) for m, f in pairs)
+    known = (moved > 0.0) & (seen > 0.0)
+    return np.where(known, np.where(known, moved, 1.0) / np.where(known, seen, 1.0), 1.0) ** 0.25
 
 
 def _size(a: Array, b: Array, c: Array, d: Array) -> float:

@@ -5,6 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
+from mbsvib.isolation import synthesis
 from mbsvib.isolation.synthesis import closed_loop, h2_synthesis, hinf_synthesis
 from tests.isolation.test_riccati import INTEGRATOR
 from tests.isolation.test_synthesis import plant as strut
@@ -172,3 +173,18 @@ def test_controllers_do_not_depend_on_units(generalized, units):
         norms.append(loop.h2_norm().value if design.norm is None else loop.hinf_norm().value)
     assert norms[:2] == pytest.approx([first.norm] * 2, rel=1e-6)
     assert norms[3] == pytest.approx(norms[2] * np.sqrt(time), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("relaxation", [1.0, 1.2])
+def test_units_that_are_powers_of_two_change_no_bit(relaxation, monkeypatch):
+    """Near its least norm a controller has few digits: it is the same one where units round nothing."""
+    made, platform = [], isolation.actuated(library.cubic_hexapod(damping=2.0), "platform")
+    monkeypatch.setattr(synthesis, "hinf_synthesis", lambda *words: made.append(words) or hinf_synthesis(*words))
+    isolation.hinf(platform, platform.names("acceleration"), 1.0, 1e-3, relaxation=relaxation)
+    plant, ny, nu, *_ = made[0]
+    units = time, length, force = 2.0**-10, 2.0**5, 2.0**12
+    first, other = (hinf_synthesis(p, ny, nu, "test", relaxation) for p in (plant, in_units(plant, ny, nu, units)))
+    assert other.norm == first.norm
+    np.testing.assert_array_equal(other.D * force / length, first.D)
+    np.testing.assert_array_equal(np.linalg.eigvals(other.A) / time, np.linalg.eigvals(first.A))
