@@ -65,7 +65,8 @@ def reactions(cycle: CycleData) -> Reactions:
     required, jacobian, wrenches, effects, points = matrices(
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     scale, row_units = expressions.motion.motion.scales(plant.size)
-    units, couplers = _units(model, points[:, :, 0].reshape(len(points), -1, 3), np.abs(effects).max(axis=0))
+    units, couplers = _units(model, points[:, :, 0].reshape(len(points), -1, 3), np.abs(effects).max(axis=0) / row_units,
+                             plant.size)  # fmt: skip
     fixed = np.pad(wrenches[:, :, 0], ((0, 0), (0, couplers.shape[1]))) / units
     loads = np.concatenate((-effects, couplers), axis=1) / row_units / units[:, :, None]
     torques = np.zeros(required.shape[:2])
@@ -103,15 +104,17 @@ def _points(model: Mechanism, expressions: Statement) -> Expression:
         for joint in model.joints.values()))  # fmt: skip
 
 
-def _units(model: Mechanism, points: Array, effects: Array) -> tuple[Array, Array]:
+def _units(model: Mechanism, points: Array, effects: Array, size: float) -> tuple[Array, Array]:
     """Units (samples, 6 joints + couplers) of wrenches, 1 and the length L of moments, and what couplers transmit in
     joints per multiplier (samples, couplers, rows), moments over L.
 
     L is that of ``points`` (samples, joints, 3) of loops that have joints or couplers in common. ``effects``
-    (6 joints, rows): the largest wrenches that multipliers make.
+    (6 joints, rows): the largest wrenches that multipliers make per row of the ``size`` [m] of the mechanism; those of
+    rounding, in joints that carry both ends of a loop, make no loop.
     """
     names, rows = list(model.joints), effects.shape[1]
-    in_loop: Bools = effects.reshape(len(names), 6, rows).max(axis=1) > 0.0
+    in_unit = effects.reshape(len(names), 6, rows) * np.repeat((size, 1.0), 3)[:, None]
+    in_loop: Bools = in_unit.max(axis=1) > DETERMINED
     terms = [(rows - len(model.couplers) + k, names.index(name.rpartition(".")[0]), turns(name), value)
              for k, part in enumerate(model.couplers.values()) for name, value in part.terms]  # fmt: skip
     for row, joint, _, _ in terms:

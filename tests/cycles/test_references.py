@@ -372,3 +372,28 @@ def test_redundant_joints_and_gears_at_rest_share_forces_as_in_linear_models(gea
             assert_allclose(cycle.reactions[name][0] / unit ** np.repeat((1, 2), 3),
                             expected / unit ** np.repeat((1, 2), 3), rtol=0, atol=1e-10)  # fmt: skip
         assert ("x" in cycle.undetermined["A"]) is gear
+
+
+def test_two_doors_on_one_carrier_share_as_each_would_alone():
+    """Hinges at distances d on both sides of their middle carry F / 2 +- M x a / (4 d) and M / 4 each.
+
+    F and M are the force and the moment across the axis a, about their middle, that hold the door: L = d of its loop.
+    """
+    model = mv.Model("doors", gravity=(0, 0, -9.81))
+    model.add_body("carrier", 1.0, (0.1, 0.1, 0.1), (0.1, 0, 0))
+    model.add_joint("turn", "revolute", "ground", "carrier", (0.3, 0.2, 0.1), axis=(1, 2, 0.7))
+    doors = {"a": (2.0, 0.2, 0.0), "b": (5.0, 0.9, 1.3)}
+    for name, (mass, d, y) in doors.items():
+        model.add_body(name, mass, (0.1, 0.1, 0.1), (0.4, y, 0))
+        for side, z in (("low", -d), ("high", d)):
+            model.add_joint(f"{name}.{side}", "revolute", "carrier", name, (0, y, z), axis=(0, 0, 1))
+    drives = {"turn.rz": (0.8, 0, 0), "a.low.rz": (0, 0, 0), "b.low.rz": (0, 0, 0)}
+    cycle = model.cycle(motion=drives)
+    axis = cycle.orientations["carrier"][0] @ [0.0, 0.0, 1.0]
+    for name, (mass, d, _) in doors.items():
+        force = np.array((0, 0, 9.81 * mass))
+        moment = np.cross(cycle.orientations["carrier"][0] @ [0.4, 0, 0], force)
+        moment -= axis * (axis @ moment)
+        for side, sign in (("low", -1.0), ("high", 1.0)):
+            expected = [*(0.5 * force + sign * np.cross(moment, axis) / (4 * d)), *(0.25 * moment)]
+            assert_allclose(cycle.reactions[f"{name}.{side}"][0], expected, rtol=0, atol=1e-11)
