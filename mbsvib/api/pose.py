@@ -91,7 +91,7 @@ class Posed(Mechanism):
         ------
         ModelError
             If a coordinate is unknown or tied to the others, the loops cannot be closed in that pose, or a coupler acts
-            on a homokinetic joint that has turned.
+            on a component of a rotation vector, or on a translation, of a joint that has turned across it.
         SingularPoseError
             If a coordinate stands still at a dead centre here.
 

@@ -65,8 +65,8 @@ def reactions(cycle: CycleData) -> Reactions:
     required, jacobian, wrenches, effects, points = matrices(
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     scale, row_units = expressions.motion.motion.scales(plant.size)
-    units, couplers = _units(model, points[:, :, 0].reshape(len(points), -1, 3), np.abs(effects).max(axis=0) / row_units,
-                             plant.size)  # fmt: skip
+    places, largest = points[:, :, 0].reshape(len(points), -1, 3), np.abs(effects).max(axis=0) / row_units
+    units, couplers = _units(model, places, largest, plant.size)
     fixed = np.pad(wrenches[:, :, 0], ((0, 0), (0, couplers.shape[1]))) / units
     loads = np.concatenate((-effects, couplers), axis=1) / row_units / units[:, :, None]
     torques = np.zeros(required.shape[:2])
@@ -74,11 +74,11 @@ def reactions(cycle: CycleData) -> Reactions:
     matrix, right = jacobian / row_units[:, None] * scale, (required[:, :, 0] - torques) * scale
     acting, idle = multipliers(matrix, right)
     residual = float(np.abs((matrix.transpose(0, 2, 1) @ acting[:, :, None])[:, :, 0] - right).max(initial=0.0))
-    largest = max(float(np.abs(part).max(initial=0.0))
-                  for part in (matrix * acting[:, :, None], torques * scale, plant.size * fixed))  # fmt: skip
-    if residual > BALANCED * largest:
+    forces = max(float(np.abs(part).max(initial=0.0))
+                 for part in (matrix * acting[:, :, None], torques * scale, plant.size * fixed))  # fmt: skip
+    if residual > BALANCED * forces:
         raise MbsvibError(f"cycle: the reactions balance the bodies of model '{model.name}' only to "
-                          f"{residual / largest:.1e} of the forces in them; the cycle is too near a singular "
+                          f"{residual / forces:.1e} of the forces in them; the cycle is too near a singular "
                           f"pose.")  # fmt: skip
     total = fixed + (loads @ acting[:, :, None])[:, :, 0]
     idle_loads = loads @ idle

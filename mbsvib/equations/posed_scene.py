@@ -188,7 +188,7 @@ def follows_poses(model: Mechanism, scene: Scene) -> bool:
     bent = any(joint.successive and joint.free is not None for joint in scene.topology.joints
                if joint.name in coupled or joint.name in scene.topology.cut_joints)  # fmt: skip
     return not bent and not any(part.curvatures for part in model.couplers.values()) and not any(
-        model.joints[name].bisects for name in coupled)  # fmt: skip
+        model.joints[name].turns_by_vector for name in coupled)  # fmt: skip
 
 
 def of_parts(

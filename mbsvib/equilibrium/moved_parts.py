@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.arrays import Array
 from mbsvib.elements import Body, Joint
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.families import EXPANSIONS, rebuild_with
@@ -87,9 +88,10 @@ TURNED = 1e-9
 def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     """Refuse a pose in which couplers are no longer linear relations of joint coordinates.
 
-    ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose of a
-    homokinetic joint change by e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs
-    from the coordinates of the joint in the new pose. Couplers with curvature are known at the reference pose only.
+    ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
+    e . J(w) omega, with J of ``rotations.inverse_jacobian``: they are coordinates of the joint in the new pose too
+    where w is along e. Translations are where the axes of the joint have stayed those of its first body, other than
+    those of two successive rotations and of rods. Couplers with curvature are known at the reference pose only.
     """
     if not model.couplers:
         return
@@ -98,25 +100,33 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            curved = part.curvatures is not None
-            if not curved and (direction[0] != "r" or not joint.bisects):
+            frame, turn, shift = _displacement(joint, before, after)
+            angle = float(np.linalg.norm(turn))
+            if part.curvatures is not None:
+                if angle > TURNED or shift:
+                    moved_by = f"{angle:.3g} rad" if angle > TURNED else f"{shift:.3g} m"
+                    refuse_curved([part], f"and joint '{owner}' has moved by {moved_by}. Describe the model in the "
+                                  f"other pose anew, as load_mjcf(..., pose=...) does.")  # fmt: skip
                 continue
-            angle, shift = _displacement(joint, before, after)
-            if curved and (angle > TURNED or shift):
-                moved_by = f"{angle:.3g} rad" if angle > TURNED else f"{shift:.3g} m"
-                refuse_curved([part], f"and joint '{owner}' has moved by {moved_by}. Describe the model in the other "
-                              f"pose anew, as load_mjcf(..., pose=...) does.")  # fmt: skip
-            if not curved and angle > TURNED:
+            along, there = (np.array(dict(each.freedom)[direction]) for each in (joint, moved.joints[owner]))
+            if direction[0] != "r":
+                lost, why = frame @ along[:3] - there[:3], "is along an axis that has turned with"
+            else:
+                lost = np.cross(along[3:], turn) if joint.turns_by_vector else np.zeros(3)
+                why = "is a component of the rotation vector of"
+            if np.linalg.norm(lost) > TURNED:
                 raise ModelError(
-                    f"coupler '{part.name}': '{name}' is a component of the rotation vector of the {joint.kind} joint "
-                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
-                    f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
+                    f"coupler '{part.name}': '{name}' {why} the {joint.kind} joint '{owner}', which has turned by "
+                    f"{angle:.3g} rad; the coupler is not a linear relation of its coordinates in another pose. Couple "
+                    f"joints with one free rotation, or rotations of universal ones.",
                     element=part.name,
                 )  # fmt: skip
 
 
-def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, Body]) -> tuple[float, float]:
-    """Angle [rad] and shift [m] of a joint's second body relative to its first; 0 for a shift that is rounding."""
+def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, Body]) -> tuple[Array, Array, float]:
+    """Turn (3, 3) of a joint's first body, rotation vector (3,) [rad] of the second relative to it, along axes as
+    described, and shift [m]; 0 for a shift that is rounding.
+    """
     turns, ends, size = [], [], 0.0
     for body in (joint.first, joint.second):
         at = np.array(joint.point or before[joint.first if joint.second == "ground" else joint.second].position)
@@ -129,7 +139,7 @@ def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, 
         ends.append(end + turns[-1] @ (at - start))
         size = max(size, float(np.abs((at, start, end)).max()))
     shift = float(np.linalg.norm(ends[1] - ends[0]))
-    return float(np.linalg.norm(logarithm(turns[0].T @ turns[1]))), shift if shift > TURNED * size else 0.0
+    return turns[0], logarithm(turns[0].T @ turns[1]), shift if shift > TURNED * size else 0.0
 
 
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:

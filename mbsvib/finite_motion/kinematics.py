@@ -129,7 +129,7 @@ def kinematics(
     # the coordinates of links that are cut follow
     cut_joints = [topology.joints[k] for k in topology.cut if topology.joints[k].name not in links]
     rows = [row for joint in cut_joints for row in tree.openings(joint, frames)]
-    rows += [_coupled(part, symbol, inactive) for part in model.couplers.values()]
+    rows += [_coupled(part, model.joints, symbol, inactive) for part in model.couplers.values()]
     return Kinematics(
         topology, numbers, tuple(names), np.array([_turns(name) for name in names], dtype=bool), q, qd, frames,
         ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
@@ -198,13 +198,18 @@ def _turns(name: str) -> bool:
 
 
 def _coupled(
-    part: Coupling, symbol: Mapping[str, Expression], inactive: Collection[str]
+    part: Coupling, joints: Mapping[str, Joint], symbol: Mapping[str, Expression], inactive: Collection[str]
 ) -> tuple[str, Expression, bool]:
     """Name of a coupler, the sum that it holds at zero, and whether that is of rotations only."""
     refuse_curved([part], "which finite motions leave; it holds for linear equations.")
     for name, _ in part.terms:
+        joint = joints[name.rpartition(".")[0]]
+        if joint.turns_by_vector:
+            raise ModelError(f"coupler '{part.name}': joint '{joint.name}' ({joint.kind}) turns by a rotation vector, "
+                             f"whose components are no angles in finite motion; couple joints with one or two "
+                             f"successive free rotations.", element=part.name, field="coefficients")  # fmt: skip
         if name not in symbol and name not in inactive:
-            raise ModelError(f"coupler '{part.name}': joint '{name.rpartition('.')[0]}' of its coordinate '{name}' is "
+            raise ModelError(f"coupler '{part.name}': joint '{joint.name}' of its coordinate '{name}' is "
                              f"cut, so that the tree has no such coordinate; cut another joint of that loop: "
                              f"linearize(cut=[...]).", element=part.name)  # fmt: skip
     total = sum((value * symbol[name] for name, value in part.terms), ca.SX(0.0))
@@ -230,14 +235,6 @@ def in_tree(model: Mechanism, joints: Collection[str] = ()) -> tuple[str, ...]:
     loop with these, others that are asked for.
     """
     requested = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
-    for name, coupler in requested.items():
-        joint = model.joints[name]
-        if joint.turns_by_vector:
-            raise ModelError(
-                f"coupler '{coupler}': joint '{name}' ({joint.kind}) turns by a rotation vector, whose components are "
-                f"no angles in finite motion; couple joints with one or two successive free rotations.",
-                element=coupler, field="coefficients",
-            )  # fmt: skip
     cut, closing = cut_elsewhere(model, {*requested, *joints})
     if joints and closing is not None:
         return in_tree(model)

@@ -140,3 +140,27 @@ def test_a_wheel_behind_a_cardan_shaft(angle, cut):
     else:
         before = np.arctan2(y * np.cos(bend), x)
         assert np.exp(1j * turned(there, model, "first")) == pytest.approx(np.exp(1j * before), abs=1e-11)
+
+
+@pytest.mark.parametrize(("free", "coordinate", "across", "along"), [
+    (("rx", "ry", "rz"), "s.rx", {"s.ry": 0.7}, {"s.rx": 0.7}),
+    (("x", "y", "z", "rx", "ry", "rz"), "s.rx", {"s.rz": 0.2}, {"s.z": 0.2}),
+    (("rx", "rz"), "s.rx", {}, {"s.rz": 0.4, "s.rx": 0.3}),
+    (("x", "z", "ry", "rz"), "s.x", {"s.ry": 0.5}, {"s.rz": 0.5}),
+])  # fmt: skip
+def test_couplers_are_refused_where_their_coordinate_is_another_one(free, coordinate, across, along):
+    """Rates of a rotation vector are no angular velocities, and a second rotation turns the axes of translations."""
+    model = mv.Model()
+    model.add_body("b", 1.0, (0.1, 0.2, 0.25), (0.3, 0.1, 0.5))
+    model.add_body("wheel", 1.0, (0.1, 0.1, 0.1), (1, 0, 0))
+    model.add_joint("s", None, "ground", "b", (0, 0, 0), free=free)
+    model.add_joint("axle", "revolute", "ground", "wheel", (1, 0, 0))
+    model.add_coupler("c", {coordinate: 1.0, "axle.rz": -2.0})
+    assert model.moved(along).linearize().dof == len(free)
+    if across:
+        for refused in (lambda: model.moved(across), lambda: model.family({name: [q] for name, q in across.items()})):
+            with pytest.raises(mv.ModelError, match=f"coupler 'c': '{coordinate}' is .* which has turned by"):
+                refused()
+    if len(free) % 3 == 0:
+        with pytest.raises(mv.ModelError, match=r"coupler 'c': joint 's' .* turns by a rotation vector"):
+            model.cycle("axle.rz", [0.1], speed=1.0)
