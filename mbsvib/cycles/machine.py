@@ -79,7 +79,8 @@ def _check_mobility(loops: DrivenLoops, motion: Prescribed) -> None:
             raise _singular(loops, motion, np.zeros(len(motion.names)), matrix)
         raise ModelError(
             f"cycle: the drive {_several(motion.names)} does not determine the motion of {_several(undriven)}; drive "
-            f"{'that' if len(undriven) == 1 else 'one of these'} too by motion={{...}}, or lock it by another joint.",
+            f"{'that' if len(undriven) == 1 else 'one of these'} too by motion={{...}}, lock it by another joint, or "
+            f"make a ball joint universal.",
             element=undriven[0], field="drive",
         )  # fmt: skip
     motions = _motions(matrix)[loops.driven]

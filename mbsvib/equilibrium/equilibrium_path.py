@@ -20,7 +20,7 @@ from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.continuation import Passed, led_to
 from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
-from mbsvib.equilibrium.moved import cut_elsewhere_of
+from mbsvib.equilibrium.moved import asked_for, cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import refuse_unstated, static_model
 from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
@@ -165,7 +165,8 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     refuse_unstated(model.springs.values())
     first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)
-    state = started(first, coordinate)
+    with asked_for([coordinate], "path", "coordinate"):
+        state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]
     for k, value in enumerate(requested.tolist()):
         state, along, passed_states, switch = led_to(state, along, value, switch)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -120,20 +121,8 @@ class Poses:
         blocks: tuple[tuple[Index, Index], ...] = ()
         if kinematics.cuts is not None:
             arms = partial(arm, kinematics.topology, kinematics.described.centre[:-1])
-            try:
+            with asked_for(asked, caller):
                 reduction = reduce(kinematics.coordinates, kinematics.cuts, kinematics.closure, list(asked), arms)
-            except ModelError as error:
-                if error.field != "independent":
-                    raise
-                raise ModelError(f"{caller}: loops and couplers leave no choice for {', '.join(asked)}: "
-                                 f"they lock one of these or tie them to each other. Ask for fewer, or for others.",
-                                 element=error.element, field="values") from error  # fmt: skip
-            except SingularPoseError as error:
-                if not str(error).startswith("independent:"):
-                    raise
-                raise SingularPoseError(f"{caller}: {', '.join(asked)} is at a dead centre in the described pose, "
-                                        f"where loops move others while it stands still. Ask for a value of a "
-                                        f"coordinate that moves there.") from error  # fmt: skip
             blocks = tuple(kept_rows(kinematics.cuts, reduction))
         places = np.array([known.index(name) for name in asked], dtype=np.intp)
         return Poses(Closing(kinematics, tuple(stiff.couplers.values()), blocks), asked, places)
@@ -234,6 +223,25 @@ def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ..
     result = model_in_pose(model, reached[0].pose)
     warn_beyond(result)
     return result
+
+
+@contextmanager
+def asked_for(names: Iterable[str], caller: str, field: str = "values") -> Iterator[None]:
+    """Say of which coordinates a caller was asked where loops do not leave them independent."""
+    asked = ", ".join(names)
+    try:
+        yield
+    except ModelError as error:
+        if error.field != "independent":
+            raise
+        raise ModelError(f"{caller}: loops and couplers leave no choice for {asked}: in this pose they lock one of "
+                         f"these, as at a dead centre, or tie them to each other. Ask for fewer, or for others.",
+                         element=error.element, field=field) from error  # fmt: skip
+    except SingularPoseError as error:
+        if not str(error).startswith("independent:"):
+            raise
+        raise SingularPoseError(f"{caller}: {asked} is at a dead centre in the described pose, where loops move others "
+                                f"while it stands still. Ask for a value of a coordinate that moves there.") from error
 
 
 def cut_elsewhere_of(model: Mechanism, coordinates: Iterable[str], caller: str = "moved") -> tuple[str, ...]:

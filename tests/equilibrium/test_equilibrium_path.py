@@ -291,6 +291,23 @@ def test_messages():
     assert "limit point" in str(model.path("arch.y", [-0.3]))
 
 
+@pytest.mark.parametrize(("tilt", "said"), [(0.0, "in this pose they lock one of these, as at a dead centre"),
+                                            (1e-9, r"rail\.z is at a dead centre in the described pose")])
+def test_a_slider_at_its_dead_centre_leads_no_path(tilt, said):
+    """Exactly in line it does not move to first order, and hardly does next to it."""
+    model = mv.Model()
+    elbow, end = np.array((np.cos(tilt), np.sin(tilt), 0.0)), np.array((2.0 * np.cos(tilt), 0.0, 0.0))
+    for name, at in (("crank", 0.5 * elbow), ("rod", 0.5 * (elbow + end)), ("slider", end)):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), at)
+    model.add_joint("main", "revolute", "ground", "crank", (0, 0, 0))
+    model.add_joint("elbow", "revolute", "crank", "rod", elbow)
+    model.add_joint("pin", "revolute", "rod", "slider", end)
+    model.add_joint("rail", "prismatic", "ground", "slider", axis=(1, 0, 0))
+    for lead, who in ((lambda: model.path("rail.z", [-0.1]), "path"), (lambda: model.moved({"rail.z": -0.1}), "moved")):
+        with pytest.raises(mv.errors.MbsvibError, match=f"^{who}: .*{said}"):
+            lead()
+
+
 @pytest.mark.parametrize("tilt", [0.19, 0.21, 1.4])
 def test_a_path_starts_next_to_the_given_pose_or_not_at_all(tilt):
     """Newton's step of a pendulum is tan(tilt): one of 5.8 rad ends upside down."""
