@@ -97,6 +97,9 @@ def smallest_singular_value(matrices: Complex, rank: int) -> tuple[Array, Comple
 
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
+# A Newton step towards m zeros that coincide leaves (1 - 1/m)^m of the transfer matrix, at most 1/e; where a pole
+# cancels a zero there is none of both, and a step leads along what the others leave.
+FALLEN = 0.5
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
 # Zeros at 0 are within these shares of the lowest pole, two of them by the square root of rounding and more of them by
 # higher roots; they are at 0 if the static response is zero to rounding.
@@ -206,7 +209,7 @@ def _of_unit_size(
 
 
 def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex, rank: int) -> Complex:
-    """Improve each zero as long as the smallest singular value of the transfer matrix falls."""
+    """Improve each zero as long as the smallest singular value of the transfer matrix falls by half or more."""
     undamped = isinstance(modal, Damped) and not modal.gamma.any()
     z = zeros.copy()
     if undamped:  # on one of the axes, unless four of them lie around the origin
@@ -226,7 +229,7 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
             new.imag[z.imag == 0.0] = 0.0
             better = np.abs(new - z) <= CORRECTION * np.abs(z)
             then = smallest_singular_value(total.at(new), rank)[0]
-            better &= then < value
+            better &= then < FALLEN * value
             if not better.any():
                 break
             z, value = np.where(better, new, z), np.where(better, then, value)
