@@ -114,8 +114,11 @@ class RecordData:
         if rates is None:
             yield Block(residual, None)
             return
-        every = np.concatenate((self._of_model(rates, spectra.left, state, inputs, rows),
-                                self._of_channels(values, matrices, spectra, (rows, total), len(rates.F))))  # fmt: skip
+        of_model = np.empty((len(rates.F), *self.measured.shape), dtype=complex)  # for what changes in the plant
+        for change, fr, gr, cr, dr in zip(of_model, *rates, strict=True):
+            change[:] = spectra.left @ (fr @ state + gr @ inputs) + cr @ state + dr @ inputs[:, : len(self.columns)]
+        of_channels = self._of_channels(values, matrices, spectra, (rows, total), len(rates.F))
+        every = np.concatenate((rows[:, :, None] * of_model, of_channels))
         for e, u in enumerate(ranges):
             columns = _real(self._whitened(np.moveaxis(every[..., e], 0, 2), e))
             columns -= u @ (u.T @ columns)
@@ -201,13 +204,6 @@ class RecordData:
             columns.append(own)
         drift = 1.0 / np.expm1(-1j * self.omega * self.step)
         return np.concatenate((*columns, drift[:, None, None] * np.eye(len(self.rows))), axis=2)
-
-    def _of_model(self, rates: Recursion, left: Complex, state: Complex, inputs: Complex, rows: Complex) -> Complex:
-        """dY (v, k, outputs, experiments) for what changes in the plant."""
-        result = np.empty((len(rates.F), *self.measured.shape), dtype=complex)
-        for total, f, g, c, d in zip(result, *rates, strict=True):
-            total[:] = left @ (f @ state + g @ inputs) + c @ state + d @ inputs[:, : len(self.columns)]
-        return np.asarray(rows[:, :, None] * result)
 
     def _of_channels(
         self, values: Array, matrices: Recursion, spectra: Spectra, output: tuple[Complex, Complex], first: int

@@ -72,8 +72,10 @@ def blocks(
         s: Complex = (1j * omega[which, None, None]).astype(complex)
         z, sensing = (x[0] + s * x[1] + s * s * x[2] for x in (pencil, h))
         try:
-            if s[0] == 0.0 and _moves_freely(pencil[0]):
-                raise np.linalg.LinAlgError
+            size = np.sqrt(np.abs(pencil[0].diagonal()))
+            size = np.where(size > 0.0, size, 1.0)
+            if s[0] == 0.0 and CANCELLING_SPRINGS * np.linalg.cond(pencil[0] / size[:, None] / size) > 1.0:
+                raise np.linalg.LinAlgError  # a motion without stiffness, but for rounding
             into, out = np.broadcast_to(b, (len(z), *b.shape)), sensing.swapaxes(1, 2)
             if changes is not None and symmetric:
                 right, left = np.split(np.linalg.solve(z, np.concatenate((into, out), axis=2)), [b.shape[1]], axis=2)
@@ -91,13 +93,6 @@ def blocks(
 def responses(matrices: Any, omega: Array, rows: Index, columns: Index) -> Complex:
     """Return G (n, outputs, inputs) at all lines, see ``blocks``."""
     return np.concatenate([response for _, response, _ in blocks(matrices, None, omega, rows, columns)])
-
-
-def _moves_freely(stiffness: Array) -> bool:
-    """Whether a motion is without stiffness, but for rounding."""
-    size = np.sqrt(np.abs(stiffness.diagonal()))
-    size = np.where(size > 0.0, size, 1.0)
-    return bool(CANCELLING_SPRINGS * np.linalg.cond(stiffness / size[:, None] / size) > 1.0)
 
 
 def _factors(pencil: Array, middle: float) -> Factors | None:

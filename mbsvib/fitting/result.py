@@ -291,12 +291,8 @@ class Fit(Columnar, Displayed):
     _index = "name"
 
     def columns(self) -> dict[str, Any]:
-        """Return the values with their units and limits of the 95 % intervals as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (values,)
-            ``name``, ``unit``, ``value``, ``low``, ``high``.
+        """Return the values with their units and limits of the 95 % intervals as columns (values,) by name: ``name``,
+        ``unit``, ``value``, ``low``, ``high``.
         """
         low, high = np.array([self.intervals[name] for name in self.values]).reshape(-1, 2).T
         return {"name": np.array(list(self.values)), "unit": np.array([self.units[name] for name in self.values]),

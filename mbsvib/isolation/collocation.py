@@ -55,12 +55,8 @@ class Collocation(Columnar, Displayed):
     """One report for each pair."""
 
     def columns(self) -> dict[str, Any]:
-        """Return the pairs as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (pairs,)
-            ``actuator``, ``sensor``, ``collocated``, ``interlaced`` (None where it is not defined), ``passive``.
+        """Return the pairs as columns (pairs,) by name: ``actuator``, ``sensor``, ``collocated``, ``interlaced`` (None
+        where it is not defined), ``passive``.
         """
         names = {name: name for name in ("actuator", "sensor", "collocated", "interlaced", "passive")}
         fields = (names | {"collocated": "dual"}).items()

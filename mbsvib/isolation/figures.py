@@ -283,12 +283,8 @@ class Figures(Columnar):
     _index = "frequency_hz"
 
     def columns(self) -> dict[str, Array]:
-        """Return frequencies [Hz], index, singular values, transmissibility and compliance as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (n,)
-            ``frequency_hz``, ``index``, ``singular_value_1``, ..., ``T_x_x_re``, ``T_x_x_im``, ..., ``C_x_x_re``, ...
+        """Return frequencies [Hz], index, singular values, transmissibility and compliance as columns (n,) by name:
+        ``frequency_hz``, ``index``, ``singular_value_1``, ..., ``T_x_x_re``, ``T_x_x_im``, ..., ``C_x_x_re``, ...
         """
         scene = self.scene
         columns = {"frequency_hz": self.frequencies, "index": self.index}

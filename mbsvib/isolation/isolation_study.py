@@ -148,12 +148,8 @@ class Vibration(Columnar, Displayed):
     _index = "frequency_hz"
 
     def columns(self) -> dict[str, Array]:
-        """Return frequencies [Hz], densities and cumulative root mean squares as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (n,)
-            ``frequency_hz``, ``density_x_(m/s2)2/hz``, ..., ``cumulative_rms_x_m/s2``, ...
+        """Return frequencies [Hz], densities and cumulative root mean squares as columns (n,) by name:
+        ``frequency_hz``, ``density_x_(m/s2)2/hz``, ..., ``cumulative_rms_x_m/s2``, ...
         """
         f = self.study.frequencies
         units = ["m/s2" if len(direction) == 1 else "rad/s2" for direction in DIRECTIONS]

@@ -101,8 +101,12 @@ class Placement(Columnar, Displayed):
             cells = [_number(one.values[name]) for name in values] if few else [
                 f"{least}: {_number(one.values[least])}"]  # fmt: skip
             rows.append((rank, *names, _number(one.score), *cells))
+        side = "above" if self.larger else "below"
+        note = f"All {self.count} sets were compared." if self.exhaustive else (
+            f"{self.tried} of {self.count:.3g} sets were compared, by exchanges from a greedy choice. No set is "
+            f"more than {100 * self.gap + 0.05:.1f} % {side} the best of them.")  # fmt: skip
         return {"title": f"Placement in {self.name}, by {self.criterion}", "columns": columns, "rows": rows,
-                "notes": [self._note()]}  # fmt: skip
+                "notes": [note]}  # fmt: skip
 
     def _ranks(self) -> list[str]:
         """Ranks in which sets of equal scores share one."""
@@ -113,13 +117,6 @@ class Placement(Columnar, Displayed):
                 first = k
             ranks.append(str(first + 1))
         return ranks
-
-    def _note(self) -> str:
-        if self.exhaustive:
-            return f"All {self.count} sets were compared."
-        side = "above" if self.larger else "below"
-        return (f"{self.tried} of {self.count:.3g} sets were compared, by exchanges from a greedy choice. No set is "
-                f"more than {100 * self.gap + 0.05:.1f} % {side} the best of them.")  # fmt: skip
 
     def plot(self, *, ax: Given | None = None) -> Figure | Given:
         """Draw the scores of the sets, with which candidates each has.

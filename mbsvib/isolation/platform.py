@@ -229,7 +229,14 @@ class Platform(Displayed):
             If a variable is unknown or no number, a ring gets no radius, or a leg no length.
         """
         off = self._off(variables)
-        low, high = np.broadcast_arrays(*self._shifts(off))
+        for which, ring in self.rings.items():
+            radius = ring.at(off[which])[0].real
+            if not (radius > 0.0).all():
+                leg = self.legs[int(np.argmin(radius) % len(self.legs))].name
+                raise ModelError(f"platform: {which}.radius leaves the end of leg '{leg}' at {radius.min():.6g} m from "
+                                 f"the axis; expected more than 0.", element=leg, field=f"{which}.radius")  # fmt: skip
+        shifts = [ring.shifts(off[which]) @ self.frame.T for which, ring in self.rings.items()]  # of both ends [m]
+        low, high = np.broadcast_arrays(*shifts)
         return self.following.values(low, high, variables)
 
     def rates(self, variables: Mapping[str, float]) -> dict[str, dict[str, float]]:
@@ -266,16 +273,6 @@ class Platform(Displayed):
             ring, dimension = name.split(".")
             result[ring][dimension] = number - self.start[name]
         return result
-
-    def _shifts(self, off: Mapping[str, Mapping[str, Any]]) -> list[Array]:
-        """Displacements of the starts and ends of legs [m], world axes."""
-        for which, ring in self.rings.items():
-            radius = ring.at(off[which])[0].real
-            if not (radius > 0.0).all():
-                leg = self.legs[int(np.argmin(radius) % len(self.legs))].name
-                raise ModelError(f"platform: {which}.radius leaves the end of leg '{leg}' at {radius.min():.6g} m from "
-                                 f"the axis; expected more than 0.", element=leg, field=f"{which}.radius")  # fmt: skip
-        return [ring.shifts(off[which]) @ self.frame.T for which, ring in self.rings.items()]
 
     def __repr__(self) -> str:
         return f"Platform({len(self.legs)} legs: {', '.join(f'{k} {v:.6g}' for k, v in self.start.items())})"

@@ -169,7 +169,9 @@ def _slopes(m: Complex, masks: Array, real: list[int]) -> tuple[Complex, Array]:
 
 def _derivatives(x: Array, slopes: Complex, count: int) -> tuple[Array, Array]:
     """Gradient and Hessian of -log det(level D - N) - log det D (1 - D) - log det(L^2 - G^2) at x = (d, g)."""
-    root = _inverse_root(np.einsum("pv,pvij->pij", x, slopes))[:, None]
+    values, vectors = np.linalg.eigh(np.einsum("pv,pvij->pij", x, slopes))
+    values = np.maximum(values, np.finfo(float).eps * values[:, -1:])
+    root = (vectors / np.sqrt(values)[:, None])[:, None]  # R with R R* the inverse
     parts = _adjoint(root) @ slopes @ root
     flat = parts.reshape(*parts.shape[:2], -1)
     least = np.zeros(x.shape[1])
@@ -183,13 +185,6 @@ def _derivatives(x: Array, slopes: Complex, count: int) -> tuple[Array, Array]:
 
 def _adjoint(matrix: Complex) -> Complex:
     return np.conj(np.swapaxes(matrix, -1, -2))
-
-
-def _inverse_root(matrix: Complex) -> Complex:
-    """R with R R* the inverse of positive matrices."""
-    values, vectors = np.linalg.eigh(matrix)
-    least = np.finfo(float).eps * values[:, -1:]
-    return np.asarray(vectors / np.sqrt(np.maximum(values, least))[:, None])
 
 
 def _newton(first: Array, second: Array) -> tuple[Array, Array]:

@@ -87,13 +87,8 @@ class Comparison(Columnar, Displayed):
     """What could not be compared, in words."""
 
     def columns(self) -> dict[str, Any]:
-        """Return the pairs of modes as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (pairs,)
-            ``mode_a``, ``mode_b``, ``mac``, ``frequency_a_hz``, ``frequency_b_hz``, ``damping_ratio_a``,
-            ``damping_ratio_b``, ``largest_motion``.
+        """Return the pairs of modes as columns (pairs,) by name: ``mode_a``, ``mode_b``, ``mac``, ``frequency_a_hz``,
+        ``frequency_b_hz``, ``damping_ratio_a``, ``damping_ratio_b``, ``largest_motion``.
         """
         names = ("mode_a", "mode_b", "mac", "frequency_a_hz", "frequency_b_hz", "damping_ratio_a", "damping_ratio_b",
                  "largest_motion")  # fmt: skip
@@ -123,13 +118,7 @@ class Comparison(Columnar, Displayed):
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def record(self) -> dict[str, Any]:
-        """Return all numbers as what JSON can hold.
-
-        Returns
-        -------
-        dict of str to object
-            Names, pairs, MAC, FRAC and differences.
-        """
+        """Return all numbers as what JSON can hold: names, pairs, MAC, FRAC and differences."""
         return {
             "names": list(self.names), "outputs": list(self.outputs), "inputs": list(self.inputs),
             "pairs": [{"a": p.a, "b": p.b, "mac": p.mac, "frequencies": list(p.frequencies), "motion": p.motion}

@@ -151,7 +151,14 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         set_("omega", omega)
         set_("responses", responses)
         self._check_noise(shape, set_)
-        self._check_channels(set_)
+        for name, value in channels_of(self, self.outputs, self.inputs, WHO).items():
+            set_(name, value)
+        for name in ("modes", "lines", "left_out", "notes"):
+            given = getattr(self, name)
+            set_(name, (given,) if isinstance(given, str) else tuple(given))
+        if not all(isinstance(mode, MeasuredMode) for mode in self.modes):
+            raise ResponseError(f"{WHO}: modes = {shown(self.modes)}; expected MeasuredMode objects, as from_uff has "
+                                f"them. Modes alone are mv.MeasuredModes.")  # fmt: skip
         for name in Measurement.by_line:
             if getattr(self, name) is not None:
                 getattr(self, name).setflags(write=False)
@@ -203,29 +210,14 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             raise ResponseError(f"{WHO}: {field} of '{self.outputs[i]}' to '{self.inputs[j]}' is {values[i, j, k]:g} "
                                 f"at {self.frequencies[k]:g} Hz; expected {expected} wherever a response is known.")
 
-    def _check_channels(self, set_: Any) -> None:
-        for name, value in channels_of(self, self.outputs, self.inputs, WHO).items():
-            set_(name, value)
-        for name in ("modes", "lines", "left_out", "notes"):
-            given = getattr(self, name)
-            set_(name, (given,) if isinstance(given, str) else tuple(given))
-        if not all(isinstance(mode, MeasuredMode) for mode in self.modes):
-            raise ResponseError(f"{WHO}: modes = {shown(self.modes)}; expected MeasuredMode objects, as from_uff has "
-                                f"them. Modes alone are mv.MeasuredModes.")  # fmt: skip
-
     @property
     def frequencies(self) -> Array:
         """Frequencies of the lines [Hz], (n,)."""
         return np.asarray(self.omega / (2 * np.pi))
 
     def columns(self) -> dict[str, Any]:
-        """Return the responses as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (n,)
-            ``frequency_hz``; ``OUTPUT/INPUT_re`` and ``OUTPUT/INPUT_im`` of each pair, and ``OUTPUT/INPUT_variance`` if
-            it is known.
+        """Return the responses as columns (n,) by name: ``frequency_hz``; ``OUTPUT/INPUT_re`` and ``OUTPUT/INPUT_im``
+        of each pair, and ``OUTPUT/INPUT_variance`` if it is known.
         """
         noise = {} if self.variance is None else by_pair(self.outputs, self.inputs, self.variance)
         return {"frequency_hz": self.frequencies, **by_pair(self.outputs, self.inputs, self.responses),

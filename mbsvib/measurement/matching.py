@@ -118,13 +118,8 @@ class Matching(Columnar, Displayed):
         return np.asarray(np.multiply.outer(row_signs, signs)[:, :, None] * turn * size)
 
     def columns(self) -> dict[str, Any]:
-        """Return the channels as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (outputs + inputs,)
-            ``kind`` ("output" or "input"), and the fields of ``Partner`` by their names; distances [m] and angles [rad]
-            that are not known are not numbers.
+        """Return the channels as columns (outputs + inputs,) by name: ``kind`` ("output" or "input"), and the fields of
+        ``Partner`` by their names; distances [m] and angles [rad] that are not known are not numbers.
         """
         rows = [(kind, *[np.nan if entry is None else entry for entry in astuple(partner)])
                 for kind, partners in (("output", self.outputs), ("input", self.inputs)) for partner in partners]

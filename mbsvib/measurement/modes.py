@@ -122,12 +122,8 @@ class MeasuredModes(Matched, Columnar, Displayed):
     _index = "mode"
 
     def columns(self) -> dict[str, Any]:
-        """Return number, frequencies [Hz], damping ratios and standard deviations [Hz] as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (m,)
-            ``mode``, ``frequency_hz``, ``damping_ratio``, ``sd_hz``; not a number where they were not given.
+        """Return number, frequencies [Hz], damping ratios and standard deviations [Hz] as columns (m,) by name:
+        ``mode``, ``frequency_hz``, ``damping_ratio``, ``sd_hz``; not a number where they were not given.
         """
         unknown = np.full(len(self.frequencies), np.nan)
         return {"mode": np.arange(1, len(self.frequencies) + 1), "frequency_hz": self.frequencies,

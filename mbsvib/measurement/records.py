@@ -108,12 +108,8 @@ class Records(Matched, Columnar, Displayed):
         return int(next(iter(self.outputs.values())).shape[0])
 
     def columns(self) -> dict[str, Any]:
-        """Return the records, one experiment after the other, as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (experiments * N,)
-            ``experiment``, from 1, ``time_s``, and the channels by their names.
+        """Return the records, one experiment after the other, as columns (experiments * N,) by name: ``experiment``,
+        from 1, ``time_s``, and the channels by their names.
         """
         count, times = self.experiments, np.arange(self.samples) * self.t
         channels = {**self.outputs, **self.inputs}

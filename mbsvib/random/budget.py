@@ -251,12 +251,8 @@ class Budget(Columnar, Displayed):
     _index = "frequency_hz"
 
     def columns(self) -> dict[str, Array]:
-        """Return frequencies [Hz], spectral densities and cumulative root mean squares as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (n,)
-            ``frequency_hz``, ``psd OUTPUT [(unit)^2/Hz]``, ..., ``cumulative rms OUTPUT [unit]``, ...
+        """Return frequencies [Hz], spectral densities and cumulative root mean squares as columns (n,) by name:
+        ``frequency_hz``, ``psd OUTPUT [(unit)^2/Hz]``, ..., ``cumulative rms OUTPUT [unit]``, ...
         """
         f = self.frequencies()
         columns = {"frequency_hz": f}

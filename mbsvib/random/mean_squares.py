@@ -75,7 +75,12 @@ class Random:
         if len(rational):
             windows = [None if weight is None else weight.window for weight in self.weights]
             equations = self.behind_filters(rational).all
-            self._check_windows(equations.d, rational)
+            for row, window in enumerate(windows):
+                if window is not None and equations.d[row].any():
+                    name = self.sources.names[rational[int(np.flatnonzero(equations.d[row])[0])]]
+                    raise ResponseError(f"noise: white noise at '{name}' acts directly on the output "
+                                        f"'{self.outputs[row]}', whose average over {window.time:g} s has no exact "
+                                        f"moments then; give a band, (first, last) [Hz].")  # fmt: skip
             parts[:, rational], extra = moments(equations, self.linear.name, self.cross, windows)
         others = [k for k in range(count) if k not in rational]
         if others:
@@ -91,15 +96,6 @@ class Random:
         densities = tuple([self.sources.densities[k] for k in which])
         return replace(self, linear=self.linear.with_ports(None, names),
                        sources=replace(self.sources, names=tuple(names), densities=densities))  # fmt: skip
-
-    def _check_windows(self, through: Array, rational: list[int]) -> None:
-        """Refuse averages of white noise that comes through directly."""
-        for row, weight in enumerate(self.weights):
-            if weight is not None and weight.window is not None and through[row].any():
-                name = self.sources.names[rational[int(np.flatnonzero(through[row])[0])]]
-                raise ResponseError(f"noise: white noise at '{name}' acts directly on the output "
-                                    f"'{self.outputs[row]}', whose average over {weight.window.time:g} s has no exact "
-                                    f"moments then; give a band, (first, last) [Hz].")  # fmt: skip
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -277,7 +277,11 @@ def _weight(value: Any, name: str) -> Weight:
     if is_control(value) or is_transfer_function(value):
         value = StateSpace.from_control(value)
     if isinstance(value, StateSpace):
-        value = _filter_of(value, name)
+        growing = (np.linalg.eigvals(value.A).real >= 0.0).any()
+        if value.D.shape != (1, 1) or growing:
+            fault = "has a pole that does not decay" if growing else f"has the shape {value.D.shape}"
+            raise ResponseError(f"weighting {name}: '{value.name}' {fault}; expected {EXPECTED}.")
+        value = Shaped(1.0, value.A, value.B, value.C, float(value.D[0, 0]))
     if isinstance(value, Shaped):
         return Weight(name, value)
     if callable(value):
@@ -287,11 +291,3 @@ def _weight(value: Any, name: str) -> Weight:
     except ResponseError:
         raise ResponseError(f"weighting {name}: {check.shown(value)}; expected {EXPECTED}.") from None
     return Weight(name, function=gains.at, breaks=gains.breaks)
-
-
-def _filter_of(space: StateSpace, name: str) -> Shaped:
-    growing = (np.linalg.eigvals(space.A).real >= 0.0).any()
-    if space.D.shape != (1, 1) or growing:
-        fault = "has a pole that does not decay" if growing else f"has the shape {space.D.shape}"
-        raise ResponseError(f"weighting {name}: '{space.name}' {fault}; expected {EXPECTED}.")
-    return Shaped(1.0, space.A, space.B, space.C, float(space.D[0, 0]))

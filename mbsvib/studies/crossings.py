@@ -70,25 +70,18 @@ def _improved(off: Callable[[float], float], speed: float) -> float:
 
 def _roots(off: Callable[[float], float], w: Array, gaps: Array) -> Iterator[float]:
     """The zeros of one distance from the line, from its values at some speeds."""
-    from scipy.optimize import brentq
+    from scipy.optimize import brentq, minimize_scalar
 
     points = list(zip(w.tolist(), gaps.tolist(), strict=True))
     for k in range(len(w)):
         low, high = max(k - 1, 0), min(k + 1, len(w) - 1)
         side, size = np.sign(gaps[low : high + 1]), np.abs(gaps[low : high + 1])
         if low < high and (side == side[0]).all() and size[k - low] == size.min() < 2.0 * np.ptp(size):
-            points.append(_bottom(off, w[low], w[high], side[0]))
+            found = minimize_scalar(lambda speed, sign=side[0]: sign * off(speed), bounds=(w[low], w[high]),
+                                    method="bounded", options={"xatol": BOTTOM * (w[high] - w[low])})  # fmt: skip
+            points.append((float(found.x), float(side[0] * found.fun)))  # the bottom of a dip
     points.sort()
     yield from [speed for speed, gap in points if gap == 0.0]
     for (low, first), (high, last) in pairwise(points):
         if first * last < 0.0:
             yield float(brentq(off, low, high, xtol=XTOL * (high - low), rtol=4.0 * XTOL))
-
-
-def _bottom(off: Callable[[float], float], low: float, high: float, side: float) -> tuple[float, float]:
-    """The speed between two at which a distance of some sign is smallest, and its value there."""
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(lambda speed: side * off(speed), bounds=(low, high), method="bounded",
-                            options={"xatol": BOTTOM * (high - low)})  # fmt: skip
-    return float(found.x), float(side * found.fun)

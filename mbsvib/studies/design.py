@@ -264,9 +264,15 @@ def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start
     for pattern, value in values.items():
         check.number(value, who, f"values of '{pattern}'")
     affected = [name for pattern in values for name in parameters.matching(pattern)]
-    if hasattr(tie, "start"):
-        _check_start(parameters, {name: values[pattern] for pattern in values
-                                  for name in parameters.matching(pattern)}, who)  # fmt: skip
+    size: dict[str, float] = {}  # of the largest value of each unit
+    unit = {name: parameters.entry(name).unit for name in affected}
+    for name in affected:
+        size[unit[name]] = max(size.get(unit[name], 0.0), abs(parameters[name]))
+    for pattern, value in values.items() if hasattr(tie, "start") else ():
+        for name in parameters.matching(pattern):  # elsewhere its rotations would be wrong
+            if abs(value - parameters[name]) > START_TOLERANCE * size[unit[name]]:
+                raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in "
+                                 f"the model; make the tie for this model.", element=name, field="ties")  # fmt: skip
     for variable, slopes in rates.items():
         check.known(variable, variables, f"{who}: its tie has rates of '{variable}', which it was not given", "ties",
                     "It was given")  # fmt: skip
@@ -277,15 +283,3 @@ def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start
                     raise ModelError(f"variable '{variable}': its tie has rates of '{name}', and no values.",
                                      element=name, field="ties")  # fmt: skip
     return affected
-
-
-def _check_start(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
-    """Refuse a tie with a start at which its parameters differ from the model: its rotations would be wrong."""
-    size: dict[str, float] = {}
-    unit = {name: parameters.entry(name).unit for name in values}
-    for name in values:
-        size[unit[name]] = max(size.get(unit[name], 0.0), abs(parameters[name]))
-    for name, value in values.items():
-        if abs(value - parameters[name]) > START_TOLERANCE * size[unit[name]]:
-            raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in the "
-                             f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip

@@ -187,21 +187,15 @@ def _evaluated(kwargs: Mapping[str, Any], point: DesignPoint, last: _Evaluated |
     names = tuple(dict.fromkeys(name for rates in point.rates.values() for name in rates))
     if not names:
         return _Evaluated(point, point.model.cycle(**kwargs), None)
-    like = last is not None and set(names) == set(last.cycle.machine.statement.names) and _same_but(
-        names, last.point.model, point.model)  # fmt: skip
-    cycle = cycle_of(point.model, kwargs,
-                     last.cycle.machine if last is not None and like else compiled_for(point.model, kwargs, names)
-                     )  # fmt: skip
+    model, machine = point.model, None
+    if last is not None and set(names) == set(last.cycle.machine.statement.names):
+        before, after = last.point.model, model.parameters
+        if set(names) <= set(after) and set(names) <= set(before.parameters):
+            like = before.with_values({name: after[name] for name in names})
+            same = like.gravity == model.gravity and like.groups() == model.groups()
+            machine = last.cycle.machine if same else None
+    cycle = cycle_of(model, kwargs, compiled_for(model, kwargs, names) if machine is None else machine)
     return _Evaluated(point, cycle, cycle.sensitivities(names))
-
-
-def _same_but(names: tuple[str, ...], first: Model, second: Model) -> bool:
-    """Whether two models differ by nothing but the values of some parameters."""
-    after = second.parameters
-    if not set(names) <= set(after) or not set(names) <= set(first.parameters):
-        return False
-    like = first.with_values({name: after[name] for name in names})
-    return like.gravity == second.gravity and like.groups() == second.groups()
 
 
 def cycle(

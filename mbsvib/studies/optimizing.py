@@ -288,24 +288,17 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
         if not exchanged and not (improved and not _ended(search, z, solver_result)):
             break
     solver_result = replace(solver_result, iterations=iterations, failures=failures)
-    _check_failures(search, z, solver_result)
+    for at, error in failures:  # of steps from which the solver did not get away to an optimum
+        if np.abs(at - z).max() <= ACTIVE:
+            raise error
+    if failures and not _ended(search, z, solver_result):
+        raise failures[0][1]
     return _optimum(search, z, solver_result, x, began)
 
 
 def _violation(evaluation: Value) -> float:
     """The largest violation of a constraint, in parts of its bound."""
     return max(0.0, -float(evaluation.g.value.min(initial=0.0)), float(np.abs(evaluation.h.value).max(initial=0.0)))
-
-
-def _check_failures(search: Search, z: Array, solver_result: SolverResult) -> None:
-    """Raise the error that a solver met in its steps if it did not get away from there to an optimum."""
-    if not solver_result.failures:
-        return
-    for at, error in solver_result.failures:
-        if np.abs(at - z).max() <= ACTIVE:
-            raise error
-    if not _ended(search, z, solver_result):
-        raise solver_result.failures[0][1]
 
 
 def _ended(search: Search, z: Array, solver_result: SolverResult) -> bool:

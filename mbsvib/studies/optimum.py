@@ -83,12 +83,8 @@ class Optimum(Columnar, Displayed):
     _index = "variable"
 
     def columns(self) -> dict[str, Any]:
-        """Return the variables with their values at the start and at the optimum as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (variables,)
-            ``variable``, ``unit``, ``start``, ``optimum``.
+        """Return the variables with their values at the start and at the optimum as columns (variables,) by name:
+        ``variable``, ``unit``, ``start``, ``optimum``.
         """
         return {"variable": np.array(list(self.values)), "unit": np.array([self.units.get(n, "") for n in self.values]),
                 "start": np.array([self.start[n] for n in self.values]),

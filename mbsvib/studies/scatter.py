@@ -215,12 +215,8 @@ class Tolerances(Columnar, Displayed):
     _index = "quantity"
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return nominal value, mean, standard deviations and worst-case deviation of each quantity as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (k,)
-            ``quantity``, ``nominal``, ``mean``, ``std``, ``std_first_order``, ``worst_first_order``.
+        """Return nominal value, mean, standard deviations and worst-case deviation of each quantity as columns (k,) by
+        name: ``quantity``, ``nominal``, ``mean``, ``std``, ``std_first_order``, ``worst_first_order``.
         """
         return {"quantity": np.array(self.labels), "nominal": self.nominal, "mean": self.mean, "std": self.std,
                 "std_first_order": self.first, "worst_first_order": self.worst}  # fmt: skip

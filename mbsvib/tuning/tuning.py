@@ -66,13 +66,8 @@ class Design(Columnar, Displayed):
         return all(self.reached.values())
 
     def columns(self) -> dict[str, Any]:
-        """Return goals and tuned values as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (goals + values,)
-            ``kind`` ("goal" or "value"), ``name``, ``value``, ``result`` ("reached", "not reached" or "minimised" of
-            goals).
+        """Return goals and tuned values as columns (goals + values,) by name: ``kind`` ("goal" or "value"), ``name``,
+        ``value``, ``result`` ("reached", "not reached" or "minimised" of goals).
         """
         rows = [("goal", label, value, self._verdict(label)) for label, value in self.achieved.items()]
         return by_name(("kind", "name", "value", "result"),

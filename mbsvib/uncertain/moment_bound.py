@@ -261,8 +261,12 @@ def _of_degree(equations: Affine, own: Basis, reached: float) -> tuple[float, in
     p, start = own.fitted(solved.under(b)), basis(own.count, 0)
     noise = times(times(np.eye(b.shape[2])[None], start, equations.b).swapaxes(1, 2), basis(own.count, 1), equations.b)
     rho = _size(_residual(equations, p, own, noise, 2))
-    square, above = _seen(equations.c, p + rho / (1.0 - theta) * w, own)
-    return largest(square, above, reached, NEAR, HALVINGS), j
+    bound, c = p + rho / (1.0 - theta) * w, equations.c  # of P; then c P c^T
+    if not c[1:].any():
+        square = np.asarray(np.einsum("i,kij,j->k", c[0, 0], bound, c[0, 0]))
+        return largest(square, own, reached, NEAR, HALVINGS), j
+    square = times(times(bound, own, c).swapaxes(1, 2), basis(own.count, own.degree + 1), c)[:, 0, 0]
+    return largest(square, basis(own.count, own.degree + 2), reached, NEAR, HALVINGS), j
 
 
 def _residual(equations: Affine, p: Array, own: Basis, drive: Array, degree: int) -> Array:
@@ -273,14 +277,6 @@ def _residual(equations: Affine, p: Array, own: Basis, drive: Array, degree: int
     above, of_drive = basis(own.count, own.degree + 2), basis(own.count, degree)
     result[[above.place[k] for k in of_drive.powers]] += drive
     return result
-
-
-def _seen(c: Array, p: Array, own: Basis) -> tuple[Array, Basis]:
-    """Coefficients of c p c^T for one output, and their basis."""
-    if not c[1:].any():
-        return np.asarray(np.einsum("i,kij,j->k", c[0, 0], p, c[0, 0])), own
-    once = times(p, own, c).swapaxes(1, 2)
-    return times(once, basis(own.count, own.degree + 1), c)[:, 0, 0], basis(own.count, own.degree + 2)
 
 
 def _size(coefficients: Array) -> float:

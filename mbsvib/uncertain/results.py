@@ -36,12 +36,8 @@ class _AtValues(Columnar, Displayed):
     _index = "parameter"
 
     def columns(self) -> dict[str, Any]:
-        """Return the parameters with their limits and the values at which the result is reached, as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (parameters,)
-            ``parameter``, ``unit``, ``lower``, ``nominal``, ``upper``, ``value``.
+        """Return the parameters with their limits and the values at which the result is reached, as columns
+        (parameters,) by name: ``parameter``, ``unit``, ``lower``, ``nominal``, ``upper``, ``value``.
         """
         shown = [block for block in self.parameters if block.name in self.values]
         return by_name(("parameter", "unit", "lower", "nominal", "upper", "value"), [
@@ -128,12 +124,8 @@ class WorstRms(Columnar, Displayed):
     upper: Mapping[str, float]
 
     def columns(self) -> dict[str, Any]:
-        """Return a row for each output as columns by name.
-
-        Returns
-        -------
-        dict of str to array, shape (outputs,)
-            ``output``, ``lower``, ``upper``, and by their names the parameters at which ``lower`` is reached.
+        """Return a row for each output as columns (outputs,) by name: ``output``, ``lower``, ``upper``, and by their
+        names the parameters at which ``lower`` is reached.
         """
         names = dict.fromkeys(name for values in self.values.values() for name in values)
         return by_name(("output", "lower", "upper", *names), [

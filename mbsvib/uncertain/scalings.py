@@ -139,9 +139,9 @@ class _Problem:
         self.slopes = np.concatenate((wide - adjoint @ tall @ m, -1j * (product - product.conj().swapaxes(1, 2))))
         self.basis, self.n, self.size = positive, n + last, size
         self.trace = np.concatenate((np.trace(positive, axis1=1, axis2=2).real, np.zeros(k)))
-        size = 1.0 + float(np.linalg.norm(m, 2)) ** 2
-        self.bound = LARGEST * size  # G could grow without end else
-        self.price = 1.0 / (REACH * size) ** 2
+        largest = 1.0 + float(np.linalg.norm(m, 2)) ** 2
+        self.bound = LARGEST * largest  # G could grow without end else
+        self.price = 1.0 / (REACH * largest) ** 2
 
     def solved(self, enough: float) -> tuple[Array, float]:
         k = len(self.basis)
@@ -329,12 +329,10 @@ def _candidates(channels: Channels, scalings: Scalings) -> Array:
 def cover(channels: Channels, known: list[Scalings], starts: Sequence[float] = (), most: int = 100) -> float | None:
     """Prove that Phi can be positive at all frequencies; return a frequency at which it cannot, None if it is proven.
 
-    ``known``: scalings that were found before, which are tried first; new ones are added. ``starts``: frequencies to
-    begin with; ``most``: how many more are tried.
+    ``known``: to which the scalings that prove it are added. ``starts``: frequencies to begin with; ``most``: how many
+    more are tried.
     """
     gaps: list[tuple[float, float]] = [(0.0, np.inf)]
-    for scalings in known:
-        gaps = _without(gaps, _all_intervals(channels, scalings, gaps))
     queue = [*starts, 0.0]
     for _ in range(most):
         if not gaps:
@@ -365,20 +363,6 @@ def _width(gap: tuple[float, float]) -> float:
 
 def _middle(low: float, high: float) -> float:
     return float(np.tan(0.5 * (np.arctan(low) + np.arctan(high))))
-
-
-def _all_intervals(
-    channels: Channels, scalings: Scalings, gaps: list[tuple[float, float]]
-) -> list[tuple[float, float]]:  # fmt: skip
-    """Intervals about the middles of gaps, and their ends, on which known scalings keep Phi positive."""
-    result: list[tuple[float, float]] = []
-    for low, high in gaps:
-        for w in (low, _middle(low, high)):
-            if not any(a <= w < b for a, b in result):
-                found = interval(channels, scalings, w)
-                if found[1] > found[0]:
-                    result.append(found)
-    return result
 
 
 def _without(gaps: list[tuple[float, float]], covered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
