@@ -7,10 +7,11 @@ figure as it is made, and 7 pt at least where it is made or shown smaller.
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from textwrap import wrap
+from textwrap import TextWrapper, wrap
 from threading import RLock
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -30,6 +31,7 @@ INK, FAINT, MARK, NOTE = "#333333", "#E4E4E4", "#9A9A9A", "#6A6A6A"
 PANEL_WIDTH, ALONE, WIDEST = 3.6, 6.0, 8.6
 DPI = 150
 LETTERS_PER_INCH = 12.0
+LINE_ENDS = re.compile(r"([\t ]+|(?<=[._]))")  # of titles
 ROOM = 0.78  # of the width of a figure for its legend, which shrinks less where the figure is made smaller
 
 STYLE: Any = {
@@ -113,9 +115,24 @@ def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **loo
 
 def name_aside(axes: Axes, name: str) -> None:
     """Write a name at the right end above a panel, if there is room beside its title."""
-    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * LETTERS_PER_INCH
-    if len(axes.get_title(loc="left")) + len(name) + 3 <= room:
+    if len(axes.get_title(loc="left")) + len(name) + 3 <= _letters(axes):
         axes.set_title(name, loc="right", color=NOTE, fontsize=8.5)
+
+
+def title(axes: Axes, *names: str) -> None:
+    """Write names with arrows between them above a panel; where they are too long for it, in lines that end at
+    arrows, blanks, . and _.
+    """
+    words = " → ".join(names)
+    lines = TextWrapper(max(1, int(_letters(axes))), break_on_hyphens=False)
+    lines.wordsep_simple_re = LINE_ENDS
+    parts = [name if k == 0 else f"→ {name}" for k, name in enumerate(names)]
+    axes.set_title(words if len(words) <= lines.width else "\n".join([lines.fill(part) for part in parts]))
+
+
+def _letters(axes: Axes) -> float:
+    """About how many letters of a title are as wide as a panel."""
+    return float(axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * LETTERS_PER_INCH)
 
 
 def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency [Hz]") -> None:

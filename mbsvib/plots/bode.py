@@ -113,7 +113,7 @@ def _panel(
         phases.append(phase)
         below.plot(turn * response.frequencies, phase, **look)
     _magnitude_axis(top, decibels)
-    top.set_title(f"{curve.source} → {curve.output}")
+    style.title(top, curve.source, curve.output)
     _phase_axis(below, phases)
     style.frequency_axis(below, turn * curve.frequencies[0], turn * curve.frequencies[-1],
                          "frequency [rad/s]" if radians else "frequency [Hz]")  # fmt: skip
@@ -222,8 +222,8 @@ def nyquist(
             if unit == "1":
                 axes.plot([-1.0], [0.0], "+", color=style.COLOURS[1], ms=9.0, zorder=4)
             axes.set_aspect("equal", adjustable="datalim")
-            axes.set(xlabel=f"real part [{units.pretty(unit)}]", ylabel=f"imaginary part [{units.pretty(unit)}]",
-                     title=f"{source} → {output}")  # fmt: skip
+            axes.set(xlabel=f"real part [{units.pretty(unit)}]", ylabel=f"imaginary part [{units.pretty(unit)}]")
+            style.title(axes, source, output)
             if all(curve.negligible for curve in drawn):
                 style.remark(axes, "zero")
         paper.name([label for label, _ in named], columns - 1)
@@ -264,7 +264,7 @@ def mode_contributions(
     grid = shared_grid([system], flat, frequencies, span)
     with in_rows("plots.mode_contributions", ax, len(flat), columns, (4.0, 3.2)) as paper:
         for axes, pair, curve in zip(paper.panels, flat, curves(system, flat, grid), strict=True):
-            axes.set_title(f"{curve.source} → {curve.output}")
+            style.title(axes, curve.source, curve.output)
             axes.set_ylabel(f"magnitude [{units.pretty(units.ratio(curve.output_unit, curve.source_unit))}]")
             if curve.negligible:
                 style.frequency_axis(axes, grid[0], grid[-1])

@@ -101,7 +101,7 @@ def loop_gain(
         for number, (i, (top, below)) in enumerate(zip(which, panels, strict=True)):
             _magnitude(top, grid, values[number], margins, i, decibels)
             _phase(below, grid, values[number], margins, i)
-            top.set_title(loop.actuators[i])
+            style.title(top, loop.actuators[i])
             if number + columns < len(which):
                 below.set_xlabel("")
         paper.head(f"Loop gain of {loop.name}")
@@ -115,7 +115,7 @@ def margin_text(margins: Margins, i: int) -> str:
     low, high = margins.lower[i], margins.gain[i]
     words = [f"gain margin {low:.3g} … {'∞' if np.isinf(high) else f'{high:.3g}'}"]
     words.append(f"phase margin {margins.phase[i]:.3g} deg" if np.isfinite(margins.phase[i]) else "any phase")
-    return ", ".join(words)
+    return ",\n".join(words)
 
 
 def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, decibels: bool) -> None:
@@ -205,7 +205,8 @@ def loop_nyquist(
             reach = max(1.6, 1.1 * float(np.abs(gain + 1.0).max()))
             reach = reach if reach <= WHOLE else FARTHEST
             axes.set(xlim=(-1.0 - reach, -1.0 + reach), ylim=(-reach, reach), aspect="equal", xlabel="real part [1]",
-                     ylabel="imaginary part [1]", title=loop.actuators[i])  # fmt: skip
+                     ylabel="imaginary part [1]")
+            style.title(axes, loop.actuators[i])
         paper.head(f"Loop gain of {loop.name}")
     return paper.result
 

@@ -42,7 +42,7 @@ def measured(data: Any, model: Complex | None, label: str = "model", *, ax: Give
             style.logarithmic(top.yaxis)
             unit = units.pretty(units.ratio(data.output_units[i], data.input_units[j]))
             top.set_ylabel(f"magnitude{f' [{unit}]' if data.output_units[i] else ''}")
-            top.set_title(f"{data.inputs[j]} → {data.outputs[i]}")
+            style.title(top, data.inputs[j], data.outputs[i])
             style.phase_axis(below)
             style.frequency_axis(below, f[shown][0], f[shown][-1])
         paper.legend()

@@ -114,7 +114,7 @@ def _panel(axes: Axes, named: Sequence[tuple[str, Linear]], group: UnitGroup, gr
         style.remark(axes, "zero")
     style.frequency_axis(axes, grid[0], grid[-1])
     axes.set_ylabel(f"singular values [{units.pretty(group.unit)}]")
-    axes.set_title(f"{_few(group.inputs)} → {_few(group.outputs)}")
+    style.title(axes, _few(group.inputs), _few(group.outputs))
 
 
 def of_curves(responses: Sequence[Curve], rows: int) -> Array:

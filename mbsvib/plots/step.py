@@ -257,7 +257,8 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str, f
         swings = np.count_nonzero(np.diff(np.sign(np.diff(y))))
         look = style.line(i) | ({"linewidth": 0.7} if swings > MOST_SWINGS else {})
         axes.plot(times, values, label=name, **look)
-    axes.set(xlim=(before, t[-1]), title=f"{source} → {output}")
+    axes.set_xlim(before, t[-1])
+    style.title(axes, source, output)
     short = f"[{units.pretty(unit) or 1}]" + (f" for 1 {units.pretty(input_unit)}" if input_unit else "")
     axes.set_ylabel(f"{output} {short}" if len(output) + len(short) < LONGEST_LABEL else short)
     if negligible and not first:

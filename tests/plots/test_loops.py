@@ -78,7 +78,7 @@ def test_loop_gain_and_its_margins_are_drawn():
     at, ends = below.lines[-1].get_data()
     assert_allclose(at, margins.phase_at[0])
     assert abs(abs(ends[1] - ends[0]) - margins.phase[0]) < 0.5
-    words = f"gain margin {margins.lower[0]:.3g} … {margins.gain[0]:.3g}, phase margin {margins.phase[0]:.3g} deg"
+    words = f"gain margin {margins.lower[0]:.3g} … {margins.gain[0]:.3g},\nphase margin {margins.phase[0]:.3g} deg"
     assert top.get_legend().get_texts()[0].get_text() == words
 
 

@@ -161,3 +161,27 @@ def test_a_name_without_room_is_left_out():
         axes.set_title("short")
         style.name_aside(axes, "a model")
         assert axes.get_title(loc="right") == "a model"
+
+
+@pytest.mark.slow
+def test_long_names_of_signals_are_within_the_figure():
+    """Titles ended at the edge of the figure, or ran into those of the next panel."""
+    plant = library.stewart_isolator().linearize().with_ports(["x", "y", "z"], ["Fx", "Fy", "Fz"])
+    names = [f"left_front_{name}_of_the_hub" for name in plant.inputs]
+    system = mv.StateSpace.from_arrays(*[getattr(plant.state_space(), key) for key in "ABCD"], names, plant.outputs)
+    for figure in (plots.bode(system), plots.step(system), plots.nyquist(system)):
+        drawn(figure)
+        titles = boxes([axes._left_title for axes in figure.axes])
+        assert overlaps(titles) == []
+        assert all(within(figure, box) for box in titles)
+        assert figure.axes[0].get_title(loc="left").replace("\n", " ").startswith("left_front_Fx_of_the_ hub → x")
+
+
+@pytest.mark.slow
+def test_margins_of_three_loops_are_within_their_panels():
+    plant = isolation.actuated(library.stewart_isolator(), "platform")
+    loop = plant.with_gains(isolation.force_feedback(plant, 80.0, 1.0))
+    figure = drawn(plots.loop_gain(loop, loop.actuators[:3]))
+    for axes in figure.axes[::2]:
+        panel, legend = axes.get_window_extent().extents, axes.get_legend().get_window_extent().extents
+        assert panel[0] <= legend[0] < legend[2] <= panel[2]
