@@ -139,7 +139,8 @@ class Posed(Mechanism):
             norm are taken: the least sum over these of |force|^2 + |moment / L|^2, moments about the bushing's
             position. ``"*.tyre.z"`` names directions of bushings, in their own axes.
             L is the root mean square distance from their mean of all centres of mass, points of joints and
-            bushings, and ends of springs. Default: the pose is found.
+            bushings, contacts of rolling wheels, and ends of springs. Default: the pose is found, but not of models on
+            rolling wheels.
         report : bool
             True: return how it was found as well, ``Equilibrium`` with the model, whether it is stable and the modes
             that grow if not, the residual after every step, load steps, and how far each body moved.
@@ -172,8 +173,10 @@ class Posed(Mechanism):
             result = equilibrium(self, snap, cut)
         else:
             from mbsvib.equilibrium.preloads import preloaded
+            from mbsvib.rolling.contact import standing
 
-            result = with_preloads_of(self, equilibrium(preloaded(with_rigid_parts(self), preload), snap, cut))
+            held = preloaded(with_rigid_parts(standing(self)), preload)
+            result = with_preloads_of(self, equilibrium(held, snap, cut))
         return result if report else result.model
 
     def path(self, coordinate: str, values: ArrayLike, switch: int = 0) -> EquilibriumPath[Self]:

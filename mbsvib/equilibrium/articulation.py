@@ -112,9 +112,10 @@ def with_rigid_parts(model: M) -> M:
 def with_preloads_of(model: M, equilibrium: Equilibrium[M]) -> Equilibrium[M]:
     """Return the equilibrium of a mechanism from that of the same mechanism with rigid parts.
 
-    ``equilibrium`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism.
+    ``equilibrium`` is the equilibrium of ``with_rigid_parts(model)``, which stands where wheels roll; its preloads
+    become those of the mechanism.
     """
-    if not (model.composed or model.hubs):
+    if not (model.composed or model.hubs or model.rolling):
         return equilibrium
     changes = {name: {field.name: getattr(part, field.name) for field in fields(part)
                       if field.name in ("preload", "free_length")}

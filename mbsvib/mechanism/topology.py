@@ -98,6 +98,7 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
         wheel = next(iter(model.rolling))
         raise ModelError(f"model '{model.name}' has rolling wheels ('{wheel}'), which only model.linearize() takes, "
                          f"dense and one variant at a time; its result has modes, responses, loops and exports. "
+                         f"Preloads of suspensions are found by model.equilibrium(preload=...). "
                          f"Vary parameters by model.with_values({{...}}).linearize().", element=wheel)  # fmt: skip
     excluded = () if cut is None else _excluded(cut, model)
     return model.derived(_spanned, excluded)

@@ -12,18 +12,23 @@ Source: Meijaard, Papadopoulos, Ruina & Schwab, Proc. R. Soc. A 463 (2007), for 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.common.arguments import Vector
 from mbsvib.common.arrays import Array
+from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from mbsvib.elements.rolling import Rolling
 
+M = TypeVar("M", bound=Mechanism)
+
+STILL = (0.0, 0.0, 0.0)
 # A wheel that slips by less than this share of the speed does so by axes that are printed with six digits.
 SLIP = 1e-6
 
@@ -69,3 +74,14 @@ def contact(wheel: Rolling, travel: Vector) -> Contact:
     arm = wheel.radius * d
     slip = spin * (-skew(arm) @ turned_axis + skew(a) @ turned_arm)
     return Contact(spin, arm, turned_arm, slip, np.stack((n, way, np.cross(n, way))))
+
+
+def standing(model: M) -> M:
+    """Return a mechanism whose wheels stand on ball joints at their contacts, which carry the same forces at rest."""
+    if not model.rolling:
+        return model
+    feet = {}
+    for name, wheel in model.rolling.items():
+        point = np.array(model.bodies[wheel.body].position) + contact(wheel, model.travel or STILL).arm
+        feet[name] = make_joint(name, "spherical", GROUND, wheel.body, point, None, None, None, None, None)
+    return model.with_parts(rolling={}, joints=dict(model.joints) | feet)

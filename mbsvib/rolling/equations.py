@@ -35,9 +35,7 @@ from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.first_order import RATE_UNITS
 from mbsvib.rolling.choice import RankDecision, dependence, dependent_columns
-from mbsvib.rolling.contact import Contact, contact
-
-STILL = (0.0, 0.0, 0.0)
+from mbsvib.rolling.contact import STILL, Contact, contact
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,6 +147,28 @@ def test_models_out_of_balance_are_refused_by_name():
         model.linearize()
 
 
+def test_preloads_of_a_suspension_hold_a_load_on_wheels():
+    """A frame on a rear arm: the spring bears the moment of the contact's force about the pivot, less the weights'."""
+    model = mv.Model("moped", (0, 0, -G), travel=(4.0, 0, 0))
+    bodies = {"frame": (80.0, (0.6, 0, 0.5)), "arm": (5.0, (0.2, 0, 0.3)), "back": (7.0, (0, 0, 0.3)),
+              "front": (6.0, (1.2, 0, 0.3))}  # fmt: skip
+    for name, (mass, position) in bodies.items():
+        model.add_body(name, mass, (0.25, 0.45, 0.25), position)
+    model.add_joint("pivot", "revolute", "frame", "arm", (0.4, 0, 0.35), axis=ACROSS)
+    model.add_torsion_spring("coil", "frame", "arm", ACROSS, stiffness=5000.0, damping=100.0)
+    for name, holder, x in (("back", "arm", 0.0), ("front", "frame", 1.2)):
+        model.add_joint(f"{name}.axle", "revolute", holder, name, (x, 0, 0.3), axis=ACROSS)
+        model.add_rolling(f"{name}.tread", name, 0.3, ACROSS)
+    with pytest.raises(mv.ModelError, match=r"rolling wheels .* model\.equilibrium\(preload=\.\.\.\)"):
+        model.equilibrium()
+    held = model.equilibrium(preload="coil")
+    rear = G * sum(mass * (1.2 - x) for mass, (x, _, _) in bodies.values()) / 1.2
+    assert held.springs["coil"].preload == pytest.approx(-0.4 * (rear - 7.0 * G) + 0.2 * 5.0 * G, rel=1e-12)
+    np.testing.assert_allclose(held.linearize().contact_forces["back.tread"], (0, 0, rear), rtol=0, atol=1e-9)
+    with pytest.raises(mv.EquilibriumError, match="no preload of 'coil' holds"):
+        model.replace("frame", position=(0.6, 0.1, 0.5)).equilibrium(preload="coil")
+
+
 @pytest.mark.parametrize(("call", "words"), [
     (lambda model: model.linearize(method="sparse"), "its equations are dense"),
     (lambda model: model.linearize(cut=["steer"]), "loops are cut as they are"),
