@@ -20,6 +20,7 @@ from mbsvib.common.arrays import Array, Index
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.mat_file import cells, variable_names
+from mbsvib.equations.entry_scales import EntryScales
 from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.sparse_interpolation import SparseInterpolant, points_of
@@ -233,9 +234,8 @@ class LPVSystem(Displayed):
 class _Measure:
     """Errors of values in rows, which units do not change.
 
-    ``scales`` (values,) makes the values of coordinates and inputs alike: a coordinate by the root of its mass, an
-    input by the largest force that it has along them. ``groups`` are the places of each of the MATRICES, of those of
-    outputs the places of each unit, and ``sizes`` (groups,) the largest scaled values in all poses.
+    ``scales`` (values,) are factors of the values, ``groups`` the places of those that are compared with each other,
+    and ``sizes`` (groups,) the largest scaled values in all poses.
     """
 
     scales: Array
@@ -243,24 +243,18 @@ class _Measure:
     sizes: Array
 
     @staticmethod
-    def of(family: Batch, nominal: System) -> _Measure:
+    def of(family: Batch) -> _Measure:
         """Return the measure of a family of poses."""
-        root = np.sqrt(np.einsum("nii->ni", family.M).max(axis=0))
-        force = np.abs(family.B / root[:, None]).max(axis=(0, 1), initial=0.0)
-        force[force == 0.0] = 1.0
-        rows, columns = {"M": root, "C": root, "K": root, "B": root}, {"B": force, "D": force}
-        scales, groups, sizes, start = [], [], [], 0
-        for key in MATRICES:
-            shape = getattr(nominal, key).shape
-            scale = np.ones(shape) / rows.get(key, np.ones(shape[0]))[:, None] / columns.get(key, root)
-            units = np.array(("",) * shape[0] if key in rows else nominal.output_units)
-            for unit in np.unique(units):
-                own = np.flatnonzero(units == unit)
-                groups.append(start + np.arange(scale.size).reshape(shape)[own].ravel())
-                sizes.append(np.abs(getattr(family, key)[:, own] * scale[own]).max(initial=0.0))
-            scales.append(scale.ravel())
-            start += scale.size
-        return _Measure(np.concatenate(scales), tuple(groups), np.array(sizes))
+        entries = EntryScales.of(family.nominal, np.einsum("nii->ni", family.M), family.B)
+        groups, sizes, start = [], [], 0
+        for key, factor in entries.factors.items():
+            places = start + np.arange(factor.size).reshape(factor.shape)
+            for rows in entries.rows[key]:
+                groups.append(places[rows].ravel())
+                sizes.append(np.abs(getattr(family, key)[:, rows] * factor[rows]).max(initial=0.0))
+            start += factor.size
+        return _Measure(np.concatenate([factor.ravel() for factor in entries.factors.values()]), tuple(groups),
+                        np.array(sizes))  # fmt: skip
 
     def largest(self, values: Array) -> Array:
         """Return the largest scaled values (groups, n) of values (n, values) in each group."""
@@ -302,7 +296,7 @@ def interpolated(family: Batch, plant: Plant, error: float) -> LPVSystem:
         return np.concatenate([np.concatenate([getattr(part, key).reshape(len(part), -1) for key in MATRICES], axis=1)
                                for part in parts])  # fmt: skip
 
-    measure = _Measure.of(family, nominal)
+    measure = _Measure.of(family)
     polynomial, found = SparseInterpolant.none(len(names), sum(getattr(nominal, key).size for key in MATRICES)), np.inf
     followed, new, round_number = FOLLOWED * limit, np.zeros((1, len(names)), dtype=np.intp), 0
     while SAFETY * found + ROUNDING > limit:

@@ -18,6 +18,7 @@ from mbsvib.common.selection import key_ports, needed_ports, signal_names
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.errors import ResponseError, an, counted
 from mbsvib.linalg.bands import within
+from mbsvib.linalg.covariances import are_covariances
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
 from mbsvib.measurement.matching import ORDERS, Matched, unit_of
@@ -175,10 +176,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             raise ResponseError(f"{WHO}: averages = {shown(self.averages)}; expected their number, 1 or more.")
         if self.covariance is not None:
             full = _array(self.covariance, (shape[0], shape[0], shape[2]), "covariance", complex)
-            power = np.moveaxis(full, -1, 0)
-            size = np.abs(power).max(initial=0.0)
-            if not (np.isfinite(power).all() and np.abs(power - power.conj().swapaxes(1, 2)).max(initial=0.0)
-                    <= _ROUNDED * size and np.linalg.eigvalsh(power).min(initial=0.0) >= -_ROUNDED * size):  # fmt: skip
+            if not are_covariances(np.moveaxis(full, -1, 0), _ROUNDED):
                 raise ResponseError(f"{WHO}: covariance is not Hermitian and positive semidefinite at each line; "
                                     f"expected E[n_i conj(n_j)] of the outputs.")  # fmt: skip
             set_("covariance", full)

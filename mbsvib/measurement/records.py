@@ -15,6 +15,7 @@ from mbsvib.common.expected import one_of, reals
 from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.bands import BAND_END, within
+from mbsvib.linalg.covariances import are_covariances
 from mbsvib.measurement.data import channels_of
 from mbsvib.measurement.estimation import check_length, stacked, step_of
 from mbsvib.measurement.matching import Matched
@@ -192,8 +193,7 @@ class Records(Matched, Columnar, Displayed):
         names = tuple(self.outputs)
         if self.covariance is not None:
             full = np.array(reals(self.covariance, WHO, "covariance", "that of the outputs"))
-            if full.shape != (len(names),) * 2 or not np.isfinite(full).all() or np.abs(full - full.T).max() > \
-                    1e-9 * np.abs(full).max() or not (np.linalg.eigvalsh(full) > 0.0).all():  # fmt: skip
+            if full.shape != (len(names),) * 2 or not are_covariances(full, definite=True):
                 raise ResponseError(f"{WHO}: covariance has shape {full.shape}; expected a symmetric positive definite "
                                     f"matrix of the {counted(len(names), 'output')}.")  # fmt: skip
             return full[None]

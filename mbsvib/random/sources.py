@@ -17,7 +17,8 @@ from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import SEMIDEFINITE, UNIT_CORRELATION
+from mbsvib.linalg.covariances import are_covariances
+from mbsvib.linalg.rank import UNIT_CORRELATION
 from mbsvib.responses.densities import Density, Shaped, Table, density
 
 Correlation = ArrayLike | Callable[[Array], ArrayLike] | None
@@ -132,9 +133,8 @@ def checked_correlation(value: Any, names: tuple[str, ...], count: int | None) -
     if stack.shape[1:] != (s, s) or len(stack) not in (1, count or 1) or not np.isfinite(stack).all():
         raise ResponseError(f"correlation has the shape {matrix.shape}; expected ({s}, {s}), finite, for the sources "
                             f"{', '.join(names)}; a function returns ({s}, {s}) or (n, {s}, {s}).")  # fmt: skip
-    hermitian = np.abs(stack - stack.conj().swapaxes(1, 2)).max(initial=0.0) <= SEMIDEFINITE
     normalized = np.abs(np.diagonal(stack, axis1=1, axis2=2) - 1.0).max(initial=0.0) <= UNIT_CORRELATION
-    if not (hermitian and normalized) or np.linalg.eigvalsh(stack).min(initial=0.0) < -SEMIDEFINITE:
+    if not normalized or not are_covariances(stack):
         raise ResponseError("correlation is not that of any noise; expected a Hermitian matrix, ones on its diagonal, "
                             "no negative eigenvalue (all entries 1: one source drives all).")  # fmt: skip
     return stack

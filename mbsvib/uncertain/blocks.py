@@ -23,12 +23,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from mbsvib.common import arguments as check
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Index
+from mbsvib.equations.entry_scales import EntryScales
+from mbsvib.equations.matrices import MATRICES
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, NOT_AFFINE, ZERO_BLOCK
 from mbsvib.uncertain.scalings import balancing
 
-_MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # Roundings of the largest entry of a matrix that one linearized anew may be off
 ROUNDINGS = 1e3
 # Frequencies, in parts of a typical pole, at which the sizes of signals are compared
@@ -142,15 +143,28 @@ def with_blocks(
 
 def _joined(source: Any, k: int | None = None) -> Array:
     """The matrices [M C K -B; Ca Cv Cq D], or their derivatives to a parameter."""
-    part = {key: np.asarray(getattr(source, key) if k is None else getattr(source, key)[k]) for key in _MATRICES}
-    return np.block([[part["M"], part["C"], part["K"], -part["B"]], [part["Ca"], part["Cv"], part["Cq"], part["D"]]])
+    return _in_blocks({key: np.asarray(getattr(source, key) if k is None else getattr(source, key)[k])
+                       for key in MATRICES}, -1.0)  # fmt: skip
+
+
+def _in_blocks(part: Mapping[str, Array], sign: float = 1.0) -> Array:
+    return np.block([[part["M"], part["C"], part["K"], sign * part["B"]],
+                     [part["Ca"], part["Cv"], part["Cq"], part["D"]]])  # fmt: skip
 
 
 def _polynomials(
     system: Any, found: Mapping[str, tuple[float, float, float]], vary: Callable[[Mapping[str, float]], Any], order: int
 ) -> tuple[dict[tuple[int, ...], Channels], float]:  # fmt: skip
-    """Channels of each parameter and of pairs, and the largest error at sampled values as a share of the change."""
+    """Channels of each parameter and of pairs, and the largest error at sampled values as a share of the change.
+
+    Errors and changes are those of all equations, and of outputs with one unit, in scales in which units do not matter.
+    """
     names, nominal = list(found), _joined(system)
+    scale, groups = _compared(system)
+
+    def sizes(change: Array) -> Array:
+        """The largest scaled entries of changes (..., rows, columns) by groups."""
+        return np.array([np.abs(change[..., rows, :] * scale[rows]).max(initial=0.0) for rows in groups])
 
     def change(x: Mapping[int, float]) -> Array:
         """The change by parameters in units of half their width."""
@@ -164,11 +178,12 @@ def _polynomials(
         nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(order + 2) + 0.5) / (order + 2))
         inverse = np.linalg.pinv(nodes[:, None] ** np.arange(1, order + 1))
         terms[(k,)] = np.tensordot(inverse, np.array([change({k: x}) for x in nodes.tolist()]), 1)
-    largest = max(float(np.abs(part).max()) for part in terms.values())
+    least = NOT_AFFINE * sizes(nominal)  # less is rounding
+    largest = np.maximum(np.max([sizes(part) for part in terms.values()], axis=0), least)
     for i, j in combinations(range(len(names)), 2):
         corners = [s * t * change({i: ends[i][s > 0], j: ends[j][t > 0]}) for s in (-1, 1) for t in (-1, 1)]
         product = np.sum(corners, axis=0) / ((ends[i][1] - ends[i][0]) * (ends[j][1] - ends[j][0]))
-        if np.abs(product).max() > NOT_AFFINE * largest:
+        if (sizes(product) > NOT_AFFINE * largest).any():
             terms[(i, j)] = product[None]
     rng, error = np.random.default_rng(0), 0.0
     sampled = [*np.array(ends).T, *[rng.uniform(*np.array(ends).T) for _ in range(CHECKED)]]
@@ -176,9 +191,8 @@ def _polynomials(
         modelled = np.sum([np.tensordot(x[key[0]] ** np.arange(1, order + 1), part, 1) if len(key) == 1 else
                            x[key[0]] * x[key[1]] * part[0] for key, part in terms.items()], axis=0)  # fmt: skip
         there = change(dict(enumerate(x.tolist())))
-        apart = [np.abs(there - modelled)[rows].max(initial=0.0) / (np.abs(there)[rows].max(initial=0.0) or 1.0)
-                 for rows in (slice(0, system.dof), slice(system.dof, None))]  # fmt: skip
-        error = max(error, *apart)
+        size = np.maximum(sizes(there), least)
+        error = max(error, *(sizes(there - modelled) / np.where(size > 0.0, size, 1.0)))
     if error > COARSE:
         raise ModelError(f"uncertain: polynomials of order {order} miss the changes of '{system.name}' by {error:.2g} "
                          f"of these; expected at most {COARSE}. Give a higher order, or narrower limits.")  # fmt: skip
@@ -196,6 +210,24 @@ def _units(linear: Any, blocks: list[Block]) -> Array:
     return balancing(together.astype(complex), len(blocks))[owner]
 
 
+def _scales(system: Any) -> tuple[EntryScales, float]:
+    """Scales of the entries of the matrices, and the typical speed [rad/s] that scales time."""
+    speed = _typical_speed(system)
+    # springs and dampers are the inertia of motions without mass, which else would hide all others
+    inertia = [np.abs(np.diagonal(matrix)) for matrix in (system.M, system.C / speed, system.K / speed**2)]
+    return EntryScales.of(system, np.maximum(inertia, np.finfo(float).tiny), system.B), speed
+
+
+def _compared(system: Any) -> tuple[Array, list[Index]]:
+    """Factors of the entries of ``_joined``, and which of its rows are compared with each other."""
+    entries, speed = _scales(system)
+    scale, outputs = _in_blocks(entries.factors), [system.dof + rows for rows in entries.rows["Cq"]]
+    m = system.dof
+    scale[:, m : 2 * m] /= speed
+    scale[:, 2 * m : 3 * m] /= speed**2
+    return scale, [np.arange(m), *outputs]
+
+
 def _typical_speed(system: Any) -> float:
     """The median of the absolute values of poles that are not zero [rad/s]; 1 if there is none."""
     speed = np.abs(system.poles())
@@ -209,10 +241,8 @@ def _factors(system: Any, terms: Sequence[Array], name: str, factors: int = 1) -
         raise ModelError(f"uncertain: the equations of '{system.name}' do not change smoothly with '{name}', or it "
                          f"takes degrees of freedom away; leave it out.", element=name)  # fmt: skip
     m = system.dof
-    speed = _typical_speed(system)
-    # springs and dampers are the inertia of motions without mass, which else would hide all others
-    inertia = [np.abs(np.diagonal(matrix)) for matrix in (system.M, system.C / speed, system.K / speed**2)]
-    mass = np.sqrt(np.maximum(np.max(inertia, axis=0), np.finfo(float).tiny))
+    entries, speed = _scales(system)
+    mass = entries.root
     rows = np.concatenate((mass, np.ones(len(whole) - m)))
     columns = np.concatenate((mass, speed * mass, speed**2 * mass, np.ones(whole.shape[1] - 3 * m)))
     scaled = whole / rows[:, None] / columns
@@ -244,20 +274,20 @@ def _check_affine(system: Any, slopes: Any, found: Mapping[str, tuple[float, flo
     """Refuse parameters in which the equations are not affine, by name: each at its limits, then all together."""
     cases = [{name: limit} for name, (_, *both) in found.items() for limit in both]
     cases += [{name: limits[k] for name, limits in found.items()} for k in (1, 2)]
-    names = list(found)
+    names, entries = list(found), _scales(system)[0]
     for case in cases:
         try:
             there = vary(case)
         except Exception as error:
             error.add_note(f"uncertain: at the limits {', '.join(f'{n} = {v:g}' for n, v in case.items())}")
             raise
-        for key in _MATRICES:
-            nominal = getattr(system, key)
-            change = sum(np.multiply(getattr(slopes, key)[names.index(name)], value - found[name][0])
-                         for name, value in case.items())  # fmt: skip
-            apart = np.abs(getattr(there, key) - nominal - change)
-            rounding = ROUNDINGS * EPS * np.abs(nominal).max(initial=0.0)
-            if (apart > NOT_AFFINE * np.abs(change).max(initial=0.0) + rounding).any():
+        for key, scale in entries.factors.items():
+            nominal = getattr(system, key) * scale
+            change: Any = scale * sum(np.multiply(getattr(slopes, key)[names.index(name)], value - found[name][0])
+                                      for name, value in case.items())  # fmt: skip
+            apart, changed, size = ([np.abs(part[rows]).max(initial=0.0) for rows in entries.rows[key]] for part in (
+                getattr(there, key) * scale - nominal - change, change, nominal))  # fmt: skip
+            if (np.array(apart) > NOT_AFFINE * np.array(changed) + ROUNDINGS * EPS * np.array(size)).any():
                 who = "', '".join(case)
                 raise ModelError(f"uncertain: the matrix {key} of '{system.name}' is no straight line in '{who}' "
                                  f"between its limits, as it is in masses, inertias, stiffness and damping of "

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from tests.api.test_family import mirror_on_slide
 
 
 def lever(stiffness=500.0, arm=0.5):
@@ -74,3 +75,23 @@ def test_what_is_refused():
         system.uncertain({"s.end.x": (-0.6, 1.6)}, order=2)
     with pytest.raises(mv.ModelError, match="order = 0"):
         system.uncertain({"s.stiffness": 0.1}, order=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metre", [1.0, 1024.0])
+def test_stated_errors_are_those_of_light_parts_too(metre):
+    """The frequency of a mirror of 1e-6 kg m^2 on a slide of 100 kg that a stiff spring holds."""
+    system = mirror_on_slide(metre).linearize()
+    limits = {"wire.start.x": (-0.3 * metre, -0.1 * metre), "drive.stiffness": (9e6, 1.2e7)}
+    plant = system.uncertain(limits, order=3)
+    assert plant.error < 0.05
+    rng, off, r = np.random.default_rng(0), 0.0, sum(plant.blocks.values())
+    space = plant.linear.state_space()
+    for _ in range(10):
+        values = {name: rng.uniform(*pair) for name, pair in limits.items()}
+        delta = np.diag(np.repeat([(values[b.name] - b.nominal) / b.half for b in plant.parameters],
+                                  list(plant.blocks.values())))  # fmt: skip
+        closing = np.linalg.solve(np.eye(r) - delta @ space.D[:r, :r], delta @ space.C[:r])
+        found = np.sort(np.abs(np.linalg.eigvals(space.A + space.B[:, :r] @ closing)))[::2]
+        off = max(off, np.abs(found / (2 * np.pi * plant.at(values).modes().frequencies) - 1.0).max())
+    assert 1e-9 < off < 3.0 * plant.error
