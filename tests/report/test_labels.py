@@ -10,7 +10,24 @@ pytestmark = pytest.mark.slow
 
 BOXES = """(selector) => [...document.querySelectorAll(selector)].filter((e) => e.getClientRects().length).map((e) => {
   const {left, right, top, bottom} = e.getBoundingClientRect(); return [left, right, top, bottom]; })"""
+
+
+def long_names():
+    """Three masses in a row of which every part has a long name."""
+    model, before = mv.Model("a_model_with_a_rather_long_name"), "ground"
+    for i in range(3):
+        name = f"left_front_suspension_upright_{i}"
+        model.add_body(name, 1.0, (1, 1, 1), (0, 0, i + 1.0))
+        model.add_joint(f"{name}.joint", "prismatic", "ground", name, axis=(0, 0, 1))
+        model.add_spring(f"{name}.spring", before, name, (0, 0, i), (0, 0, i + 1.0), 1e3, 5.0)
+        model.add_input(f"{name}.vertical_force_of_the_actuator", name, "z")
+        model.add_output(f"{name}.vertical_acceleration_at_the_centre", name, "z", quantity="acceleration")
+        before = name
+    return model
+
+
 MODELS = {
+    "long": long_names,
     "chain": lambda: mv.library.chain(30),
     "ladder": lambda: mv.library.ladder(6),
     "isolator": mv.library.stewart_isolator,
@@ -48,6 +65,11 @@ def test_no_name_hides_another(page, width):
         assert view["x"] <= left <= right <= view["x"] + view["width"]
         assert view["y"] <= top <= bottom <= view["y"] + view["height"]
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for figure, selector in (("#bode", ".gtitle"), ("#shares", ".ytick text")):
+        (around,) = page.evaluate(BOXES, figure)
+        for left, right, top, bottom in page.evaluate(BOXES, f"{figure} {selector}"):
+            assert around[0] - 1 <= left <= right <= around[1] + 1
+            assert around[2] - 1 <= top <= bottom <= around[3] + 1
 
 
 def test_the_corner_of_the_labels_has_the_fewest_points(page):

@@ -10,6 +10,23 @@ const CONFIG = {displaylogo: false, showSendToCloud: false, plotlyServerURL: "",
 // Plotly takes some tags in its labels; names are texts, whatever signs they hold.
 const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
+// A name in lines of at most so many letters, where it can be parted: at blanks, . and _.
+function inLines(name, letters) {
+  const out = [""];
+  for (const piece of name.split(/(?<=[\s._])/)) {
+    if (out.at(-1) && (out.at(-1) + piece).length > letters) out.push(piece);
+    else out[out.length - 1] += piece;
+  }
+  return out;
+}
+// The title of a figure, names with an arrow between them, and the margin above it that this takes.
+function heading(id, ...names) {
+  const whole = names.join(" → "), letters = by(id).clientWidth / 8.5;
+  const lines = whole.length <= letters ? [whole] : names.flatMap((name, k) => inLines(k ? `→ ${name}` : name, letters));
+  return [{text: lines.map(plain).join("<br>"), x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", pad: {t: 5 * (lines.length - 1)}, font: {size: 14.5, color: INK}},
+    40 + 19 * (lines.length - 1)];
+}
+
 function floats(code) {
   const bytes = Uint8Array.from(atob(code), (sign) => sign.charCodeAt(0));
   const view = new DataView(bytes.buffer), out = new Float64Array(bytes.length / 4);

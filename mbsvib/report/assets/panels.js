@@ -9,13 +9,14 @@ function drawShares(which) {
   const low = Math.min(0, ...z.flat()), high = Math.max(1, ...z.flat()), size = Math.max(high, -low);
   const colour = (share, rgb) => `rgb(${rgb.map((value) => Math.round(255 + (value - 255) * Math.abs(share) / size)).join()})`;
   const zero = -low / (high - low), scale = [[0, colour(low, [196, 50, 31])], [zero, "#fff"], [1, colour(high, [43, 92, 158])]];
-  by("shares").style.height = `${124 + 22 * Math.max(rowsOf.length, 4)}px`;
+  const names = rowsOf.map(([name]) => inLines(name, Math.max(16, by("shares").clientWidth / 18)));
+  by("shares").style.height = `${124 + Math.max(88, rowsOf.length * (8 + 14 * Math.max(1, ...names.map((lines) => lines.length))))}px`;
   Plotly.react("shares", [{type: "heatmap", z, x: z.length ? z[0].map((_, i) => i + 1) : [], y: rowsOf.map((_, i) => i), xgap: count > 40 ? 0 : 1, ygap: 1,
     zmin: low, zmax: high, colorscale: scale.slice(zero ? 0 : 1), colorbar: {title: {text: "share [%]", side: "right"}, thickness: 12},
     text: z.map((values) => values.map((value) => (Math.abs(value) >= 0.5 ? value.toFixed(0) : ""))), customdata: rowsOf.map(([name]) => Array(count).fill(plain(name))),
     texttemplate: count <= 20 && by("shares").clientWidth > 34 * count + 220 ? "%{text}" : "",
     hovertemplate: "<b>%{customdata}</b><br>mode %{x}: %{z:.2f} %<extra></extra>"}],
-  layout({xaxis: modeAxis("shares", count), yaxis: {tickvals: rowsOf.map((_, i) => i), ticktext: rowsOf.map(([name]) => plain(name)), ticks: "outside", tickcolor: "#fff", ticklen: 4,
+  layout({xaxis: modeAxis("shares", count), yaxis: {tickvals: rowsOf.map((_, i) => i), ticktext: names.map((lines) => lines.map(plain).join("<br>")), ticks: "outside", tickcolor: "#fff", ticklen: 4,
     autorange: "reversed", showgrid: false, zeroline: false, automargin: true}, margin: {l: 20, r: 10, t: matchMedia("(hover: none)").matches ? 36 : 14, b: 50}}), CONFIG);  // above: room for the tools
 }
 if (!data.topology) {
@@ -75,9 +76,9 @@ function drawGraph() {
   const annotations = !labels ? [] : nodes.map((node, i) => ({x: node[1], y: node[2], text: plain(node[0]), showarrow: false,
     ...(crowded && i !== ground ? {xanchor: "right", xshift: -9} : {yshift: i === ground ? -21 : 18}), bgcolor: "rgba(255,255,255,0.85)", borderpad: 1, font: {size: nodes.length > 30 ? 10 : 12, color: INK}}));
   const bare = {visible: false}, letter = nodes.length > 30 ? 6 : 7;
-  // wide enough for the names of neighbours in a row, within a card that scrolls
+  // wide enough for the names of neighbours in a row, and for those at the ends, within a card that scrolls
   const wide = labels ? nodes.flatMap(([name, x, y]) => nodes.filter(([, other, row]) => row === y && other > x)
-    .map(([next, other]) => (letter * (crowded ? next.length + 2 : 0.5 * (name.length + next.length)) + 12) * 1.2 * span(nodes) / (other - x))) : [];
+    .map(([next, other]) => (letter * (crowded ? next.length + 2 : 0.5 * (name.length + next.length)) + 12) * 1.2 * span(nodes) / (other - x) + letter * Math.max(name.length, next.length))) : [];
   by("graph").style.minWidth = `${Math.min(2400, Math.max(0, ...wide))}px`;
   Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest", annotations,
     yaxis: {...bare, range: [crowded ? -1.6 : -0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);

@@ -72,10 +72,10 @@ function drawBode() {
              hovertemplate: `${head}%{x:.6g} Hz<br>%{y:.5g} ${decibel ? "dB" : plain(unit)}<extra></extra>`},
             {x, y: angles, line, mode: "lines", yaxis: "y2", name, showlegend: false, hovertemplate: `${head}%{x:.6g} Hz<br>%{y:.2f}°<extra></extra>`}];
   });
-  const narrow = by("bode").clientWidth < 560;
+  const narrow = by("bode").clientWidth < 560, [title, above] = heading("bode", input, output);
   Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
-    shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
-    title: {text: `${plain(input)} → ${plain(output)}`, x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: above, b: 54},
+    title,
     xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", minor: MINOR, ...ticks(low, high)}),
     yaxis: axis(decibel ? `magnitude [dB${unit === "1" ? "" : ` re 1 ${plain(unit)}`}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power", ...(decibel ? {} : decades(traces))}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : quarters(traces))})}), CONFIG);
@@ -139,9 +139,10 @@ function drawMeasured() {
   const traces = curves.flatMap(({size, phase}, k) => [["size", size, "%{y:.5g}"], ["phase", phase, "%{y:.2f}°"]].map(([what, y, shape]) => ({
     x, y, ...look[k], name: plain(labels[k]), ...(what === "size" ? {} : {yaxis: "y2", showlegend: false}),
     hovertemplate: `<b>${plain(labels[k])}</b><br>%{x:.6g} Hz<br>${shape}<extra></extra>`})));
+  const [title, above] = heading("measured-plot", name);
   Plotly.react("measured-plot", traces, layout({showlegend: true, legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
-    hovermode: "closest", margin: {l: 90, r: 12, t: 40, b: 54},
-    title: {text: plain(name), x: 0.01, xref: "container", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    hovermode: "closest", margin: {l: 90, r: 12, t: above, b: 54},
+    title,
     xaxis: axis("frequency [Hz]", {type: "log", anchor: "y2", ...ticks(x[0] || x[1], x[x.length - 1])}),
     yaxis: axis(unit ? `magnitude [${plain(unit)}]` : "magnitude", {type: "log", domain: [0.4, 1], exponentformat: "power", ...decades(traces)}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], dtick: 90, range: [-190, 190]})}), CONFIG);
