@@ -71,50 +71,50 @@ class Candidates:
         if names is None:
             raise ResponseError(f"placement: candidates = {check.shown(candidates)}; expected names or patterns of "
                                 f"outputs and inputs.")  # fmt: skip
-        found = [_picked(names, system, kind) for kind in ("output", "input")]
-        sides = []
-        for kind, picked, count, known in zip(("sensors", "actuators"), found, chosen, (system.outputs, system.inputs),
-                                              strict=True):  # fmt: skip
-            number = check.count(count, "placement", kind, 0)
-            port = "outputs" if kind == "sensors" else "inputs"
-            if number > len(picked):
-                raise ResponseError(f"placement: {kind} = {number}, yet the candidates have {len(picked)} {port} of "
+        sides, amounts = [], []
+        for side, (count, given) in enumerate(zip(chosen, (noise, ranges), strict=True)):
+            (word, kind, *_), known = SIDES[side], _ports(system, side)[0]
+            picked = _picked(names, system, side)
+            if check.count(count, "placement", word, 0) > len(picked):
+                raise ResponseError(f"placement: {word} = {count}, yet the candidates have {len(picked)} {kind}s of "
                                     f"'{system.name}': {', '.join(picked) or 'none'}.")  # fmt: skip
-            sides.append(picked if number else tuple(known))
+            sides.append(picked if count else tuple(known))
+            amounts.append(_amounts(system, sides[side], side, given))
         if not any(chosen):
             raise ResponseError("placement: sensors = 0 and actuators = 0; expected how many of each are chosen.")
-        amounts = []
-        for side, kind, units, given in ((sides[0], "output", system.output_units, noise),
-                                         (sides[1], "input", system.input_units, ranges)):  # fmt: skip
-            known = system.outputs if kind == "output" else system.inputs
-            amounts.append(_amounts(system, side, kind, known, units, given))
         return Candidates(system, sides[0], sides[1], (int(chosen[0]), int(chosen[1])), amounts[0], amounts[1],
-                      (noise is not None, ranges is not None))  # fmt: skip
+                          (noise is not None, ranges is not None))  # fmt: skip
 
     def comparable(self, side: int, always: bool = False) -> None:
         """Refuse candidates of several units without their noise or ranges, or without them at all."""
-        kind, word = (("sensors", "noise"), ("actuators", "ranges"))[side]
-        names = (self.outputs, self.inputs)[side]
-        known, units = ((self.system.outputs, self.system.output_units),
-                        (self.system.inputs, self.system.input_units))[side]  # fmt: skip
-        kinds = list(dict.fromkeys(units[known.index(name)] for name in names))
+        (word, _, field, expected), names = SIDES[side], (self.outputs, self.inputs)[side]
+        units = dict(zip(*_ports(self.system, side), strict=True))
+        kinds = list(dict.fromkeys(units[name] for name in names))
         if not self.stated[side] and (always or len(kinds) > 1):
-            reason = "" if len(kinds) == 1 else f" the {kind} have the units {', '.join(kinds)}, and"
-            expected = "density [unit^2/Hz] of each sensor" if side == 0 else "range [unit] of each actuator"
-            raise ResponseError(f"placement:{reason} {word} is not given; expected the {expected}, such as "
-                                f"{word}={{'{names[0]}': 1e-6}}.")  # fmt: skip
+            reason = "" if len(kinds) == 1 else f" the {word} have the units {', '.join(kinds)}, and"
+            raise ResponseError(f"placement:{reason} {field} is not given; expected the {expected.format('unit')} of "
+                                f"each {word[:-1]}, such as {field}={{'{names[0]}': 1e-6}}.")  # fmt: skip
 
 
-def _picked(names: list[str], system: Any, kind: str) -> tuple[str, ...]:
+# Of sensors and actuators: their ports, what is stated of these, and in which unit.
+SIDES = (("sensors", "output", "noise", "density [({})^2/Hz]"), ("actuators", "input", "ranges", "range [{}]"))
+
+
+def _ports(system: Any, side: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Names and units of the outputs or inputs."""
+    return ((system.outputs, system.output_units), (system.inputs, system.input_units))[side]
+
+
+def _picked(names: list[str], system: Any, side: int) -> tuple[str, ...]:
     """The outputs or inputs that candidates name; refused where a candidate names neither."""
-    known, others = (system.outputs, system.inputs) if kind == "output" else (system.inputs, system.outputs)
     picked: list[str] = []
     for name in names:
         try:
-            picked += [known[k] for k in selected(name, known, kind, system.name)]
+            known = _ports(system, side)[0]
+            picked += [known[k] for k in selected(name, known, SIDES[side][1], system.name)]
         except ResponseError:
             try:
-                selected(name, others, kind, system.name)
+                selected(name, _ports(system, 1 - side)[0], SIDES[side][1], system.name)
             except ResponseError:
                 raise ResponseError(f"placement: the candidate {name!r} is neither an output nor an input of "
                                     f"'{system.name}'. Outputs: {', '.join(system.outputs) or 'none'}. "
@@ -122,11 +122,10 @@ def _picked(names: list[str], system: Any, kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(picked))
 
 
-def _amounts(
-    system: Any, names: tuple[str, ...], kind: str, known: Sequence[str], units: Sequence[str], given: Any
-) -> Array:  # fmt: skip
+def _amounts(system: Any, names: tuple[str, ...], side: int, given: Any, word: str | None = None) -> Array:
     """Positive numbers of some ports by name or pattern, a name before patterns; ones if none are given."""
-    word = "noise" if kind == "output" else "ranges"
+    (_, kind, field, expected), (known, units) = SIDES[side], _ports(system, side)
+    word = word or field
     if given is None:
         return np.ones(len(names))
     if not isinstance(given, Mapping):
@@ -139,8 +138,7 @@ def _amounts(
         result |= {known[k]: value for k in selected(pattern, known, kind, system.name)}
     for name in names:
         if name not in result:
-            unit = units[list(known).index(name)]
-            what = f"density [({unit})^2/Hz]" if kind == "output" else f"range [{unit}]"
+            what = expected.format(units[list(known).index(name)])
             raise ResponseError(f"placement: {word} has nothing for '{name}'; expected its {what}.")
     return np.array([result[name] for name in names])
 
@@ -260,7 +258,7 @@ def by_rms(scene: Candidates, rms: Any, floor: Any) -> tuple[BestControl, tuple[
         raise ResponseError(f"placement: rms = {check.shown(rms)}; expected {{output: allowed root mean square}}.")
     targets = tuple(dict.fromkeys(system.outputs[k] for name in rms
                                   for k in selected(name, system.outputs, "output", system.name)))  # fmt: skip
-    scene.allowed = _amounts(system, targets, "output", system.outputs, system.output_units, rms)
+    scene.allowed = _amounts(system, targets, 0, rms, "rms")
     for side, count in enumerate((sensing, acting)):
         if count:
             scene.comparable(side, always=True)

@@ -1,19 +1,15 @@
 """Design studies: one model at many points of its parameters, and at the best of them.
 
-design            variables: parameters, patterns of parameters, joint coordinates, functions of several
-plants, derivatives   what a study makes of each system, such as a closed loop, and derivatives through it
-evaluation, quantities   numbers of a system with their gradients, and functions of them
+design, plants    variables, and systems at their values, with what a study makes of these, such as a closed loop
+evaluation, derivatives, quantities   numbers of a system with their gradients, and functions of them
 measures, responses   frequencies, damping ratios, gains, peaks, root mean squares
-machines, point_masses   running machines: shaking force and moment, drive torques; what balances them
+machines          running machines: shaking force and moment, drive torques; what balances them
 running           results at each point, in batches, or one by one, in processes
-record            results in a file as they are computed
-sweeps, results   ``sweep``, its points and results
-tracks            ``track``: modes that keep their names over a sweep
+sweeps, results, tracks   ``sweep``, with a record in a file, and ``track``: modes that keep their names over a sweep
 scatter, first_order   ``tolerances``: scatter of parameters, to first order and by samples
-search, solvers, optimizing   ``optimize`` and its result
+search, optimizing, optimum   ``optimize`` and its result
 trade_offs        ``trade_off``: designs of which none is better in all of several quantities
-campbell, speed_sweep   frequencies over the speed of rotors, critical speeds
-figures           figures of all of these
+campbell          frequencies over the speed of rotors, critical speeds
 """
 
 from functools import partial

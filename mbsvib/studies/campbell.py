@@ -1,14 +1,17 @@
 """Modes of a mechanism with rotors over their speeds: frequencies, whirl directions and critical speeds.
 
 Spin enters linearly, C = C0 + W G and K = K0 + W N, so that two linearizations serve all speeds. Modes are followed
-from speed to speed by their shapes, with more speeds in between where these change much.
+from speed to speed by their shapes, with more speeds in between where these change much. Critical speeds are those at
+which frequencies are multiples of the speed: in ascending order frequencies are continuous functions of it, whatever
+becomes of the shapes of modes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,7 +30,14 @@ from mbsvib.linalg.matching import Station, match_next, reference, track_modes, 
 from mbsvib.modes import Modes
 from mbsvib.modes.pairs import growing
 from mbsvib.modes.result import digits
-from mbsvib.studies.crossings import XTOL, crossings
+
+# Speeds are found to this relative accuracy.
+XTOL = 1e-13
+# Intervals between speeds are divided where a frequency may meet the line. The bottom of a dip towards it is found to a
+# share of its length, slopes over another share of the speed; so many steps of Newton's method at most follow.
+PARTS, BOTTOM, STEP, NEWTON_STEPS = 4, 1e-6, 1e-6, 4
+# Crossings of one frequency that are closer than this are one, found more than once by rounding.
+SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,17 +75,14 @@ class SpeedSweep:
                 changes[letter] = getattr(system, letter) + speed * part
         return (replace(system, **changes) if changes else system).modes()
 
-    def station(self, speed: float, modes: Modes) -> Station:
-        """Return modes with their shapes weighted by the energies of both kinds."""
+    def station(self, speed: float, modes: Modes | None = None) -> Station:
+        """Return the modes at a speed with their shapes weighted by the energies of both kinds."""
+        modes = self.at(speed) if modes is None else modes
         return Station(speed, upper(modes.pairs), self.energy @ modes.shapes)
-
-    def between(self, speed: float) -> Station:
-        """Return the modes at another speed."""
-        return self.station(speed, self.at(speed))
 
     def followed(self, first: tuple[float, Modes], second: tuple[float, Modes]) -> Index:
         """Return the number at the other speed of each mode at the one."""
-        return match_next(reference(self.station(*first)), first[0], self.station(*second), self.between)[0]
+        return match_next(reference(self.station(*first)), first[0], self.station(*second), self.station)[0]
 
     def whirl(self, modes: Modes, speed: float) -> Array:
         """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
@@ -155,21 +162,46 @@ class _Frequencies:
             if self.matrices is None:
                 self.known[speed] = self.exact(speed)
             else:
-                still, added = self.matrices
-                values = np.sort(np.linalg.eigvals(still + speed * added).imag)
+                values = np.sort(np.linalg.eigvals(self.matrices[0] + speed * self.matrices[1]).imag)
                 self.known[speed] = values[len(values) // 2 :]
         return self.known[speed]
+
+    def crossings(self, w: Array, times: float) -> Iterator[tuple[float, int]]:
+        """Yield the speeds at which frequencies are ``times`` |speed|, and their places in ascending order.
+
+        ``w`` (n,): ascending speeds; the search is from the first to the last, in steps that need not be small.
+        """
+        beside = STEP * (w[-1] - w[0]) * np.array([-1.0, 1.0])  # of standstill, where |speed| has a corner
+        ends = np.union1d(w[w != 0.0], beside[(beside > w[0]) & (beside < w[-1])])
+        if not len(ends):
+            return
+        gaps = np.array([self.near(speed) - times * abs(speed) for speed in ends.tolist()])
+        length = np.diff(ends)[:, None]
+        steep = 2.0 * float((np.abs(np.diff(gaps, axis=0)) / length).max(initial=abs(times)))
+        may_meet = (np.minimum(np.abs(gaps[:-1]), np.abs(gaps[1:])) < steep * length).any(axis=1)
+        divided = [np.linspace(ends[k], ends[k + 1], PARTS + 1) for k in np.flatnonzero(may_meet)]
+        w = np.unique(np.concatenate([ends, *divided]))
+        w = w[w != 0.0]
+        table = np.array([self.near(speed) - times * abs(speed) for speed in w.tolist()])
+        for rank, row in enumerate(table.T):
+
+            def off(speed: float, of: Callable[[float], Array] = self.near, rank: int = rank) -> float:
+                return float(of(float(speed))[rank] - times * abs(speed))
+
+            last = np.inf
+            for speed in sorted(_improved(partial(off, of=self.exact), start) for start in _roots(off, w, row)):
+                if abs(speed - last) > SAME * abs(speed):
+                    yield speed, rank
+                last = speed
 
 
 def critical_speeds(
     sweep: SpeedSweep, w: Array, modes_at: Sequence[Modes], order: Sequence[Index], lines: Iterable[float]
 ) -> list[CriticalSpeed]:
-    """Return where damped frequencies are multiples, ``lines``, of the speed's size, between the first speed and the
-    last.
-    """
-    known = [np.sort(upper(modes.pairs).imag) for modes in modes_at]
-    of = _Frequencies(sweep, dict(zip(w.tolist(), known, strict=True)))
-    found = [(times, *crossing) for times in lines for crossing in crossings(of.near, of.exact, w, times)]
+    """Return where damped frequencies are multiples, ``lines``, of the speed's size, between the first and the last."""
+    known = {speed: np.sort(upper(modes.pairs).imag) for speed, modes in zip(w.tolist(), modes_at, strict=True)}
+    of = _Frequencies(sweep, known)
+    found = [(times, *crossing) for times in lines for crossing in of.crossings(w, times)]
     result = []
     for times, speed, rank in sorted(found):
         k = int(np.abs(w - speed).argmin())
@@ -253,8 +285,10 @@ class Campbell(Columnar, Displayed):
         notes = ["F: forward whirl, B: backward."]
         if speeds > SHOWN_SPEEDS or modes > SHOWN_MODES:
             notes.append(f"{speeds} speeds, {modes} modes in all: .speeds, .frequencies, .directions.")
-        notes += [f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x speed "
-                  f"({digits(point.frequency)} Hz, {_word(point.whirl)})." for point in self.critical]  # fmt: skip
+        for point in self.critical:
+            word = "no whirl" if abs(point.whirl) <= ROUND else "forward" if point.whirl > 0.0 else "backward"
+            notes.append(f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x speed "
+                         f"({digits(point.frequency)} Hz, {word}).")  # fmt: skip
         growing = self.speeds[~self.stable]
         if len(growing):
             limits = f"; stability changes at {', '.join(map(digits, self.limits))} rad/s" if self.limits else ""
@@ -302,7 +336,7 @@ def campbell(
     sweep = speed_sweep(model, ratios)
     modes_of_speed = [sweep.at(speed) for speed in w.tolist()]
     stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
-    order = track_modes(stations, sweep.between)
+    order = track_modes(stations, sweep.station)
     steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
     eigenvalues = np.array([upper(modes.pairs)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
@@ -333,5 +367,34 @@ def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | No
             for name, ratio in ratios.items()}  # fmt: skip
 
 
-def _word(whirl: float) -> str:
-    return "forward" if whirl > ROUND else "backward" if whirl < -ROUND else "no whirl"
+def _improved(off: Callable[[float], float], speed: float) -> float:
+    """The zero next to a speed, by Newton's method with central differences; the speed itself in a dip's bottom."""
+    for _ in range(NEWTON_STEPS):
+        step = STEP * speed
+        slope = (off(speed + step) - off(speed - step)) / (2.0 * step)
+        if abs(slope) <= STEP:
+            break
+        change = off(speed) / slope
+        speed -= change
+        if abs(change) <= STEP * abs(speed):  # the nearer to a zero, the less the slope has to be accurate
+            break
+    return speed
+
+
+def _roots(off: Callable[[float], float], w: Array, gaps: Array) -> Iterator[float]:
+    """The zeros of one distance from the line, from its values at some speeds."""
+    from scipy.optimize import brentq, minimize_scalar
+
+    points = list(zip(w.tolist(), gaps.tolist(), strict=True))
+    for k in range(len(w)):
+        low, high = max(k - 1, 0), min(k + 1, len(w) - 1)
+        side, size = np.sign(gaps[low : high + 1]), np.abs(gaps[low : high + 1])
+        if low < high and (side == side[0]).all() and size[k - low] == size.min() < 2.0 * np.ptp(size):
+            found = minimize_scalar(lambda speed, sign=side[0]: sign * off(speed), bounds=(w[low], w[high]),
+                                    method="bounded", options={"xatol": BOTTOM * (w[high] - w[low])})  # fmt: skip
+            points.append((float(found.x), float(side[0] * found.fun)))  # the bottom of a dip
+    points.sort()
+    yield from [speed for speed, gap in points if gap == 0.0]
+    for (low, first), (high, last) in pairwise(points):
+        if first * last < 0.0:
+            yield float(brentq(off, low, high, xtol=XTOL * (high - low), rtol=4.0 * XTOL))
