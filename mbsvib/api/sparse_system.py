@@ -74,7 +74,8 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         Warns
         -----
         UnstableWarning
-            If the stiffness of matrices is negative for some modes, which grow and may not be among these.
+            If the stiffness of matrices is negative for modes, which grow, that are not among these: their natural
+            frequencies, abs(lambda) / 2 pi, are farther away.
         """
         from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes

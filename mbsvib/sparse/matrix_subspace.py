@@ -10,13 +10,12 @@ Anal. Appl. 15 (1994) 228.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbsvib.common.arrays import AnyArray, Array
-from mbsvib.errors import ResponseError, UnstableWarning, counted
+from mbsvib.common.arrays import AnyArray, Array, Index
+from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS, RIGID_ENERGY
 from mbsvib.sparse.arnoldi import arnoldi
 from mbsvib.sparse.equations import SparseEquations
@@ -52,28 +51,47 @@ def matrix_subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     below = -BELOW * quadratic.speed**2
     if centre <= SLOW * quadratic.speed:
         t, centre = _operator(system, below), 0.0
-        growing = t.factor.negative(system.layout)
+        growing = t.factor.negative(system.layout) or 0
     else:
-        t, growing = _apart(system, centre), count_below(system, below)  # which keeps no factors
+        t, growing = _apart(system, centre**2), count_below(system, below) or 0  # which keeps no factors
         requested += k // 2
-    if growing and k < dof:
-        warnings.warn(f"modes: the stiffness of '{system.name}' is negative for {counted(growing, 'mode')}, which may "
-                      f"not be among the {k} asked for: they grow. Check the matrices, or give dense ones for all "
-                      f"modes.", UnstableWarning, stacklevel=2)  # fmt: skip
-    if dof <= max(FEW, 2 * requested):
-        return _all_modes(t, centre)
-    missed = None
+    missed: int | None = None
     for _ in range(SEARCHES):
+        if dof <= max(FEW, 2 * requested):
+            without_rigid, found = _all_modes(t)
+            reach, missed = np.inf, 0
+            break
         without_rigid, found = _modes(t, _basis(t, min(requested, dof - 1)))
         distance = np.abs(found.square - t.sigma)
         radius, inside = _gap(distance, k)
         missed = None if radius is None else _counted(t, radius) - inside
+        reach = radius or float(distance.max())
+        found = found.those(np.argsort(distance, kind="stable")[: max(inside, k)])
         if not missed and missed is not None:
             break
         requested += max(GUARDS, missed or 0)
-        if 2 * requested >= dof:
-            return _all_modes(t, centre)
-    return found.space(without_rigid, max(inside, k), radius or float(distance.max()), missed, centre)
+    if growing and centre and np.isfinite(reach):
+        found = _with_growing(t, found, k, centre, -below)
+    return Subspace(without_rigid, found.z, found.rigid, found.residual, found.noise, reach, missed, centre, growing)
+
+
+def _with_growing(t: Operator, found: _Found, k: int, centre: float, least: float) -> _Found:
+    """Modes with those that grow and whose natural frequencies are as near to the centre as the k-th. They have squares
+    below -``least``, and are sought around that of the centre.
+    """
+    distance = np.sort(np.abs(np.sqrt(np.abs(found.square)) - centre))[k - 1] * (1.0 + GAP)
+    low, high = max(centre - distance, np.sqrt(least)) ** 2, (centre + distance) ** 2
+    near = (count_below(t.system, -low) or 0) - (count_below(t.system, -high) or 0)
+    known = found.square < -least
+    if near <= np.count_nonzero(known):
+        return found
+    around = _apart(t.system, -(centre**2))
+    try:
+        more = _modes(around, _basis(around, near))[1]
+    except ResponseError:  # they do not converge, and are counted
+        return found
+    more = _modes(around, more.z[:, (more.square < -low) & (more.square > -high)])[1]  # of a smaller residual
+    return found.those(np.flatnonzero(~known)).joined(more)
 
 
 def flexible_static(system: SparseEquations, rigid: Array, force: Array) -> Array | None:
@@ -100,17 +118,17 @@ def _operator(system: SparseEquations, sigma: float) -> Operator:
                     np.zeros((system.layout.size, 0)), np.zeros((0, 0)), None)  # fmt: skip
 
 
-def _apart(system: SparseEquations, centre: float) -> Operator:
-    """The operator at a frequency, or beside it if a mode is there."""
+def _apart(system: SparseEquations, square: float) -> Operator:
+    """The operator at the square of a frequency, or beside it if a mode is there."""
     for offset in OFFSETS:
         try:
-            t = _operator(system, (1.0 + offset) * centre**2)
+            t = _operator(system, (1.0 + offset) * square)
         except np.linalg.LinAlgError:
             continue
         x = np.random.default_rng(1).standard_normal(system.layout.size)
         for _ in range(2):
             x = t.factor.solve(t.quadratic.inertia(x / np.sqrt(x @ t.quadratic.inertia(x))))
-        if np.sqrt(x @ t.quadratic.inertia(x)) * t.sigma * GAP < 1.0:
+        if np.sqrt(x @ t.quadratic.inertia(x)) * abs(square) * GAP < 1.0:
             break
     return t
 
@@ -147,12 +165,17 @@ class _Found:
     residual: Array
     noise: Array
 
-    def space(self, t: Operator, count: int, reach: float, missed: int | None, centre: float) -> Subspace:
-        """Return the subspace of those nearest to the shift."""
-        nearest = np.sort(np.argsort(np.abs(self.square - t.sigma), kind="stable")[:count])
-        rigid = int(np.count_nonzero(nearest < self.rigid))
-        residual, noise = self.residual[nearest], self.noise[nearest]
-        return Subspace(t, self.z[:, nearest], rigid, residual, noise, reach, missed, centre)
+    def those(self, which: Index) -> _Found:
+        """Return some of them, in order."""
+        which = np.sort(which)
+        return _Found(self.z[:, which], int(np.count_nonzero(which < self.rigid)), self.square[which],
+                      self.residual[which], self.noise[which])  # fmt: skip
+
+    def joined(self, others: _Found) -> _Found:
+        """Return these and other flexible ones."""
+        z, square, residual, noise = (np.concatenate((getattr(self, key), getattr(others, key)), axis=-1)
+                                      for key in ("z", "square", "residual", "noise"))  # fmt: skip
+        return _Found(z, self.rigid, square, residual, noise)
 
 
 def _modes(t: Operator, basis: Array) -> tuple[Operator, _Found]:
@@ -197,8 +220,8 @@ def _counted(t: Operator, radius: float) -> int:
     return above - (count_below(t.system, t.sigma - radius) or 0)
 
 
-def _all_modes(t: Operator, centre: float) -> Subspace:
-    """All modes, by a dense solver."""
+def _all_modes(t: Operator) -> tuple[Operator, _Found]:
+    """All modes, by a dense solver, and the operator without its rigid-body modes."""
     from scipy.linalg import eigh
 
     given, dof = matrices_of(t.system), t.system.dof
@@ -216,4 +239,4 @@ def _all_modes(t: Operator, centre: float) -> Subspace:
         except np.linalg.LinAlgError:
             sigma *= 1e3
     t, found = _modes(t, z if motions is None else motions @ z)
-    return replace(found, residual=np.zeros(dof)).space(t, dof, np.inf, 0, centre)
+    return t, replace(found, residual=np.zeros(dof))

@@ -14,6 +14,7 @@ Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from mbsvib.common.arrays import AnyArray, Array, Index
 from mbsvib.common.expected import near_frequency
 from mbsvib.equations.equations import Equations
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, UnstableWarning, counted
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import undamped
@@ -31,7 +32,7 @@ from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.from_matrices import motions_of
 from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.matrix_subspace import matrix_subspace
-from mbsvib.sparse.operator import Operator
+from mbsvib.sparse.operator import Operator, count_below
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
 from mbsvib.sparse.subspace import Subspace
@@ -174,7 +175,13 @@ def modes(
         small, result, truncation, selected = general_modes(system, k, near, dense)
         errors = result.errors + truncation
     else:
-        small, result, errors, selected, missed = _symmetric(system, k, near, dense)
+        small, result, errors, selected, missed, growing = _symmetric(system, k, near, dense)
+        left = growing - int(np.count_nonzero(result.growing[selected]))
+        if left > 0:
+            number = f"{counted(growing, 'mode')}, of which {left} {'is' if left == 1 else 'are'}"
+            warnings.warn(f"modes: the stiffness of '{system.name}' is negative for {number} not among the {k} asked "
+                          f"for: they grow. Check the matrices, or give dense ones for all modes.",
+                          UnstableWarning, stacklevel=3)  # fmt: skip
     errors = np.minimum(errors, 1.0)
     pairs = np.concatenate([np.arange(*result.starts[i : i + 2]) for i in selected])
     return form(
@@ -196,8 +203,10 @@ def _moving(system: SparseEquations, small: Equations, shapes: AnyArray) -> tupl
 
 def _symmetric(
     system: SparseEquations, k: int, near: float, dense: type[Equations]
-) -> tuple[Equations, Modes, Array, Index, int | None]:
-    """The small system, its modes with errors, the numbers of the wanted ones, and how many were missed."""
+) -> tuple[Equations, Modes, Array, Index, int | None, int]:
+    """The small system, its modes with errors, the numbers of the wanted ones, how many were missed, and how many of
+    all modes of matrices grow.
+    """
     subspace = mechanism_subspace if system.matrices is None else matrix_subspace
     space = subspace(system, k, near)
     basis, bound, rigid = _nearest(system, space, k)
@@ -210,11 +219,11 @@ def _symmetric(
     result: Modes = dense_modes(small, RTOL)
     if decoupled(space, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
-        return small, result, errors, np.arange(k), space.missed
+        return small, result, errors, np.arange(k), space.missed, space.growing
     small, result, truncation, selected = coupled(space, k, near, dense)
     missed = space.missed
     certain = result.rigid == space.rigid and float(truncation.max(initial=0.0)) < UNCERTAIN
-    unknown = _unknown_overdamped(system, result, selected) if certain else 1
+    unknown = _unknown_overdamped(system, small, result, selected) if certain else 1
     if unknown and system.matrices is not None:
         raise ResponseError(
             f"modes: dampers of '{system.name}' are so strong that other modes than these may be among the lowest {k}; "
@@ -225,14 +234,15 @@ def _symmetric(
     if unknown is None or unknown:
         missed = None
     errors = result.errors + truncation + rounding(system) * (result.eigenvalues != 0.0)
-    return small, result, errors, selected, missed
+    return small, result, errors, selected, missed, space.growing
 
 
-def _unknown_overdamped(system: SparseEquations, result: Modes, selected: Index) -> int | None:
+def _unknown_overdamped(system: SparseEquations, small: Equations, result: Modes, selected: Index) -> int | None:
     """Number of pairs of real eigenvalues with one on each side of -s that the small system does not contain.
 
     s is beyond all selected modes. Each pair (a, b) of a mode with one eigenvalue on each side of -s gives one negative
-    eigenvalue of P(-s), which is symmetric; their number is that of the negative pivots. None if it cannot be counted.
+    eigenvalue of P(-s), which is symmetric; their number is that of the negative pivots. Without dampers they are those
+    of modes that grow faster than s. None if it cannot be counted.
     """
     size = np.abs(result.pairs[selected])
     s = BEYOND * float(np.sqrt(size.prod(axis=1)).max(initial=0.0) or size.max(initial=0.0))
@@ -240,11 +250,16 @@ def _unknown_overdamped(system: SparseEquations, result: Modes, selected: Index)
         return 0
     try:
         negative = system.tableau.factor(s=-s, pivot=0.0).negative(system.layout)
+        growing = count_below(system, -s * s) if negative else 0
     except np.linalg.LinAlgError:
+        return None
+    if negative is None or growing is None:
         return None
     real = result.pairs[(result.pairs.imag == 0.0).all(axis=1)].real
     known = int(np.count_nonzero((real + s).prod(axis=1) < 0.0))
-    return None if negative is None else abs(negative - known)
+    if growing:
+        growing -= int(np.count_nonzero(undamped(small, RTOL).square < -s * s))
+    return abs(negative - known - growing)
 
 
 def _check(system: SparseEquations, k: int) -> None:

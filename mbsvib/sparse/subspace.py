@@ -40,7 +40,8 @@ class Subspace:
 
     The first ``rigid`` of them deform no spring. ``residual`` (n,) is that of T h = theta h relative to theta h,
     ``noise`` (n,) the relative rounding error of the energy, ``reach`` the distance |omega^2 - sigma| up to which all
-    modes are in the subspace, ``missed`` the number of missed modes.
+    modes are in the subspace, ``missed`` the number of missed modes. ``growing`` is that of all modes of
+    matrices that grow by negative stiffness.
     """
 
     operator: Operator
@@ -51,6 +52,7 @@ class Subspace:
     reach: float
     missed: int | None
     centre: float
+    growing: int = 0
 
 
 def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
