@@ -56,7 +56,7 @@ class Tunable(Displayed, ABC):
     ``K1 + K2`` acts in parallel, ``K1 * K2`` in series: K2 acts first, and may be a fixed Controller or StateSpace.
     """
 
-    _engine = "described for_ports kind realized single sized through"
+    _engine = "at described for_ports kind parts realized single sized through values"
 
     __array_ufunc__ = None
 
