@@ -15,6 +15,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import real
 from mbsvib.errors import ModelError, ResponseError, counted
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.unit_warnings import angle_warnings
@@ -165,11 +166,11 @@ class Run(Columnar, Displayed):
         Raises
         ------
         ResponseError
-            If there is no such coordinate or output.
+            If there is no such coordinate or output, or the value is not a finite number.
         """
         if name not in self.coordinates:
             self[name]
-        return self.trace.crossings(name, float(value))
+        return self.trace.crossings(name, real(value, "crossings", "value", "a finite number"))
 
     _index = "time"
 
@@ -291,8 +292,8 @@ class Simulated(Mechanism):
             Times [s] in ascending order; the run starts at the first.
         inputs : mapping of str to number, array-like of shape (n,), or function of t, optional
             Forces and translations of the ground by name [N, N m, m/s^2]; coordinates are relative to the ground.
-            Samples are joined by straight lines, what is not named is 0. Loads act as
-            well, and weight.
+            Samples are joined by straight lines, functions are resolved between the times (pulses shorter than 1/4000
+            of the run may be missed), what is not named is 0. Loads act as well, and weight.
         initial : mapping of str to number or (number, number), optional
             Displacements of coordinates of joints (``"elbow.rz"``) from the pose as described [m, rad], or
             displacements and rates. Others are 0, or as near to it as loops allow.
@@ -326,6 +327,8 @@ class Simulated(Mechanism):
 
         Warns
         -----
+        AccuracyWarning
+            If an input changes too fast to be resolved.
         LargeDisplacementWarning
             If beams or superelements bend further than small displacements hold.
 

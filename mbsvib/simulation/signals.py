@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from numpy.polynomial import chebyshev
 from mbsvib.common import arguments as check
 from mbsvib.common.arrays import Array
 from mbsvib.common.expected import reals
-from mbsvib.errors import ModelError
+from mbsvib.errors import AccuracyWarning, ModelError
 
 if TYPE_CHECKING:
     from mbsvib.responses.driven import Drive
@@ -21,8 +22,14 @@ if TYPE_CHECKING:
 DEGREE, RESOLVED = 9, 1e-11
 # Intervals of a function are halved at most so often: a jump is then told to this share of an interval.
 HALVINGS = 20
-# Intervals in one run at most, so that a function that no polynomial tells does not fill the memory.
-MOST = 200_000
+# Intervals in one run at most, so that a function that no polynomial tells does not fill the memory; what is left over
+# of it on average, as a share of its size, is warned of.
+MOST, LEFT_OVER = 200_000, 1e-3
+# Times at which functions are compared with their polynomials, and the share of the size to which these agree: pulses
+# within an interval, such as blows of a hammer, may pass between the nodes of a polynomial.
+COMPARED, AGREES = 4000, 1e-9
+# Frames from the warning up to the call of the user.
+USER = 6
 
 
 @dataclass(frozen=True)
@@ -108,17 +115,27 @@ def _samples(value: Any, name: str, t: Array) -> Array:
 
 def _breaks(functions: Mapping[str, Callable[[float], Any]], t: Array) -> Array:
     """Times between which all functions are polynomials to rounding."""
-    breaks = t
+    breaks, duration = t, float(t[-1] - t[0])
+    times = t[0] + duration * (np.arange(COMPARED) + 0.5) / COMPARED
     for name, function in functions.items():
         size = max(float(np.abs(_values(function, name, t)).max()), 1e-300)
+        values = _values(function, name, times)
         for _ in range(HALVINGS):
             start, length = breaks[:-1], np.diff(breaks)
             powers, error = _powers(function, name, start, length)
-            size = max(size, float(np.abs(powers[:, 0]).max()))
-            rough = np.flatnonzero(error > RESOLVED * size)
+            size = max(size, float(np.abs(powers[:, 0]).max()), float(np.abs(values).max()))
+            off = np.abs(Signals(breaks, powers[:, None]).at(times)[0] - values)
+            off[off <= AGREES * size] = 0.0
+            np.maximum.at(error, np.searchsorted(start, times, side="right") - 1, off)
+            # what is next to a jump may hide a part of it behind its last node
+            rough = np.flatnonzero(np.convolve(error > RESOLVED * size, np.ones(3))[1:-1])
             if not len(rough) or len(breaks) > MOST:
                 break
             breaks = np.sort(np.concatenate((breaks, start[rough] + 0.5 * length[rough])))
+        if float(error @ length) > LEFT_OVER * size * duration:
+            warnings.warn(f"simulate: input '{name}' changes too fast to be resolved over {duration:.6g} s, or is "
+                          f"random; give samples of it, or a shorter run.",
+                          AccuracyWarning, stacklevel=USER)  # fmt: skip
     return breaks
 
 
@@ -140,7 +157,12 @@ def _powers(function: Callable[[float], Any], name: str, start: Array, length: A
 
 
 def _values(function: Callable[[float], Any], name: str, t: Array) -> Array:
-    result = np.array([float(function(float(time))) for time in t])
+    try:
+        result = np.array([float(function(float(time))) for time in t])
+    except TypeError as error:
+        raise ModelError(f"simulate: input '{name}' is a function that cannot be taken at a time t, or whose value is "
+                         f"no number ({error}); give a function of t that returns a number.",
+                         element=name, field="inputs") from error  # fmt: skip
     if not np.isfinite(result).all():
         at = float(t[~np.isfinite(result)][0])
         raise ModelError(f"simulate: input '{name}' is not finite at t = {at:.6g} s; give a function that is finite at "
