@@ -12,11 +12,10 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import ResponseError
-from mbsvib.fitting.channels import HELD, Channels
 from mbsvib.fitting.mode_data import ModeData, shape_deviations
 from mbsvib.fitting.record_data import RecordData
 from mbsvib.fitting.response_data import ResponseData, weights
-from mbsvib.fitting.variables import FARTHEST
+from mbsvib.fitting.variables import FARTHEST, HELD, Channels
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.data import Measurement

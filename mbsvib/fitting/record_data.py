@@ -26,8 +26,8 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Complex, Index
 from mbsvib.errors import ResponseError
-from mbsvib.fitting.channels import Channels, values_of
 from mbsvib.fitting.response_data import EXACT, Block, ResponseData
+from mbsvib.fitting.variables import Channels, values_of
 from mbsvib.sensitivities.responses import exponential
 from mbsvib.sensitivities.states import changed, states
 

@@ -1,6 +1,6 @@
 """Measured frequency responses in a fit: residuals, derivatives, and the channels through which they were measured.
 
-A pair of output o and input i has the response H = F_o g_i G of the model's G, see ``channels``.
+A pair of output o and input i has the response H = F_o g_i G of the model's G, see ``variables``.
 Residuals r = sqrt(2) (H - Y) / sigma have real and imaginary parts of variance 1 where sigma^2 = E|noise|^2; from afar
 log(H / Y) leads where peaks do not meet.
 
@@ -25,7 +25,7 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import AccuracyWarning, ResponseError
-from mbsvib.fitting.channels import HELD, Channels, values_of
+from mbsvib.fitting.variables import HELD, Channels, values_of
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
 
 # Numbers that the derivatives of some lines may hold.

@@ -11,11 +11,10 @@ import mbsvib as mv
 from mbsvib.api.fitting import _problem
 from mbsvib.errors import ModelError, ResponseError
 from mbsvib.fitting import knowledge
-from mbsvib.fitting.channels import Channels
 from mbsvib.fitting.data import conditioned
 from mbsvib.fitting.mode_data import ModeData
 from mbsvib.fitting.response_data import ResponseData, weights
-from mbsvib.fitting.variables import FARTHEST, variables
+from mbsvib.fitting.variables import FARTHEST, Channels, variables
 from tests.fitting.scenes import away, chain, measured
 from tests.fitting.test_derivatives import spinning
 
