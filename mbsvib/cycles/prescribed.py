@@ -83,7 +83,7 @@ def prescribed(
         if not hasattr(three, "__len__") or len(three) != 3:
             raise check.refuse(WHO, f"motion[{name!r}]", three, "three arrays (n,): values, rates and accelerations")
         for column, values in zip(columns, three, strict=True):
-            column.append(_samples(values, name))
+            column.append(_samples(values, name, "angles" if drive is not None else f"motion[{name!r}]"))
     length = max(len(values) for column in columns for values in column)
     arrays = []
     for column in columns:
@@ -94,11 +94,11 @@ def prescribed(
     return Prescribed(tuple(motion), *arrays)
 
 
-def _samples(values: Any, name: str) -> Array:
+def _samples(values: Any, name: str, field: str) -> Array:
     expected = f"a number, or an array (n,) of samples of '{name}'"
-    array = np.array(reals(values, WHO, "angles", expected, ModelError), ndmin=1)
+    array = np.array(reals(values, WHO, field, expected, ModelError), ndmin=1)
     if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
-        raise check.refuse(WHO, "angles", values, f"{expected}, all finite")
+        raise check.refuse(WHO, field, values, f"{expected}, all finite")
     return array
 
 

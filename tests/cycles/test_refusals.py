@@ -106,6 +106,7 @@ def test_freedoms_that_no_drive_has():
      ({"drive": "crank.rz", "angles": [0.0], "speed": "fast"}, "speed = 'fast'"),
      ({"motion": {}}, "motion = {}"), ({"motion": {"crank.rz": (0, 1)}}, "three arrays"),
      ({"motion": {"crank.rz": ([0, 1], [1, 1, 1], 0)}}, "3 samples, as the others have"),
+     ({"motion": {"crank.rz": (0, [np.nan], 0)}}, r"motion\['crank.rz'\] = \[nan\]"),
      ({"motion": {"crank.rz": (0, 1, 0)}, "speed": 1.0}, "motion= says the rates itself"),
      ({"drive": "crank.rz", "angles": [0.0], "speed": 1, "about": (0, 0)}, "about")],
 )  # fmt: skip
