@@ -282,6 +282,7 @@ RMS: dict[str, Any] = CASES["rms"]
         ({"modes": None, **RMS, "floor": {"u1": [(1.0, 1.0), (9.0, 1.0)]}}, "'u1' is not filtered white noise"),
         ({"modes": None, **RMS, "floor": None}, "floor is missing"),
         ({"modes": None, **RMS, "rms": "y1"}, "rms = 'y1'"),
+        ({"modes": None, **RMS, "rms": {"y1": -1.0}}, "rms of 'y1' = -1"),  # it was called noise
     ],
 )  # fmt: skip
 def test_refusals(words, message):
