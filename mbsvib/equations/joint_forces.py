@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 
 from mbsvib.common.arrays import Array, Index
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.draft import Draft
 from mbsvib.equations.load_stiffness import all_pairs
 from mbsvib.equations.loaded import spin_of
 from mbsvib.equations.matrices import Terms
 from mbsvib.equations.ports import inertia_of_ground_motion
 from mbsvib.equations.scene import Scene
-from mbsvib.equations.self_stress import SelfStress
+from mbsvib.equations.self_stress import SelfStress, moment_weight_rows
 from mbsvib.equations.spin_terms import Spin
 from mbsvib.equations.statics import Reactions
 from mbsvib.equations.virtual_motions import VirtualWork, carrier_of, carries_nothing, joint_points, virtual_motions
-from mbsvib.equations.wrenches import leading
 from mbsvib.kinematics.relative_motion import Twists, body_motion, relative_motion
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rotations import components_first, skew
@@ -137,7 +137,9 @@ def _work_of_states(
     wrench = reactions.wrenches(loaded, draft.multipliers)[..., stress.joints]
     weighted = (stress.weight * local.in_axes(wrench[..., None])[..., 0]).swapaxes(-1, -2)
     weighted = weighted.reshape(*weighted.shape[:-2], 1, -1)
-    weight_change = _moment_weight(draft, stress, reactions)
+    number, point = scene.topology.body_numbers, reactions.motions.point[..., 6 * stress.joints]
+    carrier = np.array([carrier_of(scene.topology.joints[k], number) for k in stress.joints.tolist()])
+    weight_change = _sum(draft, moment_weight_rows(point, carrier, len(scene.bodies), stress.length))
     silent = replace(loaded, pairs=replace(loaded.pairs, wrench=0.0 * loaded.pairs.wrench,
                                            hessian=0.0 * loaded.pairs.hessian, torsion=None))  # fmt: skip
     result = []
@@ -148,17 +150,10 @@ def _work_of_states(
     return np.asarray(concatenated(result, -2))
 
 
-def _moment_weight(draft: Draft, stress: SelfStress, reactions: Reactions) -> Array:
-    """The change (..., m) of the weight 1 / L^2 of moments."""
-    scene, number = draft.scene, draft.scene.topology.body_numbers
-    body = [carrier_of(scene.topology.joints[k], number) for k in stress.joints.tolist()]
-    motion = draft.terms.body_motion
-    motion = np.concatenate((motion, np.zeros((*motion.shape[:-3], 1, *motion.shape[-2:]))), axis=-3)
-    point = reactions.motions.point[..., 6 * stress.joints].swapaxes(-1, -2)
-    turned = skew(point - scene.centres[..., body, :]) @ motion[..., body, 3:, :]
-    from_centre = point - point.mean(axis=-2, keepdims=True)
-    along = np.einsum("...jc,...jcm->...m", from_centre, motion[..., body, :3, :] - turned)
-    return np.asarray(-2.0 / (len(body) * np.asarray(stress.length)[..., None] ** 4) * along)
+def _sum(draft: Draft, rows: Rows) -> Array:
+    """The sum (..., m) of relative displacements."""
+    relative = relative_motion(draft.scene.coordinates, rows)
+    return np.asarray(draft.reduction.apply(relative.dense(0, len(rows.first))).sum(axis=-2))
 
 
 def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
@@ -190,8 +185,9 @@ def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
         spin = spin - own @ product_with_zeros(skew(momentum), of_body)
     loads: Any = np.zeros(spin.shape[-2:])
     if scene.loads is not None and on_ground.any():
-        wrenches = np.array([wrench for _, _, wrench in asked]) * on_ground[:, None]
-        loads = wrenches @ _of_loads(scene, terms.body_motion)
+        centres, applied = components_first(scene.position), scene.loads[0]
+        loads = concatenated([_sum(draft, applied.on_ground(centres, wrench * here))[..., None, :]
+                              for (_, _, wrench), here in zip(asked, on_ground, strict=True)], -2)  # fmt: skip
     inertia = back @ terms.inertia_factor[..., : factor.shape[-2], :]
     result: dict[str, Any] = {}
     for key, values in (("Cq", loads), ("Cv", spin), ("Ca", inertia), ("D", through)):
@@ -209,20 +205,3 @@ def _moved_alone(scene: Scene, asked: Sequence[tuple[int, Array]]) -> Twists:
     path[:, bodies == ground] -= 1
     point = np.ascontiguousarray(components_first(scene.centres[..., bodies, :]))
     return Twists(("",) * count, six[:3], six[3:], point, path, np.zeros(count, dtype=bool))
-
-
-def _of_loads(scene: Scene, motion: Array) -> Array:
-    """Changes (..., 6, m) of the sum of gravity and loads, moments about the origin."""
-    assert scene.loads is not None
-    applied, loads = scene.loads[0], slice(scene.loads[0].loads)
-    body = applied.pairs.second[loads]
-    end, f, t = (np.moveaxis(leading(vectors)[..., loads], -1, -2) for vectors in (
-        applied.pairs.end, applied.pairs.force, applied.pairs.torque))  # fmt: skip
-    moved, turned = motion[..., body, :3, :], motion[..., body, 3:, :]
-    turns = np.where(applied.follower[:, None, None], turned, 0.0)
-    force, torque = -skew(f) @ turns, -skew(t) @ turns
-    shift = moved - skew(end - scene.position[..., body, :]) @ turned
-    moment = torque - skew(f) @ shift + skew(end) @ force
-    weight = np.moveaxis(leading(applied.weight)[..., :-1], -1, -2)
-    of_weight = (-skew(weight) @ motion[..., :3, :]).sum(axis=-3)
-    return np.asarray(concatenated((force.sum(axis=-3), moment.sum(axis=-3) + of_weight), -2))

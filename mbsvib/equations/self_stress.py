@@ -23,8 +23,10 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.core.geometric_stiffness import motion_order
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import Scene
 from mbsvib.equations.virtual_motions import beyond
+from mbsvib.equations.wrenches import trailing
 from mbsvib.errors import UndeterminedForceWarning
 from mbsvib.kinematics.loops import Cuts, Reduction
 from mbsvib.kinematics.pose import length_of
@@ -130,6 +132,16 @@ def weight_of(length: float | Array) -> Array:
     """Return the weights (..., 6, 1) of squared forces and moments, 1 and 1 / L^2 of a ``length`` L (...) [m]."""
     moments = np.asarray(length)[..., None, None] ** -2.0
     return np.repeat(np.concatenate((np.ones_like(moments), moments), axis=-2), 3, axis=-2)
+
+
+def moment_weight_rows(point: Array, carrier: Index, ground: int, length: float | Array) -> Rows:
+    """Return rows that add up to the change of the weight 1 / L^2 of moments with the pose, L a ``length`` (...) [m].
+
+    ``point`` (..., 3, j): points of the joints, which move with the bodies ``carrier`` (j,).
+    """
+    from_centre = point - point.mean(axis=-1, keepdims=True)
+    force = trailing(from_centre * (-2.0 / (len(carrier) * np.asarray(length)[..., None, None] ** 4)))
+    return Rows(np.full(len(carrier), ground), carrier, trailing(point), force, np.zeros_like(force))
 
 
 def warn(model: str, undetermined: Sequence[Undetermined]) -> None:

@@ -28,7 +28,7 @@ from mbsvib.equations.load_stiffness import LoadedPairs, rounding
 from mbsvib.equations.matrices import matrices, minimal_rows
 from mbsvib.equations.scene import Scene
 from mbsvib.equations.spin_terms import CrossCoupling
-from mbsvib.equations.wrenches import leading
+from mbsvib.equations.wrenches import leading, trailing
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
@@ -120,11 +120,6 @@ def _along(rows: Rows, six: Array, point: Array) -> Array:
     turn = six[..., :3, None, :]
     moved = six[..., 3:, None, :] + np.cross(turn, arm, axis=-3)
     return np.asarray((force[..., None] * moved).sum(axis=-3) + (moment[..., None] * turn).sum(axis=-3))
-
-
-def trailing(vectors: Array) -> Array:
-    """Return vectors (variants, 3, n) as (3, variants, n); (3, n) stay as they are."""
-    return np.ascontiguousarray(vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1))
 
 
 def beyond(scene: Scene) -> NDArray[np.int8]:

@@ -15,9 +15,9 @@ import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.core.geometric_stiffness import cross
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import Rows, columns
 from mbsvib.linalg.products import concatenated, sums_by_number
-from mbsvib.linalg.rotations import exponential
+from mbsvib.linalg.rotations import crossed_product, exponential
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -52,6 +52,21 @@ class AppliedWrenches:
         weight = leading(self.weight)
         length, zero = np.sqrt(np.square(weight).sum(axis=-2, keepdims=True)), np.zeros_like(weight)
         return wrench + np.concatenate((weight, zero), axis=-2), sizes + np.concatenate((length, zero[..., :1, :]), -2)
+
+    def on_ground(self, position: Array, wrench: Array) -> Rows:
+        """Return rows relative to ground that add up to the change of the sum of loads and weights along a wrench (6,)
+        about the origin. ``position`` (3, ..., bodies): centres of mass [m].
+        """
+        pairs, loads, bodies = self.pairs, slice(self.loads), np.arange(position.shape[-1])
+        end, force, torque = (leading(array)[..., loads] for array in (pairs.end, pairs.force, pairs.torque))
+        along, about = wrench[:3, None], wrench[3:, None]
+        at_end = along + np.cross(about, end, axis=-2)
+        moment = self.follower * (np.cross(torque, about, axis=-2) + np.cross(force, at_end, axis=-2))
+        weight, turned = (crossed_product(vectors, about) for vectors in (self.weight[..., :-1], trailing(force)))
+        return Rows.join([
+            Rows(pairs.first[loads], pairs.second[loads], trailing(end), turned, trailing(moment)),
+            Rows(np.full(len(bodies), len(bodies)), bodies, position, weight, np.zeros_like(weight)),
+        ])  # fmt: skip
 
     @property
     def tension(self) -> Index:
@@ -156,6 +171,11 @@ def _by_body(vectors: Array, body: Index, count: int) -> Array:
 def leading(vectors: Array) -> Array:
     """Return vectors (3, variants, n) as (variants, 3, n); (3, n) stay as they are."""
     return vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1)
+
+
+def trailing(vectors: Array) -> Array:
+    """Return vectors (variants, 3, n) as (3, variants, n); (3, n) stay as they are."""
+    return np.ascontiguousarray(leading(vectors))
 
 
 def loaded_in_variants(model: Mechanism, varying: Mapping[str, Mapping[str, Any]]) -> bool:

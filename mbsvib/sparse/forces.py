@@ -20,12 +20,11 @@ from mbsvib.common.arrays import Array, Index
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.ports import ground_motion, inertia_of_ground_motion
-from mbsvib.equations.self_stress import Undetermined
+from mbsvib.equations.self_stress import Undetermined, moment_weight_rows
 from mbsvib.equations.spin_terms import momenta
 from mbsvib.equations.virtual_motions import carries_nothing, joint_ends
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.linalg.rotations import crossed_product as cross
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.draft import SparseDraft, of_rotors, placed, with_inerters, with_ports, with_shared, with_spin
 from mbsvib.sparse.geometric_stiffness import JointForms, Products
@@ -102,8 +101,9 @@ class VirtualWork:
         else:
             z[at] = ground_motion(wrench, np.zeros(3), self._centre[:-1])
             inertia = self._rigid_inertia(wrench, np.zeros(3))
-            if self._draft.loading is not None:
-                result[0] = self._on_ground(wrench)
+            loading = self._draft.loading
+            if loading is not None:
+                result[0] = self._sum(loading.applied.on_ground(self._centre[:-1].T, wrench))
         result[2] = -(forces.body_factor.T @ inertia)[:size]
         rotors = of_rotors(self._unknowns.layout, momenta(self._draft.model, self._draft.bodies))
         if rotors is not None:
@@ -215,31 +215,14 @@ class VirtualWork:
         z = self._in_region(region, region.scale**2 * wrenches)
         row = loading.products(self._forms, state, applied=False)[0].times(z)
         work = float((wrenches[3:] * stress[3:]).sum())
-        return np.asarray(self._moment_weight_change(region) * work + row[: self._draft.layout.size])
+        joints = region.force_joints
+        weight = self._sum(moment_weight_rows(region.point[:, joints], self._carrier[region.joints[joints]], self._n,
+                                              region.length))  # fmt: skip
+        return np.asarray(weight * work + row[: self._draft.layout.size])
 
-    def _moment_weight_change(self, region: Region) -> Array:
-        """Derivative of the weight 1 / L^2 of moments in a region with respect to the pose, a row (size,)."""
-        point = region.point[:, region.force_joints]
-        from_centre = point - point.mean(axis=1, keepdims=True)
-        carrier = self._carrier[region.joints[region.force_joints]]
-        directions = Rows(np.full(len(carrier), self._n), carrier, point, from_centre, np.zeros_like(from_centre))
-        rows = relative_rows(self._draft.structure, self._draft.layout, directions)
-        return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
-
-    def _on_ground(self, wrench: Array) -> Array:
-        """The change of the sum of gravity and loads along a wrench (6,) about the origin by a motion, (size,)."""
-        assert self._draft.loading is not None
-        applied, layout = self._draft.loading.applied, self._draft.layout
-        pairs, loads = applied.pairs, slice(0, applied.loads)
-        second = np.concatenate((pairs.second[loads], np.arange(self._n)))
-        point = np.concatenate((pairs.end[:, loads], self._centre[:-1].T), axis=1)
-        force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
-        at_end = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
-        moment = np.zeros_like(force)
-        moment[:, loads] = applied.follower * (cross(pairs.force[:, loads], at_end)
-                                               + cross(pairs.torque[:, loads], wrench[3:, None]))  # fmt: skip
-        rows = Rows(np.full(len(second), self._n), second, point, force, moment)
-        return np.asarray(relative_rows(self._draft.structure, layout, rows).sum(axis=0)).reshape(-1)
+    def _sum(self, rows: Rows) -> Array:
+        """The sum of relative displacements, a row (size,)."""
+        return np.asarray(relative_rows(self._draft.structure, self._draft.layout, rows).sum(axis=0)).reshape(-1)
 
     def _rigid_inertia(self, six: Any, origin: Any) -> Array:
         """Square roots of inertia times a rigid motion (6,) of all bodies with the ground, about an origin."""
