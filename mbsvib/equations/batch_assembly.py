@@ -29,7 +29,7 @@ from mbsvib.equations.inertia import check_masses, unit_inertia
 from mbsvib.equations.loaded import spins_otherwise
 from mbsvib.equations.matrices import MATRICES, OPTIONAL, Matrices, MinimalRows, Terms, matrices, minimal_rows
 from mbsvib.equations.placing import fixed_points, joint_axes, moved_bodies
-from mbsvib.equations.posed_scene import PosedForces, PosedScene, posed_scene
+from mbsvib.equations.posed_scene import PosedForces, PosedScene, keeps_couplers, posed_scene
 from mbsvib.equations.scene import Scene, with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.wrenches import (
@@ -187,7 +187,8 @@ class BatchPlan:
     def at_once(self, variants: Values) -> bool:
         """Return whether the equations of these variants can be computed at once."""
         spins = self.model.derived(has_antisymmetric_forces) and spins_otherwise(self.model, variants)
-        posed = self.posed is not None and (self.poses is None or self.posed_scene is None)
+        stated = self.poses is not None and self.posed_scene is not None and keeps_couplers(self.model)
+        posed = self.posed is not None and not stated
         return not (posed or self.one_by_one or spins or self.model.hubs)
 
     def single(self, variant: Values) -> Matrices:

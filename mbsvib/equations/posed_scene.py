@@ -178,17 +178,29 @@ def follows_poses(model: Mechanism, scene: Scene) -> bool:
     """Return whether elements, loops and couplers of a mechanism follow from poses.
 
     They do not where the coefficients of an element do not determine its force elsewhere, where two successive
-    rotations about axes without a fixed angle between them are cut or coupled, and where couplers are curved or couple
-    components of rotation vectors, which differ in each pose.
+    rotations about axes without a fixed angle between them are cut or coupled, and where couplers are curved or act on
+    homokinetic joints.
     """
     families = {type(part) for part in model.springs.values()}
     if not all(family.law is not None and family.law.follows_coefficients for family in families):
         return False
-    coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
+    coupled = _coupled(model)
     bent = any(joint.successive and joint.free is not None for joint in scene.topology.joints
                if joint.name in coupled or joint.name in scene.topology.cut_joints)  # fmt: skip
     return not bent and not any(part.curvatures for part in model.couplers.values()) and not any(
-        model.joints[name].turns_by_vector for name in coupled)  # fmt: skip
+        model.joints[name].bisects for name in coupled)  # fmt: skip
+
+
+def keeps_couplers(model: Mechanism) -> bool:
+    """Return whether couplers act on coordinates that stay coordinates in poses that are not next to the described one.
+
+    Components of rotation vectors do not.
+    """
+    return not any(model.joints[name].turns_by_vector for name in _coupled(model))
+
+
+def _coupled(model: Mechanism) -> set[str]:
+    return {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
 
 
 def of_parts(
