@@ -253,8 +253,9 @@ def _check_repeats(plant: Machine, spectral: Spectral, free: tuple[str, ...]) ->
     motion, period = plant.motion, spectral.period
     mean = motion.rates.mean(axis=0)
     time = np.arange(len(motion.values))[:, None] * period / len(motion.values)
-    rates = spectral.derivatives(motion.values - mean * time)[0] + mean
-    agrees = np.abs(rates - motion.rates).max() <= REPEATS * np.abs(motion.rates).max()
+    rates = spectral.derivatives(motion.values - motion.values[0] - mean * time)[0] + mean
+    apart, size = (np.abs(array).max(axis=0) for array in (rates - motion.rates, motion.rates))
+    agrees = bool((apart <= REPEATS * size).all())
     ends = motion.ends(period)
     if agrees and ends is not None:
         ways = _driven(replace(plant, motion=ends), free, np.zeros((2, len(free))), spectral).solved.coefficients

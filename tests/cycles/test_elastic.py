@@ -235,3 +235,23 @@ def test_what_a_bending_machine_does_not_have():
         cycle.periodic(period=1.0)
     with pytest.raises(mv.ModelError, match=r"no periodic motion of 'rod' was found"):
         slider_crank(1e-3).cycle("crank.rz", turn(16), speed=30.0)
+
+
+@pytest.mark.slow
+def test_each_drive_has_to_repeat():
+    """A table that moves by 1 um over two turns of a hub at 100 rad/s does not, over one turn."""
+    speed, angle, size = 100.0, turn(8), 1e-6
+    model = blade(1, gravity=None)
+    model.add_body("table", mass=1.0, inertia=(1e-3,) * 3, position=(2, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "table", (2, 0, 0), axis=(0, 0, 1))
+    steady = (angle, np.full(8, speed), np.zeros(8))
+
+    def moved(harmonic):
+        w = harmonic * speed
+        at = harmonic * angle
+        return size * np.sin(at), size * w * np.cos(at), -size * w**2 * np.sin(at)
+
+    cycle = model.cycle(motion={"pivot.rz": steady, "rail.z": moved(1)}, period=2 * np.pi / speed)
+    assert cycle.torques["rail.z"] == pytest.approx(-size * speed**2 * np.sin(angle))
+    with pytest.raises(mv.ModelError, match=r"cycle: the motion of 'blade' does not repeat after 0\.0628319 s"):
+        model.cycle(motion={"pivot.rz": steady, "rail.z": moved(0.5)}, period=2 * np.pi / speed)
