@@ -22,8 +22,9 @@ class CoupledMechanism(Mechanism):
     """A mechanism whose joint coordinates may be coupled."""
 
     def add_coupler(
-        self, name: str, coefficients: Mapping[str, float], curvature: Mapping[str, float] | None = None
-    ) -> Coupler:
+        self, name: str, coefficients: Mapping[str, float], curvature: Mapping[str, float] | None = None,
+        rates: bool = False,
+    ) -> Coupler:  # fmt: skip
         """Add a relation between joint coordinates, linear unless it has a curvature.
 
         sum of coefficient_i q_i = 0
@@ -39,6 +40,10 @@ class CoupledMechanism(Mechanism):
             Of a relation that is not linear and is known to second order at the pose as described only: second
             derivatives h_k by coordinates, sum of coefficient_i q_i + sum of h_k q_k^2 / 2 = 0. They make stiffness of
             the coupler's force at rest. Other poses and runs, and loads in sparse equations, are refused.
+        rates : bool
+            True: a relation of velocities in each pose, sum of coefficient_i v_i = 0, in which the velocity of a
+            component of a rotation vector is the angular velocity along the joint's axis in that pose. Default: of
+            displacements from the pose as described, which is refused in poses across that component.
 
         Returns
         -------
@@ -51,7 +56,7 @@ class CoupledMechanism(Mechanism):
             If a coordinate is unknown, a coefficient is zero, or there are fewer than two.
         """
         self._check_name(name, "coupler")
-        part = _coupler.make_coupler(name, coefficients, curvature, self._joints)
+        part = _coupler.make_coupler(name, coefficients, curvature, rates, self._joints)
         return self._keep(self._couplers, part)
 
     def add_gear(self, name: str, first: str | Joint, second: str | Joint, ratio: float) -> Gear:

@@ -18,8 +18,9 @@ sum of c_i q_i + sum of h_k q_k^2 / 2 = 0. Its force at rest makes stiffness of 
 other poses it is refused.
 
 In another pose the components of a rotation vector are no linear function of the coordinates. Therefore mechanisms with
-couplers on homokinetic joints cannot be moved, and couplers on joints with three free rotations relate small rotations
-from the respective pose.
+couplers on homokinetic joints cannot be moved, nor others across the component that is coupled. A coupler of ``rates``
+relates velocities in each pose instead, with those of a rotation vector's components the angular velocity along the
+joint's axes there; positions do not follow from it.
 """
 
 from __future__ import annotations
@@ -60,6 +61,11 @@ class Coupling(Part):
         """Second derivatives of the relation by coordinates at the reference pose; None if it is linear everywhere."""
         return None
 
+    @property
+    def of_rates(self) -> bool:
+        """Whether it relates velocities in each pose, and not displacements from the reference pose."""
+        return False
+
     def coefficients_of(self, values: Mapping[str, Array]) -> Array:
         """Return the coefficients (terms, variants) of its terms.
 
@@ -84,19 +90,24 @@ class Coupler(Coupling):
     """A linear relation, sum of coefficient times coordinate = 0; ``coefficients`` are pairs (coordinate, number).
 
     ``curvature``: pairs (coordinate, second derivative) of a relation that is not linear, which holds to second order
-    about the reference pose; None for a linear one.
+    about the reference pose; None for a linear one. ``rates``: whether it relates velocities in each pose.
     """
 
     coefficients: Terms = ()
     curvature: Terms | None = None
+    rates: bool = False
 
     @property
     def curvatures(self) -> Terms | None:
         return self.curvature
 
+    @property
+    def of_rates(self) -> bool:
+        return self.rates
+
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of ``add_coupler`` that make this part."""
-        return {"name": self.name, "coefficients": dict(self.coefficients),
+        return {"name": self.name, "coefficients": dict(self.coefficients), "rates": self.rates,
                 "curvature": None if self.curvature is None else dict(self.curvature)}  # fmt: skip
 
     batched_fields = frozenset({"coefficient"})
@@ -108,14 +119,15 @@ class Coupler(Coupling):
 
     def with_values(self, values: Mapping[str, Any]) -> Coupler:
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
-        return _coupler(self.name, terms, self.curvature)
+        return _coupler(self.name, terms, self.curvature, self.rates)
 
     def placed(self, to: Placement) -> Coupler:
         terms = [(*_placed(name, to), value) for name, value in self.coefficients]
         first = terms[0][1]
         curvature = None if self.curvature is None else tuple(
             [(_placed(name, to)[0], first * value) for name, value in self.curvature])  # fmt: skip
-        return _coupler(to.name(self.name), {name: first * sign * value for name, sign, value in terms}, curvature)
+        return _coupler(to.name(self.name), {name: first * sign * value for name, sign, value in terms}, curvature,
+                        self.rates)  # fmt: skip
 
 
 class Transmission(Coupling):
@@ -206,11 +218,11 @@ def _placed(coordinate: str, to: Placement) -> tuple[str, float]:
     return to.name(coordinate), part.coordinate_sign(direction, to)
 
 
-def _coupler(name: str, terms: Mapping[str, Any], curvature: Terms | None) -> Coupler:
+def _coupler(name: str, terms: Mapping[str, Any], curvature: Terms | None, rates: bool) -> Coupler:
     checked = tuple((coordinate, _not_zero(value, f"coupler '{name}'", "coefficients",
                                            f"a finite number for '{coordinate}', not zero: leave it out"))
                     for coordinate, value in terms.items())  # fmt: skip
-    return Coupler(name, checked, checked, curvature)
+    return Coupler(name, checked, checked, curvature, rates)
 
 
 def _transmission(family: type[T], name: str, first: str, second: str, factor: Any) -> T:
@@ -218,7 +230,7 @@ def _transmission(family: type[T], name: str, first: str, second: str, factor: A
     return family(name, ((first, -number), (second, 1.0)), first, second, number)  # type: ignore[call-arg]
 
 
-def make_coupler(name: str, coefficients: Any, curvature: Any, joints: Mapping[str, Joint]) -> Coupler:
+def make_coupler(name: str, coefficients: Any, curvature: Any, rates: Any, joints: Mapping[str, Joint]) -> Coupler:
     """Check the values of a coupler and build it."""
     who = f"coupler '{name}'"
     expected = 'a coefficient for each of two or more joint coordinates, {"knee.rz": 1.0, "hip.rz": -2.0}'
@@ -233,14 +245,16 @@ def make_coupler(name: str, coefficients: Any, curvature: Any, joints: Mapping[s
     if len(terms) < 2:
         hint = "To lock one coordinate, take a joint that does not have it." if terms else ""
         raise check.refuse(who, "coefficients", dict(coefficients), expected, hint)
+    if not isinstance(rates, bool) or (rates and curvature is not None):
+        raise check.refuse(who, "rates", rates, "True or False, and False with a curvature")
     if curvature is None:
-        return _coupler(name, terms, None)
+        return _coupler(name, terms, None, rates)
     expected = 'a second derivative for each of one or more joint coordinates, {"hip.rz": 0.5}'
     if not isinstance(curvature, Mapping) or not curvature:
         raise check.refuse(who, "curvature", curvature, expected)
     curves = {coordinate_of(key, joints, who, "curvature"): check.number(value, who, "curvature")
               for key, value in curvature.items()}  # fmt: skip
-    return _coupler(name, terms, tuple(curves.items()))
+    return _coupler(name, terms, tuple(curves.items()), False)
 
 
 def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, joints: Mapping[str, Joint]) -> T:

@@ -91,13 +91,14 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``: they are coordinates of the joint in the new pose too
     where w is along e. Translations are where the axes of the joint have stayed those of its first body, other than
-    those of two successive rotations and of rods. Couplers with curvature are known at the reference pose only.
+    those of two successive rotations and of rods. Couplers with curvature are known at the reference pose only, and
+    those of rates hold in each.
     """
     if not model.couplers:
         return
     before, after = (expanded(mechanism).bodies for mechanism in (model, moved))
     for part in model.couplers.values():
-        for name, _ in part.terms:
+        for name, _ in part.terms if not part.of_rates else ():
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
             frame, turn, shift = _displacement(joint, before, after)

@@ -18,12 +18,14 @@ RADIUS = 10.0
 
 
 def add_wheel(
-    model: Model, name: str, terms: Mapping[str, float], inertia: float, at: ArrayLike, axes: ArrayLike, size: float
-) -> tuple[str, float]:
+    model: Model, name: str, terms: Mapping[str, float], inertia: float, at: ArrayLike, axes: ArrayLike, size: float,
+    rates: bool = False,
+) -> tuple[str, float]:  # fmt: skip
     """Add a wheel on the ground that turns with a sum of coordinates; return its body and radius R.
 
     It turns by the sum over R about its axis. ``terms``: coefficients of joint coordinates, "JOINT.rz". ``inertia``: of
-    the sum [kg m^2, kg]. ``at``, ``axes``: where it is drawn, z its axis. ``size`` of the model [m].
+    the sum [kg m^2, kg]. ``at``, ``axes``: where it is drawn, z its axis. ``size`` of the model [m]. ``rates``: the sum
+    is of velocities in each pose, such as components of an angular velocity.
     """
     radius = RADIUS * max(abs(value) * _unit(coordinate, size) for coordinate, value in terms.items())
     moment = inertia * radius**2
@@ -36,7 +38,7 @@ def add_wheel(
         axis = fresh(model, f"{body}.axis", "joint")
         model.add_joint(axis, "revolute", "ground", body, at, axes)
         ratios = {coordinate: -sign * value / radius for coordinate, value in terms.items()}
-        model.add_coupler(fresh(model, f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **ratios})
+        model.add_coupler(fresh(model, f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **ratios}, rates=rates)
     return wheels[0][0], radius
 
 

@@ -161,6 +161,24 @@ def test_couplers_are_refused_where_their_coordinate_is_another_one(free, coordi
         for refused in (lambda: model.moved(across), lambda: model.family({name: [q] for name, q in across.items()})):
             with pytest.raises(mv.ModelError, match=f"coupler 'c': '{coordinate}' is .* which has turned by"):
                 refused()
+    assert model.replace("c", rates=True).moved(across).linearize().dof == len(free)
     if len(free) % 3 == 0:
         with pytest.raises(mv.ModelError, match=r"coupler 'c': joint 's' .* turns by a rotation vector"):
             model.cycle("axle.rz", [0.1], speed=1.0)
+
+
+def test_the_inertia_of_a_drive_at_a_ball_joint_in_another_pose():
+    """Three wheels that turn with the angular velocity add I to the inertia about the joint's axes in any pose."""
+    model = mv.Model()
+    model.add_body("b", 1.0, (0.1, 0.2, 0.25), (0.3, 0.1, 0.5))
+    model.add_joint("s", "spherical", "ground", "b", (0, 0, 0))
+    pose = {"s.rx": 0.5, "s.ry": -0.4, "s.rz": 0.8}
+    alone = model.moved(pose).linearize().M
+    for i, direction in enumerate(("rx", "ry", "rz")):
+        model.add_body(f"wheel{i}", 1.0, (0.1, 0.1, 0.1), (1 + i, 0, 0))
+        model.add_joint(f"axle{i}", "revolute", "ground", f"wheel{i}", (1 + i, 0, 0))
+        model.add_coupler(f"c{i}", {f"s.{direction}": 2.0, f"axle{i}.rz": -1.0}, rates=True)
+    M = model.moved(pose).linearize(["s.rx", "s.ry", "s.rz"]).M
+    np.testing.assert_allclose(M, alone + 0.4 * np.eye(3), rtol=0, atol=1e-15)
+    with pytest.raises(mv.ModelError, match=r"coupler 'c0': rates = True; expected .* False with a curvature"):
+        model.replace("c0", curvature={"s.rx": 0.5})
