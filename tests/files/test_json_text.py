@@ -36,7 +36,7 @@ def test_lines_in_a_file_indented_by_tabs():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"a": 1,\n "b": 2,}', "line 2, column 9: this is not valid JSON: "),
+        ('{"a": 1,\n "b": }', "line 2, column 7: this is not valid JSON: Expecting value."),
         ('{"a": 1}\n{"b": 2}', "line 2, column 1: this is not valid JSON: Extra data."),
         ('{"a": 1\n "b": 2}', "line 2, column 2: this is not valid JSON: Expecting ',' delimiter."),
         ('{"a": {"b": 1,\n\n "b": 2}}', "line 3, a.b: 'b' is already there on line 1, and each key"),

@@ -99,7 +99,7 @@ def test_a_sharp_peak_above_1_far_above_the_others_is_no_isolation():
     m1, m2, k1, k2, c = 0.05, 10.0, 4e5, 4e3, 1e-3
     result = isolation.study(two_masses(m1, m2, k1, k2, c, c), "payload", directions="z")
     matrix = np.array([[(k1 + k2) / m1, -k2 / m1], [-k2 / m2, k2 / m2]])
-    second = math.sqrt(np.linalg.eigvals(matrix).max()) / (2 * math.pi)
+    second = math.sqrt(np.linalg.eigvals(matrix).real.max()) / (2 * math.pi)
 
     def index(f):
         s = 2j * np.pi * f
