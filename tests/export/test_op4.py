@@ -15,7 +15,7 @@ from tests.export.plants import same_bits, slider, stewart
 SYSTEMS = (stewart, lambda: library.chain(4, "spherical", line=(0, 1, 0)).linearize(), slider,
            lambda: slider(stiffness=0.0), lambda: slider(stiffness=1e-150), lambda: slider(locked=True))  # fmt: skip
 YETI = "pyyeti is not installed: pip install 'mbsvib[test]'"
-NASTRAN = "pyNastran is not installed: pip install 'mbsvib[nastran]'"
+NASTRAN = "pyNastran is not installed: uv sync installs it"
 
 
 def matrices(seed=0):
