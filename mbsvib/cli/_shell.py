@@ -31,6 +31,14 @@ def _field(match: re.Match[str]) -> str:
     return f"{match[1]}: {value.lower() if value in ('True', 'False') else 'null' if value == 'None' else value}"
 
 
+def _entry(match: re.Match[str]) -> str:
+    """A call that adds a part as an entry of a model file: ``add_maxwell()`` is one of springs, with its type."""
+    from mbsvib.files.words import ALL_SECTIONS
+
+    section, kinds = next(((name, kinds) for name, kinds in ALL_SECTIONS.items() if match[1] in kinds), (match[1], ()))
+    return f"an entry of {section} in the model file" + (f" with 'type: {match[1]}'" if match[1] in kinds[1:] else "")
+
+
 EQUILIBRIUM, MODES, CHECK = "'mbsvib equilibrium MODEL -o FILE.yaml'", "'mbsvib modes MODEL'", "'mbsvib check MODEL'"
 # What messages of the library name, and the command line has in its place, in this order.
 COMMANDS: list[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]] = [
@@ -58,7 +66,7 @@ COMMANDS: list[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]] = [
         (r"free=\(directions\)", "free: [directions]"),
         (r"workers=(\d+)", r"--workers \1"),
         (r"\b(outputs|inputs|actuators|sensors|legs|leave)=\[([^\]]+)\]", _options),
-        (r"(?:model\.)?\badd_(\w+)\b(?:\(\))?", r"an entry of \1s in the model file"),
+        (r"(?:model\.)?\badd_(\w+)\b(?:\(\))?", _entry),
         (r"\b(follower|grounded|shear|absolute|quantity|second_order|free|kind|axis)"
          r"=(True|False|None|'[^']*'|\"[^\"]*\"|\w+)", _field),
     )]  # fmt: skip

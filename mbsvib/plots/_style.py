@@ -244,7 +244,7 @@ class LogTicks(LogLocator):
         low, high = sorted((vmin, vmax))
         if 0.0 < high < 3.0 * low:
             return MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
-        decades = np.log10(high / low)
+        decades = np.log10(high) - np.log10(low)
         room = 1 if self.axis is None else min(int(self.axis.get_tick_space() * self._share(low)), MOST_TICKS)
         within = (1.0, 2.0, 5.0) if decades < 1.0 or 3.0 * decades <= room else (1.0,)
         self.set_params(subs=(1.0, 2.0, 3.0, 5.0) if decades < 0.9 and room > 4 else within)

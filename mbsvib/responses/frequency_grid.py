@@ -78,7 +78,7 @@ def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: floa
     ``poles``: those of them that points must avoid if they are undamped. ``n``: number of evenly spaced points among
     them; default: 150 a decade.
     """
-    decades = np.log10(high / low)
+    decades = np.log10(high) - np.log10(low)
     count = max(2, round(PER_DECADE * decades) + 1) if n is None else n
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
         raise ResponseError(f"frequency_grid: n = {n!r}; expected at least 2 points, the first and the last.")

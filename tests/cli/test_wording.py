@@ -53,6 +53,8 @@ def test_no_message_names_python_without_saying_so():
     ("outputs=[...].", "--output NAME."), ("choose inputs=['Fx', 'Fy'].", "choose --input Fx --input Fy."),
     ("add some by add_input().", "add some by an entry of inputs in the model file."),
     ("an input (model.add_input)", "an input (an entry of inputs in the model file)"),
+    ("add_body has no such word.", "an entry of bodies in the model file has no such word."),
+    ("add one by model.add_bushing().", "add one by an entry of springs in the model file with 'type: bushing'."),
     ("Leave it out by leave=['door'] (--leave).", "Leave it out by --leave door."),
     ("pass floating=True (--floating)", "pass --floating"),
     ("load_urdf(..., inertia='repair'), or --inertia", "--inertia"),

@@ -156,3 +156,10 @@ def test_an_impossible_range_is_refused(ends):
 def test_a_free_body_has_some_range():
     grid = hertz(oscillator().linearize())
     assert 0 < grid[0] < 1 < grid[-1]
+
+
+def test_limits_that_are_too_far_apart_for_a_quotient_are_taken():
+    """Their quotient is more than the largest number."""
+    grid = hertz(slider(0.1), f_min=1e-160, f_max=1e160)
+    assert len(grid) > 150 * 320
+    assert (grid[0], grid[-1]) == (pytest.approx(1e-160), pytest.approx(1e160))
