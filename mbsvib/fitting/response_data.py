@@ -27,6 +27,7 @@ from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import AccuracyWarning, ResponseError
 from mbsvib.fitting.variables import HELD, Channels, values_of
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
+from mbsvib.measurement.noise_levels import FLOORS, LIKELIER, shrunk
 
 # Numbers that the derivatives of some lines may hold.
 BLOCK = 400_000
@@ -135,17 +136,13 @@ def _slopes(changes: list[Any], left: Complex, right: Complex, s: Complex) -> Co
 
 # Deviation of logarithms of responses from afar, beyond which they count by their size only.
 LOG_DEVIATION = 0.2
-# With fewer averages than MANY a line counts no more than so many times as much as so many lines to both sides.
-MANY, MOST_WEIGHT, AROUND = 10, 10.0, 7
 # Mean sine of the phase of a model over some lines from which its sign is that of a measurement, too.
 TURNED = 0.05
 # Delays are looked for up to so many periods of the highest line, in steps of this share of one.
 PERIODS, STEP = 5, 0.05
 
-# Noise that is not known: constant parts tried in its variance, over the median of |H|^2 beside |H|^2, the gain of
-# log-likelihood beyond which chance does not make it depend on the response, and the lines of a pair that count as much
-# as those of all inputs together.
-FLOORS, LIKELIER, ALIKE = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0, 4.0
+# Noise that is not known: the lines of a pair that count as much as those of all inputs together.
+ALIKE = 4.0
 # Residuals below this share of what was measured are rounding of exact data.
 EXACT = 1e-10
 
@@ -328,8 +325,8 @@ def _gain(size: Array, turn: Complex, counts: Bools) -> float:
 def weights(responses: Complex, variance: Array | None, averages: float | None) -> tuple[Array, bool]:
     """Return the weights of responses (n, outputs, inputs), 0 where they are not measured, and whether they are known.
 
-    A variance of few averages is noise itself: none counts much more than those of neighbouring lines. Without a
-    variance each pair has the noise of its median response, up to a factor that the residuals tell.
+    A variance of some averages is noise itself: it counts beside those of neighbouring lines. Without a variance each
+    pair has the noise of its median response, up to a factor that the residuals tell.
     """
     counts = np.isfinite(responses)
     if variance is None:
@@ -338,12 +335,10 @@ def weights(responses: Complex, variance: Array | None, averages: float | None) 
     least = np.where(counts & (variance > 0.0), variance, np.inf).min(axis=0)
     variance = np.where(variance > 0.0, variance, least)  # a coherence of 1 is not known to so many digits
     counts &= np.isfinite(variance)
-    result = np.where(counts, np.sqrt(2.0 / np.where(counts, variance, 1.0)), 0.0)
-    if averages is None or averages >= MANY:
-        return result, True
-    padded = np.pad(result, ((AROUND, AROUND), (0, 0), (0, 0)), mode="edge")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0), axis=-1)
-    return np.where(around > 0.0, np.minimum(result, MOST_WEIGHT * around), result), True
+    if averages is not None and averages > 1.0:
+        drawn, measured = (np.moveaxis(np.where(counts, one, np.nan), 0, 2) for one in (variance, responses))
+        variance = np.moveaxis(shrunk(drawn, measured, averages - 1.0), 2, 0)
+    return np.where(counts, np.sqrt(2.0 / np.where(counts, variance, 1.0)), 0.0), True
 
 
 def _median(size: Array) -> Array:

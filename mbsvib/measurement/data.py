@@ -67,7 +67,8 @@ class Measurement(Matched, Columnar, Doors, Displayed):
     variance : array-like, shape (outputs, inputs, n), optional
         E|n|^2 of the complex error of ``responses``, the mean of all averages; real and imaginary part have half each.
     coherence : array-like, shape (outputs, inputs, n), optional
-        Coherence c of H1 estimates with one input; with ``averages`` m it gives variance |G|^2 (1 - c) / (c m).
+        Coherence c of H1 estimates with one input; with ``averages`` m > 1 it gives variance
+        |G|^2 (1 - c) / (c (m - 1)), without bias.
     averages : float, optional
         Number of independent averages.
     covariance : array-like, shape (outputs, outputs, n), optional
@@ -188,9 +189,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
             others["that of common_errors"] = np.where(known, self.common_errors.power(), np.nan)
         if self.variance is None and others:
             set_("variance", next(iter(others.values())))
-        elif self.variance is None and self.coherence is not None and self.averages is not None:
+        elif self.variance is None and self.coherence is not None and self.averages is not None and self.averages > 1:
             with np.errstate(divide="ignore"):
-                share = (1.0 - self.coherence) / (self.coherence * self.averages)
+                share = (1.0 - self.coherence) / (self.coherence * (self.averages - 1))
             set_("variance", np.where(known, np.abs(self.responses) ** 2 * share, np.nan))
         for name in ("variance", "noise_variance"):
             if getattr(self, name) is not None:
@@ -278,8 +279,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
     def smoothed(self, lines: int = 15) -> Measurement:
         """Return the data with variances that are means over neighbouring lines.
 
-        Variances of few averages are noise themselves: of three, the weight 1 / variance is ten times too large at one
-        line of fifty by chance, and a fit follows these lines.
+        Variances of few averages are noise themselves: of three, they are ten times too small at one line of fifty by
+        chance. Where the noise is likelier to depend on the response, the means are of variance / (c + |H|^2). ``fit``
+        needs no smoothing.
 
         Parameters
         ----------
@@ -296,27 +298,24 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         ResponseError
             If there is no variance, or ``lines`` is not a positive whole number.
         """
-        from scipy.ndimage import convolve1d
+        from mbsvib.measurement.noise_levels import local_mean, smoothed
 
         if self.variance is None or isinstance(lines, bool) or not isinstance(lines, (int, np.integer)) or lines < 1:
             what = "no variances" if self.variance is None else "variances"
             raise ResponseError(f"smoothed: lines = {shown(lines)} of {what}; expected a positive whole number, and a "
                                 f"measurement with variance.")  # fmt: skip
 
-        def mean(values: Any) -> Any:
-            if values is None:
-                return None
-            known = np.isfinite(values)
-            total, count = (convolve1d(part, np.ones(lines), mode="constant")  # term by term: small ones keep digits
-                            for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
-            return np.where(known, total / np.maximum(count, 1.0), values)
-
-        covariance, errors = mean(self.covariance), self.common_errors
-        if errors is not None:  # a covariance states all of them
-            errors = replace(errors, variance=mean(errors.variance)) if covariance is None else None
-        variance = mean(self.variance) if covariance is None and errors is None else None
-        return replace(self, variance=variance, noise_variance=mean(self.noise_variance), covariance=covariance,
-                       common_errors=errors)  # fmt: skip
+        covariance, errors, noise, variance = self.covariance, self.common_errors, self.noise_variance, None
+        if covariance is not None:  # it states all of them
+            errors = None
+            covariance = local_mean(covariance, lines)
+        elif errors is not None:
+            errors = replace(errors, variance=local_mean(errors.variance, lines))
+        else:
+            variance = smoothed(self.variance, self.responses, lines)
+        if noise is not None:
+            noise = smoothed(noise, self.responses, lines)
+        return replace(self, variance=variance, noise_variance=noise, covariance=covariance, common_errors=errors)
 
     def plot(
         self, linear: Any = None, names: Mapping[str, str] | None = None, *, ax: Given | None = None

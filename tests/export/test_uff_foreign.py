@@ -187,7 +187,7 @@ def test_coherence_gives_the_variance_with_the_number_of_averages(tmp_path, bina
     assert measured.left_out == ()
     assert measured.coherence[0, 0].tolist() == [0.5, 0.8, 1.0]
     variance = replace(measured, averages=8).variance[0, 0]
-    np.testing.assert_allclose(variance, np.array([1.0, 4.0 * 0.25, 0.0]) / 8 * 1e-12, rtol=1e-12)
+    np.testing.assert_allclose(variance, np.array([1.0, 4.0 * 0.25, 0.0]) / 7 * 1e-12, rtol=1e-12)
     file._write_set(function((1, 3), (1, 3), np.full(3, 2.0), f, func_type=6), "add")
     with pytest.raises(mv.ExportError, match=r"x\.uff: .*coherence of '1\+Z' to '1\+Z' is 2 at 1 Hz"):
         mx.from_uff(path)

@@ -82,10 +82,10 @@ def test_a_variance_that_contradicts_what_channels_share_is_refused():
 
 
 def test_variance_is_that_of_coherence_or_of_the_covariance():
-    """Bendat, Piersol: |G|^2 (1 - c) / (c m); rounding above 1 is 1."""
+    """The residual of m averages has m - 1 degrees of freedom: |G|^2 (1 - c) / (c (m - 1)); rounding above 1 is 1."""
     coherence = np.array([0.5, 0.9, 1.0 + 1e-9]).reshape(1, 1, 3)
     data = mv.Measurement([1.0, 2.0, 3.0], [[[2j, 2.0, 1.0]]], ["y"], ["u"], coherence=coherence, averages=4)
-    np.testing.assert_allclose(data.variance[0, 0], [1.0, 4.0 * (0.1 / 0.9) / 4, 0.0], rtol=1e-12, atol=0)
+    np.testing.assert_allclose(data.variance[0, 0], [4.0 / 3.0, 4.0 * (0.1 / 0.9) / 3, 0.0], rtol=1e-12, atol=0)
     noise = np.array([[2.0, 1j], [-1j, 3.0]])[:, :, None] * np.ones(3)
     data = roved(covariance=noise)
     assert data.variance[:, 1, 0].tolist() == [2.0, 3.0]
@@ -168,8 +168,11 @@ def test_numbers_of_averages(averages, right):
     coherence = np.full((2, 2, 3), 0.5)
     if right:
         data = roved(averages=averages, coherence=coherence)
-        np.testing.assert_allclose(data.variance[data.is_measured], 1.0 / averages)
-        assert np.isnan(data.variance[0, 1]).all()
+        if averages == 1:  # one tells nothing of its noise
+            assert data.variance is None
+        else:
+            np.testing.assert_allclose(data.variance[data.is_measured], 1.0 / (averages - 1.0))
+            assert np.isnan(data.variance[0, 1]).all()
         assert roved(coherence=coherence).variance is None
         return
     with pytest.raises(mv.ResponseError, match="averages = "):

@@ -1,0 +1,85 @@
+"""Variances of responses from few averages, which are noise themselves, and what neighbouring lines tell of them.
+
+sigma^2 = s v,  with v = 1 or v = c + |H|^2 / median |H|^2 and a level s that changes slowly over the lines
+
+Of the sample variances w with nu degrees of freedom and the level s about each line:
+
+sigma^2 = (nu_0 s v + nu w) / (nu_0 + nu),  var(log w / (s v)) = psi'(nu) + psi'(nu_0)
+
+Source: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), sections 4 and 6, for
+nu_0; Pintelon & Schoukens, System Identification (2012), section 12.3, for fits with sample variances.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mbsvib.common.arrays import Array, Complex
+
+# Constant parts c tried, and the gain of log-likelihood beyond which chance does not make noise depend on the response.
+FLOORS, LIKELIER = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0
+# Lines whose mean is the level about each.
+LINES = 15
+
+
+def local_mean(values: Any, lines: int) -> Any:
+    """Return means (..., n) of so many lines about each that is finite, of which others do not count."""
+    from scipy.ndimage import convolve1d
+
+    known = np.isfinite(values)
+    total, count = (convolve1d(part, np.ones(lines), mode="constant")  # term by term: small ones keep digits
+                    for part in (np.where(known, values, 0.0), known.astype(float)))  # fmt: skip
+    return np.where(known, total / np.maximum(count, 1.0), values)
+
+
+def shape(variance: Array, size: Array, lines: int, freedom: float = 1.0) -> Array:
+    """Return v (outputs, inputs, n) of sample variances, by ``size`` |H|^2: the likelier one for each output.
+
+    ``freedom``: complex degrees of freedom of each variance.
+    """
+    result = np.ones_like(variance)
+    for o, (w, h) in enumerate(zip(variance, size, strict=True)):
+        known = np.isfinite(w) & (w > 0.0) & (h > 0.0)
+        usable = known.sum(axis=1) > 0
+        if not usable.any():
+            continue
+        middle = np.ones(len(h))
+        middle[usable] = [np.median(each[counts]) for each, counts in zip(h[usable], known[usable], strict=True)]
+        relative = np.where(known, h, 0.0) / middle[:, None]
+        shapes = [np.ones_like(w), *(c + relative for c in FLOORS)]
+        counted = np.where(known, w, np.nan)
+        likely = [-freedom * np.log((v * local_mean(counted / v, lines))[known]).sum() for v in shapes]
+        k = int(np.argmax(likely))
+        result[o] = shapes[k if likely[k] - likely[0] > LIKELIER else 0]
+    return result
+
+
+def smoothed(variance: Array, responses: Complex, lines: int) -> Array:
+    """Return variances (outputs, inputs, n) with the mean level of so many lines about each."""
+    v = shape(variance, np.nan_to_num(np.abs(responses) ** 2), lines)
+    return np.asarray(v * local_mean(variance / v, lines))
+
+
+def shrunk(variance: Array, responses: Complex, freedom: float) -> Array:
+    """Return the variances (outputs, inputs, n) that count in a fit, of sample variances with some degrees of freedom.
+
+    They are larger than the best estimates by as much as what is left of their noise makes values of the fit noisier.
+    """
+    from scipy.special import polygamma, psi
+
+    v = shape(variance, np.nan_to_num(np.abs(responses) ** 2), LINES, freedom)
+    logarithm = np.log(variance / v)
+    level = local_mean(logarithm, LINES)  # of logarithms, so that a few lines of much noise do not count for all
+    result = variance.copy()
+    for o, off in enumerate(logarithm - level):
+        known = np.isfinite(off)
+        excess = np.var(off[known]) - float(polygamma(1, freedom)) if known.any() else 0.0
+        # psi'(x) is 1 / (x - 1/2) nearly; a level of so many lines is known to so many degrees
+        prior = min(0.5 + 1.0 / max(excess, 1e-9), LINES * freedom)
+        mean = v[o] * np.exp(level[o] + psi(prior) - psi(freedom)) * freedom / prior
+        total = prior + freedom
+        best = (prior * mean + freedom * variance[o]) / total
+        result[o] = best * (1.0 + 2.0 / max(total - 2.0, 1.0))
+    return result
