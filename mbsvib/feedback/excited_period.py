@@ -309,6 +309,16 @@ def excited_states(loop: SampledEquations, at: Period, w: Array) -> Complex:
     return _states(at, _slow_solver(loop, at)[0], _excited(at, w), w)
 
 
+def shown_states(loop: SampledEquations, at: Period, w: Array) -> Complex:
+    """Return what the states before a sample add from there on to the component exp(i omega t) of each output, a phase
+    of 0 at this sample, (states, outputs, n): z P (z - J - E)^-1, transposed.
+    """
+    slow, turn = _slow_solver(loop, at)[1], 1j * w * (at.waiting + at.rest)
+    inside = np.expm1(turn)[:, None, None] * np.eye(len(slow)) - slow.T
+    x = np.linalg.solve(inside, _excited(at, w).seen.transpose(2, 0, 1))
+    return np.asarray(np.exp(turn) * x.transpose(1, 2, 0))
+
+
 def _slow_solver(loop: SampledEquations, at: Period) -> tuple[FirstOrderSolver, Array]:
     """The solver of a period less 1, and its matrix."""
     excited = _excited(at, np.zeros(1))

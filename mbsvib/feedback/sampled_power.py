@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from mbsvib.common.arrays import Array, Complex, Index
-from mbsvib.feedback.excited_period import Excited, excited_motion, excited_states, period, steady_state
+from mbsvib.common.arrays import Array, Complex
+from mbsvib.feedback.excited_period import Excited, excited_motion, excited_states, period, shown_states, steady_state
 from mbsvib.feedback.sampled_equations import SampledEquations
-from mbsvib.feedback.sampled_norm import Motion, Slopes, flow, loop_slopes, under_noise, with_rest
+from mbsvib.feedback.sampled_norm import Motion, Slopes, flow, loop_slopes, with_rest
 
 NODES = 16  # of Gauss' rule in a panel
 TURN = 4.0  # largest change of phase, or decay, in a panel: 16 nodes leave 1e-14 of a product of two exponentials
@@ -60,10 +60,12 @@ def _over(
     """
     (a, b, c, d), (turn, amplitudes) = space, driven
     result: Array = np.zeros((len(c), amplitudes.shape[2], len(w)))
-    count, step = panels(a, time, w)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    stops = [excited_motion(a, b, c, d, s, w) for s in (*(0.5 * step * (nodes + 1.0)).tolist(), step)]
-    for _ in range(count):
+    stops, last = list[Excited](), 0.0
+    for step in graded(a, time, w):
+        if step != last:
+            stops = [excited_motion(a, b, c, d, s, w) for s in (*(0.5 * step * (nodes + 1.0)).tolist(), step)]
+            last = step
         for stop, share in zip(stops[:-1], 0.5 * step * weights, strict=True):
             there = np.tensordot(stop.base + stop.change, x, axes=1) + turn * stop.driven
             y = np.tensordot(c, there, axes=1) + d[:, :, None] * (turn * stop.turn)
@@ -72,6 +74,20 @@ def _over(
         x = np.tensordot(end.base + end.change, x, axes=1) + turn * end.driven
         turn = turn * end.turn
     return result, x, turn
+
+
+def graded(a: Array, time: float, w: Array) -> list[float]:
+    """Return lengths [s] of panels of a time as of ``panels``, each twice as long as the one before where states that
+    decay faster have decayed.
+    """
+    values, omega = np.linalg.eigvals(a), float(np.abs(w).max(initial=0.0))
+    count, _ = panels(a, time, w)
+    fast = 2.0 * (float((np.abs(values.imag) + np.maximum(values.real, 0.0)).max(initial=0.0)) + omega)
+    doublings = max(0, int(np.log2(max(1, count) / max(1.0, fast * time / TURN))))
+    rest = max(0, int(np.ceil(count * 0.5**doublings)) - 1)
+    # shortest (1 + 1 + 2 + ... + 2^(k - 1)) is 2^k of them
+    lengths = np.concatenate(([1.0], 2.0 ** np.arange(doublings), np.full(rest, 2.0**doublings)))
+    return (lengths * (time / lengths.sum())).tolist() if count else []
 
 
 def panels(a: Array, time: float, w: Array) -> tuple[int, float]:
@@ -96,24 +112,30 @@ def held(loop: SampledEquations, w: Array) -> Complex:
     return np.asarray(system.frequency_response(w, list(names), list(loop.actuators)) * hold)
 
 
-def folded(loop: SampledEquations, w: Array, sequence: Index) -> Complex:
-    """Return the one-sided density (n, inputs, actuators, actuators) that sampling folds from all other frequencies
-    into the forces demanded at ``w`` (n,), for white noise of unit density at each input.
+def white_densities(loop: SampledEquations, w: Array) -> Array:
+    """Return the one-sided densities (outputs, inputs, n) of a loop's outputs at ``w`` (n,), with what sampling folds
+    from all other frequencies, for white noise of unit density at each input, which is not sampled at once.
 
-    ``sequence``: numbers of the inputs that are sampled sequences themselves, of which nothing is folded.
+    A pulse a time t before a sample adds h(t) to the component exp(i omega t) of an output; the sum of the squares of
+    the responses at omega and all that are folded there is the integral of |h|^2 over a period, divided by it.
     """
-    part = period(loop, *loop.selected_ports)
-    whole = under_noise(part, np.zeros(len(loop.inputs)))
-    rows, _ = part.demand
-    z = np.exp(1j * w / loop.rate)[:, None, None]
-    reached = np.linalg.solve((z * np.eye(len(whole.transition)) - whole.transition).swapaxes(1, 2),
-                              np.broadcast_to(rows.T, (len(w), *rows.T.shape))).swapaxes(1, 2)  # fmt: skip
-    # intensity is half the one-sided density
-    total = (reached[:, None] @ whole.noise) @ reached[:, None].conj().swapaxes(2, 3) / loop.rate
-    own = demanded(loop, w).transpose(2, 1, 0)
-    result = total - own[..., :, None] * own[..., None, :].conj()
-    result[:, sequence] = 0.0
-    return np.asarray(result)
+    parts = [_white_densities(loop, w[start : start + BATCH]) for start in range(0, len(w), BATCH)]
+    return np.concatenate(parts, axis=2)
+
+
+def _white_densities(loop: SampledEquations, w: Array) -> Array:
+    at, (shown, sources) = period(loop, *loop.selected_ports), loop.selected_ports
+    # h = B^T x, and back in time x' = A^T x + C^T exp(i omega t)
+    x, turn = shown_states(loop, at, w), np.ones(len(w), dtype=complex)
+    result, each = np.zeros((len(sources), len(shown), len(w))), np.tile(np.eye(len(shown)) + 0j, (len(w), 1, 1))
+    for (a, b, c), time, event in ((at.after_action(), at.rest, at.action), (flow(at), at.waiting, at.sample)):
+        added, x, turn = _over((a.T, c.T, b.T, np.zeros_like(at.direct.T)), time, w, x, (turn, each))
+        result, x = result + added, _times(event.T, x)
+    result = loop.rate * result.swapaxes(0, 1)
+    if at.direct.any():  # it is not sampled, and is in the response at omega alone
+        g = loop.response(w)
+        result += 2.0 * at.direct[:, :, None] * g.real - at.direct[:, :, None] ** 2
+    return result
 
 
 class Inputs(NamedTuple):

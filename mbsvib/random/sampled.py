@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbsvib.common.arrays import Array, Complex
+from mbsvib.common.tables import listed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.closing import Gathered
 from mbsvib.feedback.loop import NOISE, LoopPlant
 from mbsvib.feedback.sampled_norm import Slopes, mean_squares, square_slopes
-from mbsvib.feedback.sampled_power import demanded, folded, held, mean_powers, power_slopes
+from mbsvib.feedback.sampled_power import demanded, held, mean_powers, power_slopes, white_densities
 from mbsvib.random.mean_squares import MeanSquares, Random
 from mbsvib.random.moments import Equations, Filtered, filtered
 from mbsvib.random.sources import Sources
@@ -223,11 +224,11 @@ class SampledRandom(Random):
     def densities(self, f: Array) -> Array:
         self._check()
         loop, w = self.linear, 2.0 * np.pi * f
-        g, out = loop.frequency_response(w), held(loop, w)
+        g, out, gains = loop.frequency_response(w), held(loop, w), np.ones((len(loop.outputs), len(f)), dtype=complex)
         for row, weight in enumerate(self.weights):
             if weight is not None:
-                gain = weight.at(f)
-                g[row], out[row] = g[row] * gain, out[row] * gain
+                gains[row] = weight.at(f)
+        g, out = g * gains[:, None], out * gains[:, None]
         result = np.zeros((len(g), len(self.sources.names) + 1, len(f)))
         result[:, :-1] = np.abs(g) ** 2 * self.sources.of(f)
 
@@ -239,25 +240,33 @@ class SampledRandom(Random):
                 own = self._folded_tables([k], f, lambda f, part=part: part.at(f)[:, None, None] + 0j)  # type: ignore[misc]
                 result[:, k] += shown(own)
             elif k not in self._sequences:
-                result[:, k] += shown(self._folded([k], w))
+                result[:, k] = np.abs(gains) ** 2 * self._of_white_noise([k], w)
         if self.sources.correlation is not None:
-            across = self._across(f)
-            result[:, -1] = np.einsum("oin,nij,ojn->on", g, across, g.conj(), optimize=True).real
-            everything = [*range(len(self.sources.names))]
-            result[:, -1] += shown(
-                self._folded_tables(everything, f, self._across) if self.cross is None else
-                self._folded(everything, w, together=True) - self._folded(everything, w))  # fmt: skip
+            across, everything = self._across(f), [*range(len(self.sources.names))]
+            if self.cross is None:
+                result[:, -1] = shown(self._folded_tables(everything, f, self._across))
+            else:
+                apart = np.isin(everything, self._sequences)
+                across = across * np.outer(apart, apart)
+                both, alone = (self._of_white_noise(everything, w, together) for together in (True, False))
+                result[:, -1] = np.abs(gains) ** 2 * (both - alone)
+            result[:, -1] += np.einsum("oin,nij,ojn->on", g, across, g.conj(), optimize=True).real
         return result
 
     def _across(self, f: Array) -> Complex:
         """Cross-densities (n, s, s) of the sources, 0 of each with itself."""
         return self.sources.matrix(f) * (1.0 - np.eye(len(self.sources.names)))
 
-    def _folded(self, which: list[int], w: Array, together: bool = False) -> Complex:
-        """What sampling folds of filtered white noises into the forces demanded, (n, actuators, actuators)."""
+    def _of_white_noise(self, which: list[int], w: Array, together: bool = False) -> Array:
+        """Densities (outputs, n) due to filtered white noises that are not sampled sequences."""
         loop, _ = self._by_white_noise(self._among_filters(which)[0], which, together)
-        sequences = np.flatnonzero(np.isin(which, self._sequences))
-        return np.asarray(2.0 * folded(loop, w, sequences).sum(axis=1))  # unit intensity is a density of 2
+        noises = [name for name, k in zip(loop.inputs, which, strict=True) if k not in self._sequences]
+        loop = replace(loop, selection=(self.linear.outputs, tuple(noises)))
+        if loop.plant.space.D[np.ix_(loop.ports[0], loop.selected_ports[1])].any():
+            raise ResponseError(f"noise: '{self.linear.name}' samples what white noise acts on at once, so that its "
+                                f"density has no bound; give it a filter, or a table: "
+                                f"{listed([self.sources.names[k] for k in which])}.")  # fmt: skip
+        return np.asarray(2.0 * white_densities(loop, w).sum(axis=1))  # unit intensity is a density of 2
 
     def _folded_tables(self, which: list[int], f: Array, density: Callable[[Array], Complex]) -> Complex:
         """The same of tables, whose frequencies end, with densities (n, s, s) of some sources."""

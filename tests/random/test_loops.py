@@ -1,5 +1,6 @@
 """Noise in closed loops, continuous and sampled."""
 
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -184,6 +185,38 @@ def test_sampled_density_against_a_sum_over_folds():
     f = np.array([2.0, 40.0])
     got = controlled().sampled(60.0).psd("x", {"F": 1.0}, f)[0]
     np.testing.assert_allclose(got, by_folds(f, 60.0, np.ones_like, 2000), rtol=2e-5)
+
+
+def test_densities_far_below_the_rate_keep_their_digits():
+    """A mass m held by u = -k x - d v at its samples; in 40 digits, with z = exp(i w T) and h the component of a hold:
+
+    S = |(1 + h u) / (m w^2)|^2 + |h / (m w^2)|^2 (E|u|^2 - |u|^2); at 1e-3 Hz it was wrong by a factor of 2.3.
+    """
+    m, k, d, rate = 2.0, 3e3, 160.0, 1e3
+    plant = mv.System.from_matrices([[m]], None, [[0.0]], [[1.0]], Cq=[[1.0], [0.0]], Cv=[[0.0], [1.0]])
+    loop = plant.feedback([[-k, -d]], plant.outputs, plant.inputs).sampled(rate)
+    f = np.array([1e-5, 1e-3, 10.0, 400.0])
+    expected = []
+    with mp.workdps(40):
+        t, row = mp.mpf(1) / rate, mp.matrix([[-k, -d]])
+        a, noise = mp.matrix([[1, t], [0, 1]]), mp.matrix([[t**3 / 3, t**2 / 2], [t**2 / 2, t]]) / m**2
+        for w in (2 * mp.pi * mp.mpf(x) for x in f.tolist()):
+            z, s = mp.exp(1j * w * t), 1j * w
+            reached = row * mp.inverse(z * mp.eye(2) - a - mp.matrix([[t**2 / 2], [t]]) / m * row)
+            pushed = mp.matrix([[(z - 1) / s**2 - t / s], [(z - 1) / s]]) / m
+            u, hold = (reached * pushed)[0], (1 - 1 / z) / (s * t)
+            folded = (reached * noise * reached.H)[0].real / rate - abs(u) ** 2
+            expected.append(float((abs(1 + hold * u) ** 2 + abs(hold) ** 2 * folded) / (m * w**2) ** 2))
+    np.testing.assert_allclose(loop.psd("y1", {"u1": 1.0}, f)[0], expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("given", [{"band": (1.0, 50.0)}, None])
+def test_white_noise_that_is_sampled_at_once_has_no_density(given):
+    """It was a finite number that depended on rounding; without a band the rms is infinite."""
+    loop = oscillator().linearize().feedback([[-0.5]], ["a"], ["F"]).sampled(200.0)
+    assert loop.rms("x", {"F": 1.0}) == {"x": np.inf}
+    with pytest.raises(mv.ResponseError, match=r"samples what white noise acts on at once, .* table: F"):
+        loop.psd("x", {"F": 1.0}, [1.0]) if given is None else loop.rms("x", {"F": 1.0}, **given)
 
 
 LATE = 4e-3  # s
