@@ -13,7 +13,7 @@ a sample x+ = E x + F u.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -112,7 +112,7 @@ def held(loop: SampledEquations, w: Array) -> Complex:
     return np.asarray(system.frequency_response(w, list(names), list(loop.actuators)) * hold)
 
 
-def white_densities(loop: SampledEquations, w: Array) -> Array:
+def white_densities(loop: Any, w: Array) -> Array:
     """Return the one-sided densities (outputs, inputs, n) of a loop's outputs at ``w`` (n,), with what sampling folds
     from all other frequencies, for white noise of unit density at each input, which is not sampled at once.
 
@@ -123,7 +123,7 @@ def white_densities(loop: SampledEquations, w: Array) -> Array:
     return np.concatenate(parts, axis=2)
 
 
-def _white_densities(loop: SampledEquations, w: Array) -> Array:
+def _white_densities(loop: Any, w: Array) -> Array:
     at, (shown, sources) = period(loop, *loop.selected_ports), loop.selected_ports
     # h = B^T x, and back in time x' = A^T x + C^T exp(i omega t)
     x, turn = shown_states(loop, at, w), np.ones(len(w), dtype=complex)

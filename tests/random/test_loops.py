@@ -187,6 +187,16 @@ def test_sampled_density_against_a_sum_over_folds():
     np.testing.assert_allclose(got, by_folds(f, 60.0, np.ones_like, 2000), rtol=2e-5)
 
 
+@pytest.mark.parametrize("rate", [60.0, 5e3])
+def test_sampled_density_of_an_output_that_sees_forces_at_once(rate):
+    """That of the acceleration is (2 pi f)^4 times that of the displacement, and 1 / M^2 towards high frequencies."""
+    f = np.array([2.0, 40.0, 1e3])
+    loop = controlled().sampled(rate)
+    x, a = loop.psd(["x", "a"], {"F": 1.0}, f)
+    np.testing.assert_allclose(a, (W * f) ** 4 * x, rtol=1e-9)
+    assert a[-1] == pytest.approx(1.0 / M**2, rel=0.05)
+
+
 def test_densities_far_below_the_rate_keep_their_digits():
     """A mass m held by u = -k x - d v at its samples; in 40 digits, with z = exp(i w T) and h the component of a hold:
 
