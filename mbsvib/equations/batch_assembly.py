@@ -17,7 +17,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import EXPANSIONS
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations, chunk_size, joined
-from mbsvib.equations.batch_loops import LoopPivots, closure_along, loop_pivots, reduce_batch
+from mbsvib.equations.batch_loops import LoopPivots, closure_along, reduce_batch
 from mbsvib.equations.batch_one_by_one import Separating, linearized_variant, one_by_one, stacked
 from mbsvib.equations.batch_prestress import Prestress, prestress
 from mbsvib.equations.batch_values import Values, checked
@@ -99,7 +99,7 @@ class BatchPlan:
         reduction, driven = self.nominal.provenance.reduction, self.model.derived(driven_coordinates)
         if driven:
             reduction = self.scene.reduced(_displacements(self.scene)[1], [*driven, *self.names])
-        return loop_pivots(self.scene, reduction)
+        return LoopPivots(self.scene, reduction)
 
     @cached_property
     def posed_scene(self) -> PosedScene | None:

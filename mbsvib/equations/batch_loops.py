@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -75,50 +75,52 @@ class Block:
         return bool(self.rows.shape[1] > self.dependent.shape[1])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LoopPivots:
-    """Pivots of the nominal pose: its ``reduction``, the independent rows and the dependent coordinates of each group
-    of loops, and the ``blocks`` of groups of like shape.
-    """
+    """Pivots of the nominal pose of a ``scene``: its ``reduction``, and what follows from it where places vary."""
 
+    scene: Scene
     reduction: Reduction
-    kept: tuple[tuple[Index, Index], ...]
-    blocks: tuple[Block, ...]
+
+    @cached_property
+    def kept(self) -> tuple[tuple[Index, Index], ...]:
+        """The independent rows and the dependent coordinates of each group of loops."""
+        return tuple(kept_rows(self.scene.cuts, self.reduction))
 
     @property
     def redundant(self) -> bool:
         """Whether there are rows beside those that are independent."""
-        return any(block.redundant for block in self.blocks)
+        return any(group.surplus for group in self.reduction.groups)
 
     def multipliers(self, phi: Array, gradient: Array) -> Array:
         """Return the multipliers (..., locked rows) of loops, see ``loop_multipliers``."""
         return loop_multipliers(self.reduction, self.kept, phi, gradient)
 
-
-def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
-    """Return the pivots of the nominal pose, which all variants use."""
-    if scene.cuts is None or not nominal.groups:
-        return LoopPivots(nominal, (), ())
-    phi = scene.closure(scene.relative())[None]
-    like: dict[tuple[int, ...], list[tuple[LoopGroup, Index, Index, Index]]] = {}
-    kept = tuple(kept_rows(scene.cuts, nominal))
-    for group, (rows, dependent) in zip(nominal.groups, kept, strict=True):
-        free = np.setdiff1d(group.columns, dependent, assume_unique=True)
-        every = np.concatenate((rows, np.setdiff1d(group.rows, rows, assume_unique=True)))
-        like.setdefault((len(dependent), len(free), len(every)), []).append((group, dependent, free, every))
-    blocks = []
-    for members in like.values():
-        groups = tuple(group for group, *_ in members)
-        dependents, others, ordered = (np.array([member[k] for member in members], dtype=np.intp) for k in (1, 2, 3))
-        length = np.array([[group.length] for group in groups])
-        columns, r = np.concatenate((dependents, others), axis=1), dependents.shape[1]
-        units = np.where(scene.coordinates.turns[columns], 1.0, length)
-        entries = ordered[:, :, None] * phi.shape[2] + columns[:, None]
-        block = Block(groups, dependents, others, ordered, length, columns, units, entries, np.zeros((0, 0)),
-                      np.zeros(0))  # fmt: skip
-        inverse, reciprocal_condition = inverse_of(_scaled(scene.cuts, phi, block)[0, :, :r, :r])
-        blocks.append(replace(block, inverse=inverse, reciprocal_condition=reciprocal_condition))
-    return LoopPivots(nominal, kept, tuple(blocks))
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """The pivots of groups of like shape."""
+        scene = self.scene
+        if scene.cuts is None:
+            return ()
+        phi = scene.closure(scene.relative_of())[None]
+        like: dict[tuple[int, ...], list[tuple[LoopGroup, Index, Index, Index]]] = {}
+        for group, (rows, dependent) in zip(self.reduction.groups, self.kept, strict=True):
+            free = np.setdiff1d(group.columns, dependent, assume_unique=True)
+            every = np.concatenate((rows, np.setdiff1d(group.rows, rows, assume_unique=True)))
+            like.setdefault((len(dependent), len(free), len(every)), []).append((group, dependent, free, every))
+        blocks = []
+        for members in like.values():
+            groups = tuple(group for group, *_ in members)
+            dependents, others, ordered = (np.array([one[k] for one in members], dtype=np.intp) for k in (1, 2, 3))
+            length = np.array([[group.length] for group in groups])
+            columns, r = np.concatenate((dependents, others), axis=1), dependents.shape[1]
+            units = np.where(scene.coordinates.turns[columns], 1.0, length)
+            entries = ordered[:, :, None] * phi.shape[2] + columns[:, None]
+            block = Block(groups, dependents, others, ordered, length, columns, units, entries, np.zeros((0, 0)),
+                          np.zeros(0))  # fmt: skip
+            inverse, reciprocal_condition = inverse_of(_scaled(scene.cuts, phi, block)[0, :, :r, :r])
+            blocks.append(replace(block, inverse=inverse, reciprocal_condition=reciprocal_condition))
+        return tuple(blocks)
 
 
 def reduce_batch(

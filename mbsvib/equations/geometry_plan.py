@@ -262,12 +262,6 @@ def _rows(rows: Rows, placing: Placing, values: Values) -> Rows:
     return Rows(rows.first, rows.second, point, force, moment)
 
 
-def _varying(placing: Placing) -> Placing | None:
-    """None where no column varies."""
-    varies = len(placing.placed) or len(placing.turned) or len(placing.lined) or len(placing.pitched)
-    return placing if varies else None
-
-
 def _twists(scene: Scene, slots: Slots, moved: Mapping[int, Index]) -> Placing | None:
     twists, start = scene.coordinates, 0
     owners, centres, pitched = [], [], []
@@ -283,7 +277,7 @@ def _twists(scene: Scene, slots: Slots, moved: Mapping[int, Index]) -> Placing |
             pitch = slots.complete.get(joint.name, {}).get("pitch")
             if pitch is not None:
                 pitched += [(pitch, column, twists.angular[:, column]) for column in columns]
-    return _varying(Placing.of((twists.linear, twists.angular, twists.point), owners, slots, centres, pitched))
+    return Placing.of((twists.linear, twists.angular, twists.point), owners, slots, centres, pitched)
 
 
 def _cuts(scene: Scene, slots: Slots) -> Placing | None:
@@ -300,14 +294,14 @@ def _cuts(scene: Scene, slots: Slots) -> Placing | None:
             pitched += [(pitch, column, -cuts.rows.force[:, column])
                         for column, (direction, _) in zip(columns, joint.locked, strict=True) if direction == "z"]
     rows = cuts.rows
-    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, slots, (), pitched, pitches_second=True))
+    return Placing.of((rows.force, rows.moment, rows.point), owners, slots, (), pitched, pitches_second=True)
 
 
 def _measured(scene: Scene, slots: Slots) -> Placing | None:
     if scene.cuts is None or scene.cuts.couplings is None:
         return None
     rows, owners = scene.cuts.couplings.measured, [(joint, [k]) for k, (joint, _) in enumerate(scene.measured)]
-    return _varying(Placing.of((rows.force, rows.moment, rows.point), owners, slots))
+    return Placing.of((rows.force, rows.moment, rows.point), owners, slots)
 
 
 def _elements(
@@ -343,7 +337,7 @@ def _elements(
                     for key, pairs in columns_of.items() if pairs}  # fmt: skip
     rows = springs.rows
     placing = Placing.of((rows.force, rows.moment, rows.point), owners, slots)
-    return springs, _varying(placing), coefficients, matrices
+    return springs, placing, coefficients, matrices
 
 
 def _replacing(scene: Scene, springs: ElementRows, slots: Slots) -> tuple[tuple[Any, Any, Index], ...]:

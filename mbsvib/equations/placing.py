@@ -77,18 +77,21 @@ class Placing:
         vectors: Vectors, owners: Sequence[tuple[Any, Sequence[int]]], slots: Slots,
         centres: Sequence[tuple[Index, Sequence[int]]] = (), pitched: Sequence[tuple[Index, int, Array]] = (),
         pitches_second: bool = False,
-    ) -> Placing:  # fmt: skip
-        """Return how columns follow from the numbers of their owners.
+    ) -> Placing | None:  # fmt: skip
+        """Return how columns follow from the numbers of their owners, None where none varies.
 
         ``vectors`` (3, n): directions and points of the model. ``owners``: parts and their columns. ``slots``: places
         of the numbers that vary. ``centres``: rows of the positions of bodies with the
         columns at their centres of mass. ``pitched``: row of a pitch, column, and vector.
         """
+        owners = [owner for owner in owners if owner[0].name in slots.complete]
+        if not (owners or centres or pitched):
+            return None
         placed, turned, lined, ends = _Columns(), _Columns(), _Columns(), _Columns()
         rods: list[tuple[Index, Index, Array]] = []
         rod_columns = _Columns()
         for part, columns in owners:
-            fields = slots.complete.get(part.name, {})
+            fields = slots.complete[part.name]
             if getattr(part, "is_rod", False) and fields:
                 rod_columns.add(columns, len(rods))
                 rods.append((fields["position"], fields["end"], np.array(part.axes)))
@@ -104,6 +107,8 @@ class Placing:
                 placed.add(columns, fields["start"])
         for rows, columns in centres:
             placed.add(columns, rows)
+        if not (placed.columns or turned.columns or lined.columns or pitched):
+            return None
         turned.columns += rod_columns.columns
         turned.rows += [len(slots.turning) + k for k in rod_columns.rows]
         starts, stops, axes = zip(*rods, strict=True) if rods else ((), (), ())

@@ -220,9 +220,7 @@ class Mechanism:
     @property
     def parameters(self) -> Parameters:
         """Every number of parts and of gravity by its name (``"leg1.k.stiffness"``, ``"gravity.z"``); read-only."""
-        from mbsvib.mechanism.parameters import Parameters
-
-        return Parameters(self.declared_parts)
+        return self.derived(_parameters)
 
     @property
     def declared_parts(self) -> tuple[Part, ...]:
@@ -397,3 +395,9 @@ class Mechanism:
         if isinstance(key, str) and (key in self._bodies or key == GROUND or key in self._nodes):
             return key
         raise unknown_body(key, (f"{family} '{name}'", field), self.name, [GROUND, *self._bodies, *self._nodes])
+
+
+def _parameters(model: Mechanism) -> Parameters:
+    from mbsvib.mechanism.parameters import Parameters
+
+    return Parameters(model.declared_parts)
