@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from fnmatch import fnmatchcase
+from fnmatch import translate
 
 
 def matching(pattern: str, known: Iterable[str]) -> list[str]:
     """Return the pattern itself if it is a known name, which may have brackets, else all known names that fit it."""
     names = list(known)
-    return [pattern] if pattern in names else [name for name in names if fnmatchcase(name, pattern)]
+    return [pattern] if pattern in names else list(filter(re.compile(translate(pattern)).match, names))

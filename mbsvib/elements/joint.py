@@ -186,8 +186,8 @@ class Joint(Part):
         return float(to.signs(self.reversed_axis)[_INDEX[direction]])
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        return (field for field in super(Joint, self).parameter_fields()
-                if not (self.is_rod and field.name == "orientation"))  # fmt: skip
+        fields = super(Joint, self).parameter_fields()
+        return (field for field in fields if field.name != "orientation") if self.is_rod else fields
 
     def with_values(self, values: Mapping[str, Any]) -> Joint:
         arguments = self.arguments() | dict(values)

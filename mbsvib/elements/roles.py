@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -44,20 +45,30 @@ class ParameterField:
         """Whether it is a symmetric matrix, whose pairs of entries are one number each."""
         return self.suffixes is not None and isinstance(self.value[0], tuple) and not is_unsymmetric(self.value)
 
+    @property
+    def places(self) -> tuple[tuple[str, Index, str], ...]:
+        """Suffix, index and unit of each entry, of a symmetric matrix those of the upper triangle."""
+        return _places(self.suffixes, self.unit, self.suffixes is not None and isinstance(self.value[0], tuple),
+                       self.is_symmetric)  # fmt: skip
+
     def entries(self) -> Iterator[tuple[str, Index, float, str]]:
-        """Yield suffix, index, value and unit of each entry, of a symmetric matrix those of the upper triangle."""
-        unit: Callable[[Index], str] = self.unit if callable(self.unit) else lambda _: str(self.unit)
-        if self.suffixes is None:
-            yield "", (), self.value, unit(())
-        elif isinstance(self.value[0], tuple):
-            symmetric = self.is_symmetric
-            for i in range(6):
-                for j in range(i if symmetric else 0, 6):
-                    suffix = f".{self.suffixes[i]}" + (f".{self.suffixes[j]}" if i != j else "")
-                    yield suffix, (i, j), self.value[i][j], unit((i, j))
-        else:
-            for i, suffix in enumerate(self.suffixes):
-                yield f".{suffix}", (i,), self.value[i], unit((i,))
+        """Yield suffix, index, value and unit of each of the ``places``."""
+        for suffix, index, unit in self.places:
+            value = self.value
+            for i in index:
+                value = value[i]
+            yield suffix, index, value, unit
+
+
+@lru_cache(maxsize=256)
+def _places(
+    suffixes: tuple[str, ...] | None, unit: Unit, matrix: bool, symmetric: bool
+) -> tuple[tuple[str, Index, str], ...]:
+    indices: list[Index] = [()] if suffixes is None else [(i,) for i in range(len(suffixes))]
+    if matrix:
+        indices = [(i, j) for i in range(6) for j in range(i if symmetric else 0, 6)]
+    return tuple([("".join([f".{suffixes[i]}" for i in dict.fromkeys(index)]) if suffixes else "", index,
+                   unit(index) if callable(unit) else unit) for index in indices])  # fmt: skip
 
 
 def is_unsymmetric(value: Any) -> bool:

@@ -51,6 +51,7 @@ import numpy as np
 
 from mbsvib.common.columnar import Columnar
 from mbsvib.common.display import Displayed
+from mbsvib.common.fast_init import fast_init
 from mbsvib.common.patterns import matching
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError, nearest
@@ -63,6 +64,7 @@ class UnknownParameterError(ModelError, KeyError):
         return str(self.args[0])
 
 
+@fast_init
 @dataclass(frozen=True, slots=True, repr=False)
 class Parameter(Displayed):
     """A number of a model: entry ``index`` of the field ``field`` of the part named ``part``; ``unit`` is SI.
@@ -94,7 +96,11 @@ class Parameters(Columnar, Mapping[str, float], Displayed):
 
     def _find(self, name: str) -> Parameter | None:
         """The parameter of a name, or None; only the parameters of its part are computed."""
-        ends = [i for i, sign in enumerate(name) if sign == "."] if isinstance(name, str) else []
+        if not isinstance(name, str):
+            return None
+        if "_entries" in vars(self):
+            return self._entries.get(name)
+        ends = [i for i, sign in enumerate(name) if sign == "."]
         for part in (self._parts[name[:i]] for i in ends if name[:i] in self._parts):
             if part.name not in self._of_part:
                 self._of_part[part.name] = {entry.name: entry for entry in _listed(part)}
