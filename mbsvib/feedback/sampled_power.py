@@ -135,7 +135,7 @@ def _white_densities(loop: Any, w: Array) -> Array:
     if at.direct.any():  # it is not sampled, and is in the response at omega alone
         g = loop.response(w)
         result += 2.0 * at.direct[:, :, None] * g.real - at.direct[:, :, None] ** 2
-    return result
+    return np.asarray(result)
 
 
 class Inputs(NamedTuple):
