@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from math import prod
 from operator import itemgetter
 from typing import Any
@@ -16,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbsvib.common.arrays import Array, Index
-from mbsvib.elements.part import Part
 from mbsvib.linalg.rank import ZERO_MATRIX_SLOPE
-from mbsvib.linalg.vectors import Field, any_nonzero
+from mbsvib.linalg.vectors import Field
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.rules import PartRules, Rule, RuleAndData, Terms, any_field
+from mbsvib.sensitivities.families.rules import Forms, PartRules, any_field
+from mbsvib.sensitivities.local_forms import LocalForm, Shift, summed_products
 from mbsvib.sensitivities.network import Network
 from mbsvib.sensitivities.variables import FieldLayout, PartFields, indices
 
@@ -32,26 +33,40 @@ _ONE = np.zeros(1, dtype=np.intp)
 
 @dataclass(frozen=True, slots=True)
 class ParameterGroup:
-    """One ``field`` of bodies or connections of one ``kind`` (body, joint, spring): their ``number`` (parts,), a
-    ``rule``, its ``data``, and the parameter in each place of ``rows`` (parts, entries), -1 where none was asked for;
-    ``stride`` leads from part to part where the entries of each follow each other, 0 elsewhere.
+    """One ``field`` of bodies or connections of one ``kind`` (body, joint, spring): their ``number`` (parts,), their
+    ``forms``, how bodies go along by ``shifts``, and the parameter in each place of ``rows`` (parts, entries), -1 where
+    none was asked for.
     """
 
     kind: str
     field: str
     number: Index
-    rule: Rule
-    data: tuple[Array, ...]
+    forms: tuple[LocalForm, ...]
+    shifts: tuple[Shift, ...]
     rows: Index
-    stride: int
 
-    def part(self, start: int, stop: int) -> tuple[Any, tuple[Array, ...], Index]:
-        """Return numbers, data and rows of some of the parts; numbers as a slice where they follow each other."""
-        number = self.number[start:stop]
-        first, last = int(number[0]), int(number[-1])
-        if last - first == len(number) - 1:
-            return slice(first, last + 1), tuple(array[start:stop] for array in self.data), self.rows[start:stop]
-        return number, tuple(array[start:stop] for array in self.data), self.rows[start:stop]
+    @staticmethod
+    def of(kind: str, field: str, number: Index, forms: Forms, rows: Index) -> ParameterGroup:
+        """Return the group of some parts."""
+        return ParameterGroup(kind, field, number, tuple(form for form in forms if isinstance(form, LocalForm)),
+                              tuple(form for form in forms if isinstance(form, Shift)), rows)  # fmt: skip
+
+    def block(self, which: slice, left: Fields, right: Fields | None, numbers: int) -> tuple[Any, Field] | None:
+        """Return which entries are not zero in all, and their forms (parts, entries, ...) for some of the parts; None
+        if all are. The arguments are those of ``LocalForm.products``.
+        """
+        which_forms = slice(None) if len(self.rows) == 1 else which
+        every = [form.products(which_forms, left, right, numbers) for form in self.forms]
+        known = [found for found in every if found]
+        acts: Any = slice(None)
+        if not known:
+            return None
+        if any(found is None or found[0].shape[2] < len(form.rows)
+               for found, form in zip(every, self.forms, strict=True)):  # fmt: skip
+            acts = np.flatnonzero(np.any([factor.any(axis=(0, 2)) for factor, _ in known], axis=0))
+            known = [(factor[:, acts], products) for factor, products in known]
+        parts = [summed_products(factor, products, len(self.rows[which])) for factor, products in known]
+        return acts, sum(parts[1:], parts[0])
 
 
 def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
@@ -109,7 +124,7 @@ def _has_rule(network: Network, field: str, rules: PartRules, part: Any) -> bool
 
 
 def _of_entries(
-    network: Network, single: Callable[..., RuleAndData], part: Any, fields: PartFields, start: int,
+    network: Network, single: Callable[..., Forms], part: Any, fields: PartFields, start: int,
     number: Index | None,
 ) -> Iterator[ParameterGroup]:  # fmt: skip
     """The groups of a part each of whose entries has a rule of its own; its entries begin at ``start``."""
@@ -120,8 +135,8 @@ def _of_entries(
         rows = entries if number is None else number[entries]
         for row, index in zip(rows.tolist(), indices(depth, count), strict=True):
             if row >= 0:
-                rule, data = single(network, part, field, index)
-                yield ParameterGroup(rules_of(part).kind, field, _ONE, rule, data, np.array([[row]]), 0)
+                forms = single(network, part, field, index)
+                yield ParameterGroup.of(rules_of(part).kind, field, _ONE, forms, np.array([[row]]))
 
 
 def _of_fields(
@@ -131,19 +146,11 @@ def _of_fields(
     numbers, starts, parts = zip(*members, strict=True)
     index, first, rules = np.array(numbers), np.array(starts), rules_of(parts[0])
     assert rules.rule is not None
-    stride = _stride(list(starts), fields.width)
     for field, _, shift, count in fields.fields:
-        if field in FORCES:
-            continue
         rows = first[:, None] + np.arange(shift, shift + count)
-        if number is not None:
-            rows = number[rows]
-            if not (rows >= 0).any():
-                continue
-            follow = bool((rows == rows[:, :1] + np.arange(count)).all())
-            stride = _stride(rows[:, 0].tolist(), count) if follow else 0
-        yield ParameterGroup(rules.kind, field, index, rules.rule(network, parts[0], field),
-                             rules.constants(network, parts, field), rows, stride)  # fmt: skip
+        rows = rows if number is None else number[rows]
+        if field not in FORCES and (number is None or (rows >= 0).any()):
+            yield ParameterGroup.of(rules.kind, field, index, rules.rule(network, parts, index, field), rows)
 
 
 def internal_groups(network: Network, first: int, gravity: int | None) -> list[ParameterGroup]:
@@ -152,27 +159,22 @@ def internal_groups(network: Network, first: int, gravity: int | None) -> list[P
 
     ``first``: the row of the first of these numbers; ``gravity``: that of gravity along x, None without gravity.
     """
-    result, row = [], first
-    with_gravity: dict[Any, list[Part]] = {}
+    groups: list[tuple[str, str, int, Forms]] = []
     for part in network.parts:
         kind, rules = rules_of(part).kind, rules_of(part).loaded
-        for own in rules.internal_rules(network, part):
-            result.append(ParameterGroup(kind, rules.internal[0], own.number, own.rule, own.data,
-                                         row + np.arange(own.count)[None], own.count))  # fmt: skip
-            row += own.count
-        if rules.gravity_rule is not None and gravity is not None:
-            with_gravity.setdefault(rules.gravity_rule, []).append(part)
-    for rule_of, parts in with_gravity.items():
-        rows = (gravity or 0) + np.arange(3)[None]
-        result.append(ParameterGroup("gravity", "", _ONE, rule_of(network, parts), (), rows, 3))
+        field, count = rules.internal
+        every = rules.internal_forms(network, part)
+        groups += [(kind, field, first + k * (count // len(every)), forms) for k, forms in enumerate(every)]
+        first += count
+    if gravity is not None:
+        of_parts = [every for part in network.parts if (every := rules_of(part).loaded.gravity_forms(network, part))]
+        of_ways = enumerate(zip(*of_parts, strict=True))
+        groups += [("gravity", "", gravity + k, tuple(chain(*forms))) for k, forms in of_ways]
+    result = []
+    for kind, field, row, forms in groups:
+        count = next((form.factor.shape[1] for form in forms if isinstance(form, LocalForm)), 1)
+        result.append(ParameterGroup.of(kind, field, _ONE, forms, row + np.arange(count)[None]))
     return result
-
-
-def _stride(lead: list[int], width: int) -> int:
-    """How many parameters are from part to part, by the first of each; 0 where that differs or none is asked for."""
-    stride = lead[1] - lead[0] if len(lead) > 1 else width
-    regular = stride >= width and lead[0] >= 0 and lead == list(range(lead[0], lead[0] + stride * len(lead), stride))
-    return stride if regular else 0
 
 
 _POWERS = {"K": "stiff", "C": "rate", "M": "square"}
@@ -232,8 +234,6 @@ class MatrixDerivativeGroup:
 
 # Numbers that one block of forms may hold, so that it stays in the cache.
 BLOCK = 80_000
-# Blocks of fewer numbers are not worth a look whether they are zero.
-SMALL = 2_000
 
 
 def form_table(
@@ -249,71 +249,17 @@ def form_table(
     result, numbers = np.zeros((size, *tail), dtype=kind), prod(tail)
     for group in groups:
         count, width = group.rows.shape
-        step = max(1, BLOCK // max(1, numbers * width))
+        step = max(1, BLOCK // max(1, numbers * max([width, *(len(form.rows) for form in group.forms)])))
         for start in range(0, count, step):
-            number, data, rows = group.part(start, start + step)
-            first = group.rule(left, number, data)
-            second = None if right is None else group.rule(right, number, data)
-            look = numbers * len(rows) > SMALL or not all(first) or not all(second or [True])
-            coupled = _acting(first, second) if look else None
-            if coupled is None:
-                _put_block(result, rows, group.stride, _block(first, second, len(rows)))
-                continue
-            for i in coupled:
-                of_one = None if second is None else second[i : i + 1]
-                _put_block(result, rows[:, i : i + 1], group.stride, _block(first[i : i + 1], of_one, len(rows)))
+            known = group.block(slice(start, start + step), left, right, numbers)
+            if known is not None:
+                acts, block = known
+                rows = group.rows[start : start + step, acts]
+                requested = rows >= 0
+                result[rows if requested.all() else rows[requested]] = block if requested.all() else block[requested]
     return result
-
-
-def _put_block(result: Field, rows: Index, stride: int, block: Field) -> None:
-    """Set the forms (parts, entries, ...) of the parameters ``rows``, -1 for none; ``stride`` leads from part to part
-    where entries follow each other, and is 0 elsewhere.
-    """
-    if not stride:
-        requested = rows >= 0
-        result[rows[requested]] = block[requested]
-        return
-    first, (count, width) = int(rows[0, 0]), rows.shape
-    if first + count * stride <= len(result):
-        result[first : first + count * stride].reshape(count, stride, *block.shape[2:])[:, :width] = block
-        return
-    step, *inner = result.strides
-    shape = (count, width, *block.shape[2:])
-    np.lib.stride_tricks.as_strided(result[first:], shape, (stride * step, step, *inner))[:] = block
 
 
 def _tail(left: Fields, right: Fields | None) -> tuple[int, ...]:
     pair = (left,) if right is None else (left, right)
     return np.broadcast_shapes(*(array.shape[2:] for side in pair for array in (side.body, side.body_wrench)))
-
-
-def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
-    """Entries that are not zero for all parts, as planar mechanisms have many; None where all act."""
-    def acts(terms: Terms, other: Terms) -> bool:
-        return any((any_nonzero(p) and any_nonzero(a)) or (second is not None and any_nonzero(q) and any_nonzero(b))
-                   for (p, q), (b, a) in zip(terms, other, strict=True))  # fmt: skip
-
-    pairs = zip(first, first if second is None else second, strict=True)
-    coupled = [i for i, (terms, other) in enumerate(pairs) if terms and other and acts(terms, other)]
-    return None if len(coupled) == len(first) else coupled
-
-
-def _block(first: list[Terms], second: list[Terms] | None, parts: int) -> Field:
-    p, q = first[0][0]
-    factors = (p, q) if second is None else (p, second[0][0][1], q, second[0][0][0])
-    shape = np.broadcast_shapes(*(factor.shape[1:] for factor in factors))
-    result: Field = np.empty((parts, len(first), *shape), dtype=np.result_type(*factors))
-    for i, terms in enumerate(first):
-        out = result[:, i]
-        if second is None:
-            np.multiply(*terms[0], out=out)
-            for p, q in terms[1:]:
-                out += p * q
-            continue
-        for t, ((p, q), (b, a)) in enumerate(zip(terms, second[i], strict=True)):
-            if t:
-                out += p * a
-            else:
-                np.multiply(p, a, out=out)
-            out += q * b
-    return result

@@ -289,7 +289,7 @@ class LoadedNetwork:
         relative[:joints] = moves
         still = np.zeros(wrench.shape, dtype=moves.dtype)
         none = np.zeros((len(self.forces.centre), 6, *ones))
-        tied = wide(self._tied, none)
+        tied = self._tied.reshape(-1, *ones)
         return (Fields(none[0, :1], none, none, still, still[joints:], wrench, none[:0], tied, zero, zero, zero),
                 Fields(none[0, :1], np.broadcast_to(none, (*none.shape[:2], *tail)), none, relative, still[joints:],
                        still, none[:0], np.zeros_like(tied), zero, zero, zero))  # fmt: skip

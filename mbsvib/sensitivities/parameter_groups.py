@@ -16,7 +16,6 @@ from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_STRESS_WORK
 from mbsvib.linalg.vectors import Field, incidence_sum
 from mbsvib.sensitivities.adjoint_fields import Fields, fields, in_joints, motions
-from mbsvib.sensitivities.families.rules import Terms
 from mbsvib.sensitivities.forms import MatrixDerivativeGroup, ParameterGroup, form_table, groups_by_rule
 from mbsvib.sensitivities.loaded_network import LoadedNetwork
 from mbsvib.sensitivities.network import Network
@@ -187,15 +186,13 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
     for group in groups:
         if group.kind not in ("joint", "coupler"):
             continue
-        number, data, rows = group.part(0, len(group.number))
-        work = _work(group.rule(stress, number, data))
+        rows = group.rows
+        if (known := group.block(slice(0, len(rows)), stress, None, 0)) is None:
+            continue
+        acts, block = known
+        rows = rows[:, acts]
+        work = np.abs(block).reshape(*rows.shape, -1).max(axis=2)
         broken = work > ZERO_STRESS_WORK * moves * (length if group.field == "orientation" else 1.0) * loads
         requested = rows >= 0
         result[rows[requested]] = broken[requested]
     return result
-
-
-def _work(terms: list[Terms]) -> Any:
-    """Largest product of a force and a change, (parts, entries)."""
-    return np.stack([np.abs(sum(p * q for p, q in entry)).reshape(len(entry[0][0]), -1).max(axis=1)
-                     for entry in terms], axis=1)  # fmt: skip

@@ -384,11 +384,9 @@ def _move_ports(
             groups.loaded.add_turn(form, int(port.ends[k, 0]), port.wrench[k], relative)
         if port.carrier[k] >= 0 and groups.loaded is not None:
             groups.loaded.add_point_motion(form, int(port.carrier[k]), port.point[k], slope)
-        for group in groups.of_bodies("position"):
-            for rows in group.rows[group.number == port.centre[k]]:
-                of_springs = rows >= 0
-                form[rows[of_springs]] += slope[of_springs]
         for group in groups.by_rule:
-            if group.kind == "composed":  # its nodes move
-                at = group.data[0][0] == port.centre[k]
-                form[group.rows[0, 0]] += np.tensordot(group.data[1][0, at].sum(axis=0), slope, axes=1)
+            for shift in group.shifts:
+                at = np.flatnonzero(shift.number == port.centre[k])
+                move = np.broadcast_to(shift.move, (len(shift.number), *shift.move.shape[1:]))[at]
+                rows = group.rows[at] if len(group.rows) == len(shift.number) else group.rows.repeat(len(at), axis=0)
+                np.add.at(form, rows[rows >= 0], np.tensordot(move, slope, axes=1)[rows >= 0])

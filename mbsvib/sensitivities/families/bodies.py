@@ -7,66 +7,48 @@ momentum h of a rotor adds x^T C y = h . (x x y), antisymmetric, of rotations of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Body
 from mbsvib.elements.load import Load
 from mbsvib.elements.rotor import Rotor
-from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
-from mbsvib.sensitivities.families.rules import (
-    InternalRule,
-    LoadRules,
-    PartRules,
-    Rule,
-    RuleAndData,
-    Terms,
-    cross_terms,
-    in_axes,
-    square_terms,
-)
+from mbsvib.sensitivities.families.rules import LoadRules, PartRules
 from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.local_forms import (
+    NONE,
+    UNIT,
+    Local,
+    LocalForm,
+    Shift,
+    displaced,
+    single_entries,
+    six_axes,
+    square,
+)
 from mbsvib.sensitivities.network import Network
 
-_TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_MASS = np.diag((1.0, 1.0, 1.0, 0.0, 0.0, 0.0))[None, None]
+_TENSOR = single_entries([(3, 3), (4, 4), (5, 5), (3, 4), (3, 5), (4, 5)])
 
 
-def _mass(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
-    x = fields.body[k]
-    return [[((0.5 * fields.square) * x[:, i], x[:, i]) for i in range(3)]]
-
-
-def _inertia(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    return square_terms(in_axes(data[0], fields.body[k, 3:]), _TENSOR, fields.square)
-
-
-def _moved_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
-    return cross_terms(fields.body_wrench[k, :3], fields.body[k, 3:])
-
-
-def _moved_floating(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    """A body that floats: its coordinates are those of its centre of mass, so that all that hangs on it follows."""
-    support = cross_terms(fields.support[data[0], :3], -fields.body[k, 3:])
-    return [a + b for a, b in zip(_moved_body(fields, k, ()), support, strict=True)]
-
-
-def _turned_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
-    return cross_terms(fields.body_wrench[k, 3:], fields.body[k, 3:])
-
-
-def _body_rule(network: Network, body: Body, field: str) -> Rule:
-    floats = network.body_number[body.name] in network.floating_number
-    return _moved_floating if floats and field == "position" else _OF_FIELDS[field]
-
-
-def _body_constants(network: Network, parts: Sequence[Body], field: str) -> tuple[Array, ...]:
-    """Axes for the inertia; the numbers of bodies that float among these."""
-    if field == "position":
-        return (np.array([network.floating_number.get(network.body_number[part.name], 0) for part in parts]),)
-    return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
+def _body_forms(network: Network, parts: Sequence[Body], number: Index, field: str) -> list[LocalForm | Shift]:
+    """A body that floats has the coordinates of its centre of mass, so that all that hangs on it follows."""
+    body, wrench = Local("body", number), Local("body_wrench", number)
+    if field == "mass":
+        return [square("body", number, "square", _MASS)]
+    if field == "inertia":
+        axes = six_axes(np.array([part.orientation for part in parts]))
+        return [square("body", number, "square", _TENSOR, axes)]
+    if field == "orientation":
+        turned = displaced(NONE, UNIT)
+        turned[..., :3, :3] = 0.0
+        return [LocalForm.of(wrench, body, turned)]
+    floating = [network.floating_number[k] for k in number.tolist() if k in network.floating_number]
+    return [Shift(number, UNIT), LocalForm.of(wrench, body, displaced(UNIT, NONE)), *(
+        [LocalForm.of(Local("support", np.array(floating)), body, displaced(-UNIT, NONE))] if floating else [])]
 
 
 def _add_weight(terms: RowTerms, _: Network, forces: Forces, body: Body, k: int) -> None:
@@ -75,31 +57,27 @@ def _add_weight(terms: RowTerms, _: Network, forces: Forces, body: Body, k: int)
         terms.put(("gravity", "", (i,)), terms.at.wrench_of(k) + i, (body.mass,))
 
 
-_OF_FIELDS: dict[str, Rule] = {
-    "mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body,
-}  # fmt: skip
 BODY = PartRules(
-    "body", _body_rule, _body_constants, floats=True,
+    "body", _body_forms, floats=True,
     alters_spin=lambda spin, body, field: body.name in spin.bodies and field != "mass",
     loaded=LoadRules(add_force_terms=_add_weight),
-)  # fmt: skip
+)
 
 
 # The field of the axis, which is no parameter.
 AXIS = "axis"
 
 
-def _rotor_entry(network: Network, rotor: Rotor, field: str, _: tuple[int, ...]) -> RuleAndData:
+def _rotor_entry(network: Network, rotor: Rotor, field: str, _: tuple[int, ...]) -> list[LocalForm]:
     body, per_speed = _momentum(network, rotor)
-    return _momentum_rule(body, [per_speed if field == "speed" else per_speed * (rotor.speed / (rotor.inertia or 1.0))]
-                          ), ()  # fmt: skip
+    change = per_speed if field == "speed" else per_speed * (rotor.speed / (rotor.inertia or 1.0))
+    return _momentum_forms(body, change[None])
 
 
-def _rotor_axis(network: Network, rotor: Rotor) -> list[InternalRule]:
+def _rotor_axis(network: Network, rotor: Rotor) -> list[list[LocalForm]]:
     """Its axis goes with its body."""
     body, per_speed = _momentum(network, rotor)
-    rule = _momentum_rule(body, list(np.cross(np.eye(3), rotor.speed * per_speed)))
-    return [InternalRule(rule, 3, np.zeros(1, dtype=np.intp))]
+    return [_momentum_forms(body, np.cross(np.eye(3), rotor.speed * per_speed))]
 
 
 def _momentum(network: Network, rotor: Rotor) -> tuple[int, Array]:
@@ -108,15 +86,11 @@ def _momentum(network: Network, rotor: Rotor) -> tuple[int, Array]:
     return network.matrices.spin.rotor[rotor.name]
 
 
-def _momentum_rule(body: int, changes: list[Array]) -> Rule:
-    """The rule of changes (3,) of the angular momentum of a body."""
-    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        turn = fields.body[body : body + 1, 3:]
-        return [[(-fields.side * value * fields.rate * turn[:, i], turn[:, j])
-                 for value, (i, j) in zip(change.tolist(), ((1, 2), (2, 0), (0, 1)), strict=True) if value]
-                for change in changes]  # fmt: skip
-
-    return rule
+def _momentum_forms(body: int, changes: Array) -> list[LocalForm]:
+    """The forms of changes (entries, 3) of the angular momentum of a body."""
+    number, matrix = np.array([body]), np.zeros((1, len(changes), 6, 6))
+    matrix[:, :, [4, 5, 3], [5, 3, 4]] = changes
+    return [LocalForm.of(Local("body", number, "spin"), Local("body", number), matrix)]
 
 
 def _follow(rates: PoseRates, rotor: Rotor, _: int) -> None:
@@ -129,7 +103,7 @@ ROTOR = PartRules(
     alters_spin=lambda spin, rotor, _: rotor.inertia is None and spin.coupling is not None,
     # bearings may leave the axis of a body that spins itself
     loaded=LoadRules(lambda rotor, *_: rotor.inertia is None, follow=_follow, internal=(AXIS, 3),
-                     internal_rules=_rotor_axis),
+                     internal_forms=_rotor_axis),
 )  # fmt: skip
 
 

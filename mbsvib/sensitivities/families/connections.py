@@ -18,63 +18,63 @@ from typing import Any
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements import Bushing, Maxwell
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.families import EXPANSIONS, connection_rows, has_rows
 from mbsvib.elements.roles import is_unsymmetric
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.linalg.rotations import quaternion, skew
-from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families.pose_changes import ReferenceTerms, RowTerms, holds_turns
 from mbsvib.sensitivities.families.rules import (
     UNKNOWN,
-    InternalRule,
     LoadRules,
     PartRules,
-    Rule,
-    RuleAndData,
-    Terms,
-    along,
-    among_springs,
-    coefficient,
-    factors,
-    form_terms,
-    in_axes,
     joins_spinning_body,
-    line_end_rates,
-    moved_point,
+    line_turn_rates,
     part_slopes,
-    square_terms,
-    turned_axes,
 )
 from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.local_forms import (
+    NONE,
+    UNIT,
+    Local,
+    LocalForm,
+    displaced,
+    factored,
+    moved_connection,
+    single_entries,
+    six_axes,
+    square,
+)
 from mbsvib.sensitivities.network import Network
 
-
-def _line(power: str) -> Rule:
-    """Coefficients of line springs and inerters."""
-    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-        motion = fields.relative[k, :3] if power == "square" else fields.strain[among_springs(fields, k), :3]
-        change = along(data[0], motion)
-        return [[((0.5 * getattr(fields, power)) * change, change)]]
-
-    return rule
+# Fields of coefficients, and the matrix of each.
+_POWERS = {"stiffness": "stiff", "damping": "rate", "inertance": "square", "static_stiffness": "stiff"}
 
 
-def _line_end(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    change, tension = transformed(data[1], fields.relative[k]), along(data[0], fields.wrench[k, :3])
-    return [[(tension, change[:, i])] for i in range(3)]
+_ONE = np.ones((1, 1, 1, 1))
 
 
-def _line_constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...]:
-    """Directions, and how elongations change where one of their ends moves."""
-    line = np.array([part.line for part in parts])
+def _coefficients(network: Network, number: Index, field: str, matrix: Array, axes: Array | None) -> LocalForm:
+    """The form of changes (k, entries, n, n) of matrices of connections; springs see their strain, inerters motions."""
+    if field == "inertance":
+        return square("relative", number, "square", matrix, axes)
+    return square("strain", number - len(network.joints), _POWERS[field], matrix, axes)
+
+
+def _line_forms(network: Network, parts: Sequence[Any], number: Index, field: str) -> list[LocalForm]:
+    """Coefficients act on changes of length; ends shift lines, and turn them about their starts."""
     if field not in ("start", "end"):
-        return (line,)
-    span = np.array([part.end for part in parts]) - np.array([part.start for part in parts])
-    return line, line_end_rates(line, span, field == "end")
+        lines = np.array([(*part.line, 0.0, 0.0, 0.0) for part in parts])[:, None]
+        return [_coefficients(network, number, field, _ONE, lines)]
+    return [moved_connection(number, *_end_rates(parts, field))]
+
+
+def _end_rates(parts: Sequence[Any], field: str) -> tuple[Array, Array]:
+    """How the starts of lines shift, and how lines turn, as their ends or starts move."""
+    turn = line_turn_rates(np.array([np.subtract(part.end, part.start) for part in parts]))
+    return (NONE, turn) if field == "end" else (UNIT, -turn)
 
 
 def _add_tension(terms: RowTerms, _: Network, __: Forces, part: Any, k: int) -> None:
@@ -104,50 +104,29 @@ def _add_tension_there(terms: ReferenceTerms, part: Any, k: int) -> None:
             terms.forces.put((part.name, field, (i,)), column, -change * after)
 
 
-_OF_LINES: dict[str, Rule] = {
-    "stiffness": _line("stiff"), "damping": _line("rate"), "inertance": _line("square"),
-    "start": _line_end, "end": _line_end,
-}  # fmt: skip
 SPRING = PartRules(
-    "spring", lambda _, __, field: _OF_LINES[field], _line_constants, alters_spin=joins_spinning_body,
+    "spring", _line_forms, alters_spin=joins_spinning_body,
     loaded=LoadRules(add_force_terms=_add_tension, add_reference_terms=_add_tension_there),
-)  # fmt: skip
+)
 INERTER = replace(SPRING, loaded=LoadRules(add_force_terms=_add_tension))
 
 
 _FULL = tuple((i, j) for i in range(6) for j in range(i, 6))
-_DIAGONAL = tuple((i, i) for i in range(6))
+_DIAGONAL = single_entries([(i, i) for i in range(6)])
+_SYMMETRIC = single_entries(_FULL)
+_UNSYMMETRIC = single_entries([(i, j) for i in range(6) for j in range(6)], symmetric=False)
 
 
-def _matrix(power: str, pairs: tuple[tuple[int, int], ...]) -> Rule:
-    """Entries of the matrix of a bushing in its axes."""
-    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-        strain = fields.strain[among_springs(fields, k)]
-        return square_terms(in_axes(data[0], strain), pairs, getattr(fields, power))
-
-    return rule
-
-
-def _unsymmetric(power: str) -> Rule:
-    """Each entry of an unsymmetric matrix: x_i y_j of the motion x on the left and y on the right."""
-    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-        strain, factor = in_axes(data[0], fields.strain[among_springs(fields, k)]), 0.5 * getattr(fields, power)
-        on_left = factor * (1 - fields.side)
-        return [[(strain[:, i] * (factor if i == j else on_left), strain[:, j])] for i in range(6) for j in range(6)]
-
-    return rule
-
-
-def _bushing_rule(_: Network, bushing: Bushing, field: str) -> Rule:
-    if field not in ("stiffness", "damping") or not isinstance(getattr(bushing, field)[0], tuple):
-        return _OF_BUSHINGS[field]
-    return _OF_BUSHINGS[f"{'unsymmetric' if is_unsymmetric(getattr(bushing, field)) else 'full'} {field}"]
-
-
-def _bushing_constants(_: Network, parts: Sequence[Bushing], field: str) -> tuple[Array, ...]:
-    if field in ("stiffness", "damping"):
-        return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
-    return ()
+def _bushing_forms(network: Network, parts: Sequence[Bushing], number: Index, field: str) -> list[LocalForm]:
+    """Entries of matrices act on strains in their axes."""
+    if field in ("position", "orientation"):
+        return [moved_connection(number, *((UNIT, NONE) if field == "position" else (NONE, UNIT)))]
+    value, axes = getattr(parts[0], field), six_axes(np.array([part.orientation for part in parts]))
+    if is_unsymmetric(value):  # x_i y_j of the motion x on the left and y on the right
+        strain = number - len(network.joints)
+        return [LocalForm.of(Local("strain", strain, f"left {_POWERS[field]}", axes), Local("strain", strain, "", axes),
+                             _UNSYMMETRIC)]  # fmt: skip
+    return [_coefficients(network, number, field, _SYMMETRIC if isinstance(value[0], tuple) else _DIAGONAL, axes)]
 
 
 def _bushing_excepted(bushing: Bushing, _: bool, turned: frozenset[str]) -> bool:
@@ -181,7 +160,7 @@ def _add_wrench_there(terms: ReferenceTerms, bushing: Bushing, k: int) -> None:
         terms.forces.put((bushing.name, "orientation", (i,)), column, stiffness @ np.cross(first[:, i], gap))
     local = np.concatenate((axes.T @ gap, np.zeros(3)))
     full = isinstance(bushing.stiffness[0], tuple)
-    for i, j in _FULL if full else _DIAGONAL:
+    for i, j in _FULL if full else [(i, i) for i in range(6)]:
         force = np.zeros(6)
         force[i] = -local[j]
         force[j] = -local[i]
@@ -189,27 +168,25 @@ def _add_wrench_there(terms: ReferenceTerms, bushing: Bushing, k: int) -> None:
         terms.forces.put((bushing.name, "stiffness", (i, j) if full else (i,)), column, in_world)
 
 
-_OF_BUSHINGS: dict[str, Rule] = {
-    "stiffness": _matrix("stiff", _DIAGONAL), "full stiffness": _matrix("stiff", _FULL),
-    "damping": _matrix("rate", _DIAGONAL), "full damping": _matrix("rate", _FULL),
-    "unsymmetric stiffness": _unsymmetric("stiff"), "unsymmetric damping": _unsymmetric("rate"),
-    "position": moved_point(1), "orientation": turned_axes(1),
-}  # fmt: skip
 BUSHING = PartRules(
-    "spring", _bushing_rule, _bushing_constants, alters_spin=joins_spinning_body,
+    "spring", _bushing_forms, alters_spin=joins_spinning_body,
     loaded=LoadRules(_bushing_excepted, _add_wrench, add_reference_terms=_add_wrench_there),
-)  # fmt: skip
+)
 
 
-def _torsion_entry(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...]) -> RuleAndData:
-    about, power = np.array((0.0, 0.0, 0.0, *part.axis)), "rate" if field == "damping" else "stiff"
-    return coefficient(about, network.spring_number[part.name], power), ()
+def _torsion_entry(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...]) -> list[LocalForm]:
+    about = np.array([[(0.0, 0.0, 0.0, *part.axis)]])
+    return [_coefficients(network, _number(network, part.name), field, _ONE, about)]
 
 
-def _torsion_axis(network: Network, part: TorsionSpring) -> list[InternalRule]:
+def _number(network: Network, spring: str) -> Index:
+    """The number (1,) of a spring among all connections."""
+    return np.array([len(network.joints) + network.spring_number[spring]])
+
+
+def _torsion_axis(network: Network, part: TorsionSpring) -> list[list[LocalForm]]:
     """Its axis goes with its first body."""
-    number = np.array([len(network.joints) + network.spring_number[part.name]])
-    return [InternalRule(turned_axes(1), 3, number)]
+    return [[moved_connection(_number(network, part.name), NONE, UNIT)]]
 
 
 def _add_torsion(terms: RowTerms, network: Network, _: Forces, part: TorsionSpring, __: int) -> None:
@@ -230,25 +207,17 @@ def _add_torsion_there(terms: ReferenceTerms, part: TorsionSpring, _: int) -> No
 TORSION = PartRules(
     "torsion", single=_torsion_entry, alters_spin=joins_spinning_body,
     loaded=LoadRules(add_force_terms=_add_torsion, add_reference_terms=_add_torsion_there, internal=("orientation", 3),
-                     internal_rules=_torsion_axis, twist_axis=lambda part: part.axis),
+                     internal_forms=_torsion_axis, twist_axis=lambda part: part.axis),
 )  # fmt: skip
 
 
-def _maxwell_entry(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> RuleAndData:
-    lines, joints = network.maxwell_lines[part.name], len(network.joints)
+def _maxwell_entry(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> list[LocalForm]:
+    numbers = {key: np.array([len(network.joints) + k]) for key, k in network.maxwell_lines[part.name].items()}
     if field not in ("start", "end"):
-        direction = np.concatenate((part.line, np.zeros(3)))
-        return coefficient(direction, lines[field], "rate" if field == "damping" else "stiff"), ()
-    line = np.array([part.line])
-    rates = line_end_rates(line, np.array([np.subtract(part.end, part.start)]), field == "end")
-    static, in_series = joints + lines["static_stiffness"], joints + lines["stiffness"]
-
-    def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        change = transformed(rates, fields.relative[static : static + 1])
-        tension = along(line, (fields.wrench[static, :3] + fields.wrench[in_series, :3])[None])
-        return [[(tension, change[:, index[0]])]]
-
-    return point, ()
+        return _line_forms(network, [part], numbers[field], field)
+    matrix = displaced(*_end_rates([part], field))[:, index[0], None]
+    return [LocalForm.of(Local("wrench", numbers[key]), Local("relative", numbers["static_stiffness"]), matrix)
+            for key in ("static_stiffness", "stiffness")]  # fmt: skip
 
 
 def _add_maxwell_ends(terms: RowTerms, network: Network, _: Forces, part: Maxwell, __: int) -> None:
@@ -286,9 +255,6 @@ def element_matrices(parts: Sequence[Connection], points: Array) -> tuple[Array,
             None if elements.inertance is None else of_owners(elements.inertance))  # fmt: skip
 
 
-_POWERS = ("stiff", "rate", "square")
-
-
 def point_of(part: Connection) -> tuple[float, float, float]:
     """Return the point [m] at which the relative motion of a connection is taken."""
     return part.points[0] if part.points else (0.0, 0.0, 0.0)
@@ -305,30 +271,17 @@ def _stand_ins(part: Connection, field: str = "") -> list[Connection]:
     return [] if moves or made.mass or made.elastic else list(made.springs.values())
 
 
-def _element_entry(network: Network, part: Connection, field: str, index: tuple[int, ...]) -> RuleAndData:
-    present = _stand_ins(part)
-    which = np.array([network.spring_number[spring.name] for spring in present])
-    joints, points = len(network.joints), network.point[len(network.joints) + which]
+def _element_entry(network: Network, part: Connection, field: str, index: tuple[int, ...]) -> list[LocalForm]:
+    number = np.concatenate([_number(network, spring.name) for spring in _stand_ins(part)])
 
     def numbers(varied: Connection) -> dict[str, Array]:
-        matrices = element_matrices(_stand_ins(varied), points)
-        return {power: np.zeros((len(which), 6, 6)) if array is None else array
-                for power, array in zip(_POWERS, matrices, strict=True)}  # fmt: skip
+        matrices = element_matrices(_stand_ins(varied), network.point[number])
+        return {key: np.zeros((len(number), 6, 6)) if array is None else array
+                for key, array in zip(_POWERS, matrices, strict=False)}  # fmt: skip
 
     span = float(np.ptp(np.array(part.points), axis=0).max(initial=0.0)) if part.points else 0.0
     changes = part_slopes(part, field, index, numbers, span if field in part.point_fields and span else None)
-    forms = {power: factors(change) for power, change in changes.items()}
-
-    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        result: Terms = []
-        for power, of_springs in forms.items():
-            weight = 0.5 * getattr(fields, power)
-            for k, form in zip(which.tolist(), of_springs, strict=True):
-                motion = fields.relative[joints + k] if power == "square" else fields.strain[k]
-                result += form_terms(form, motion, weight)
-        return [result]
-
-    return rule, ()
+    return [_coefficients(network, number, key, *factored(change)) for key, change in changes.items() if change.any()]
 
 
 ELEMENT = PartRules("element", single=_element_entry, alters_spin=joins_spinning_body, loaded=UNKNOWN,

@@ -7,23 +7,22 @@ wrenches there do work as on any other connection that is moved.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Array, Index
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import ELASTIC
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.beam_prestress import per_tension
-from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import Field, moved, transformed
-from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.linalg.rotations import rigid_transport, skew
+from mbsvib.linalg.vectors import moved
 from mbsvib.sensitivities.families.elastic_numbers import (
     Entry,
     Made,
+    Nodes,
     beam_slopes,
     element_names,
     loaded_forms,
@@ -31,17 +30,19 @@ from mbsvib.sensitivities.families.elastic_numbers import (
     weights_of,
 )
 from mbsvib.sensitivities.families.pose_changes import PoseRates, RowTerms
-from mbsvib.sensitivities.families.rules import (
-    InternalRule,
-    LoadRules,
-    PartRules,
-    Rule,
-    RuleAndData,
-    Terms,
-    factors,
-    form_terms,
-)
+from mbsvib.sensitivities.families.rules import LoadRules, PartRules
 from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.local_forms import (
+    NONE,
+    Local,
+    LocalForm,
+    Shift,
+    displaced,
+    factored,
+    moved_connection,
+    six_axes,
+    square,
+)
 from mbsvib.sensitivities.network import Network
 
 # The field of the place and orientation of a part that keeps its shape, which are no parameters.
@@ -64,102 +65,74 @@ def _changed(beam: Beam, rest: tuple[Any, Any], entry: Entry) -> tuple[Made, dic
     return made, slopes[entry]
 
 
-def _rule(network: Network, made: Made, change: Mapping[Any, Array]) -> RuleAndData:
-    """The rule of a change of a part.
-
-    Its data are the bodies (1, n) that nodes of the part are, and how their centres of mass move (1, n, 3).
-    """
-    first, floats = len(network.joints), network.floating_number
-    which = [network.spring_number[name] for name in made.springs]
+def _forms(network: Network, made: Made, change: Mapping[Any, Array]) -> list[LocalForm | Shift]:
+    """The forms of a change of a part: connections move and change, rows of nodes too, and nodes that float shift."""
+    first = len(network.joints)
+    springs = np.array([network.spring_number[name] for name in made.springs], dtype=np.intp)
     joints = np.array([network.joint_number[name] for name in made.joints], dtype=np.intp)
-    connections = np.concatenate((joints, first + np.array(which, dtype=np.intp)))
-    sign = np.repeat((-1.0, 1.0), (len(joints), len(which)))
-    ways = np.concatenate((change["joints"], change["elements"][: len(which)]))
-    moving = np.zeros((len(ways), 6, 6))
-    moving[:, :3, :3] = moving[:, 3:, 3:] = -sign[:, None, None] * skew(change["turns"])
-    moving[:, :3, 3:] = -sign[:, None, None] * skew(ways)
-    acting, axis = np.nonzero(moving.any(axis=2))
-    axes = np.zeros((len(which), 6, 6))
-    axes[:, :3, :3] = axes[:, 3:, 3:] = made.numbers["axes"][len(joints) :]
-    coefficients = [(power, factors(axes @ change[key] @ axes.swapaxes(1, 2))) for power, key in (
-        ("stiff", "stiffness"), ("rate", "damping")) if change[key].any()]  # fmt: skip
-    forms = []
+    sign = np.repeat((-1.0, 1.0), (len(joints), len(springs)))[:, None]
+    ways = np.concatenate((change["joints"], change["elements"][: len(springs)]))
+    forms = [moved_connection(np.concatenate((joints, first + springs)), (sign * ways)[:, None],
+                              (sign * change["turns"])[:, None])]  # fmt: skip
+    axes = six_axes(made.numbers["axes"][len(joints) :])
+    forms += [square("strain", springs, power, change[key][:, None], axes)
+              for power, key in (("stiff", "stiffness"), ("rate", "damping")) if change[key].any()]  # fmt: skip
     for key, (form, points) in made.forms.items():
-        nodes = [(network.body_number[body], network.body_number[other], point)
-                 for (body, other, _), point in zip(key[1], points, strict=True)]
         shift = np.zeros(form.shape)
         for i, (way, (*_, goes)) in enumerate(zip(change[key, 1], key[1], strict=True)):
             shift[6 * i : 6 * i + 3, 6 * i + 3 : 6 * i + 6] = -skew(way) * goes
-        rows = shift.any(axis=1)
-        forms.append((key[0], nodes, factors(change[key, 0][None])[0], shift[rows], form[rows]))
-    numbers = [network.body_number[name] for name in made.bodies[: len(change["nodes"])]]
-    hanging = [(floats[body], body, -skew(way)) for body, way in zip(numbers, change["nodes"], strict=True)
-               if body in floats]  # fmt: skip
-
-    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        result: Terms = []
-        for power, of_springs in coefficients:
-            for k, form in zip(which, of_springs, strict=True):
-                result += form_terms(form, fields.strain[k], 0.5 * getattr(fields, power))
-        if len(acting):
-            taken, wrench = transformed(moving, fields.relative[connections]), fields.wrench[connections]
-            result += _products(wrench[acting, axis], taken[acting, axis])
-        for power, nodes, changed, shift, acts in forms:
-            if not (len(changed[0]) or len(shift)):
-                continue
-            d, weight = _displacements(network, fields.body, nodes), getattr(fields, power)
-            result += form_terms(changed, d, 0.5 * weight)
-            result += _products(np.tensordot(shift, d, axes=1), np.tensordot(acts, d, axes=1) * weight)
-        for k, body, across in hanging:
-            result += _products(-np.tensordot(across, fields.body[body, 3:], axes=1), fields.support[k, :3])
-        return [result]
-
-    return rule, (np.array([numbers], dtype=np.intp), change["nodes"][None])
+        bodies, moves = _displacements(network, key, points)
+        forms.append(_node_form(network, key, points, change[key, 0]))
+        if (rows := shift.any(axis=1)).any():  # half of the weight twice
+            forms.append(LocalForm.of(
+                Local("body", bodies, key[0], (2.0 * form[rows] @ moves)[None]),
+                Local("body", bodies, "", (shift[rows] @ moves)[None]), np.eye(int(rows.sum()))[None, None],
+            ))  # fmt: skip
+    floats, ways = network.floating_number, change["nodes"][:, None]
+    nodes = np.array([network.body_number[name] for name in made.bodies[: len(ways)]], dtype=np.intp)
+    hanging = [k for k, body in enumerate(nodes.tolist()) if body in floats]
+    if hanging:
+        support = np.array([floats[body] for body in nodes[hanging].tolist()])
+        forms.append(LocalForm.of(Local("support", support), Local("body", nodes[hanging]),
+                                  displaced(-ways[hanging], NONE)))  # fmt: skip
+    return [Shift(nodes, ways), *forms]
 
 
-def _displacements(network: Network, body: Field, nodes: Sequence[tuple[int, int, Array]]) -> Field:
-    """Displacements (6 n, ...) of nodes against others at their points; -1 is the ground."""
-    return np.concatenate([_displacement(network, body, number, point) - (
-        0.0 if other < 0 else _displacement(network, body, other, point)) for number, other, point in nodes])
+def _node_form(network: Network, key: Nodes, points: Array, matrix: Array) -> LocalForm:
+    """The form of a symmetric matrix on the displacements of nodes."""
+    bodies, moves = _displacements(network, key, points)
+    sizes, axes = factored(matrix[None])
+    return square("body", bodies, key[0], sizes, axes @ moves)
 
 
-def _displacement(network: Network, body: Field, number: int, point: Array) -> Field:
-    """The displacement (6, ...) of a point of a body."""
-    if number < 0:
-        return np.zeros((6, *body.shape[2:]), dtype=body.dtype)
-    return np.asarray(moved(body[number][None], (point - network.position[number])[None])[0])
+def _displacements(network: Network, key: Nodes, points: Array) -> tuple[Index, Array]:
+    """The bodies (1, b) that move some nodes, and the displacements (6 n, 6 b) of these against others at their points.
+    """
+    numbers = [(network.body_number[body], network.body_number[other]) for body, other, _ in key[1]]
+    bodies = sorted({number for pair in numbers for number in pair} - {-1})
+    moves = np.zeros((6 * len(numbers), 6 * len(bodies)))
+    for i, (pair, point) in enumerate(zip(numbers, points, strict=True)):
+        for number, side in zip(pair, (1.0, -1.0), strict=True):
+            if number >= 0:
+                k = 6 * bodies.index(number)
+                moves[6 * i : 6 * i + 6, k : k + 6] += side * rigid_transport(point - network.position[number])
+    return np.array([bodies], dtype=np.intp), moves
 
 
-def _products(left: Field, right: Field) -> Terms:
-    """Terms of the sum of products of entries."""
-    return [(p[None], q[None]) for p, q in zip(left, right, strict=True)]
+def _single(network: Network, beam: Beam, field: str, index: tuple[int, ...]) -> list[LocalForm | Shift]:
+    return _forms(network, *_changed(beam, _at_rest(network, beam), (field, index)))
 
 
-def _single(network: Network, beam: Beam, field: str, index: tuple[int, ...]) -> RuleAndData:
-    return _rule(network, *_changed(beam, _at_rest(network, beam), (field, index)))
-
-
-def _internal_rules(network: Network, part: Any) -> list[InternalRule]:
+def _internal_forms(network: Network, part: Any) -> list[list[LocalForm | Shift]]:
     """It goes with its first node."""
-    ruled = [_rule(network, *moved_as_rigid(part, *_at_rest(network, part), i)) for i in range(6)]
-    return [InternalRule(rule, 1, np.zeros(1, dtype=np.intp), data) for rule, data in ruled]
+    return [_forms(network, *moved_as_rigid(part, *_at_rest(network, part), i)) for i in range(6)]
 
 
-def _gravity_rule(network: Network, parts: Sequence[Any]) -> Rule:
-    """The rule by which gravity changes the stiffness of parts under their weight."""
-    of_ways: list[Any] = []
-    for unit in np.eye(3):
-        forms = chain.from_iterable(loaded_forms(part, np.zeros((len(element_names(part)), 3)), unit) for part in parts)
-        of_ways.append([([(network.body_number[body], network.body_number[other], point)
-                          for (body, other, _), point in zip(key[1], points, strict=True)], factors(form[None])[0])
-                        for key, form, points in forms])  # fmt: skip
-
-    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        return [list(chain.from_iterable(
-            form_terms(form, _displacements(network, fields.body, nodes), 0.5 * fields.stiff)
-            for nodes, form in forms)) for forms in of_ways]  # fmt: skip
-
-    return rule
+def _gravity_forms(network: Network, part: Any) -> list[list[LocalForm]]:
+    """How gravity changes the stiffness of a part under its weight."""
+    none = np.zeros((len(element_names(part)), 3))
+    return [[_node_form(network, key, points, form) for key, form, points in loaded_forms(part, none, unit)]
+            for unit in np.eye(3)]  # fmt: skip
 
 
 def _add_force_terms(terms: RowTerms, network: Network, forces: Forces, part: Any, _: int) -> None:
@@ -205,7 +178,7 @@ def _reactions(part: Superelement) -> tuple[tuple[str, ...], tuple[str, ...], in
 
 
 _COMMON: dict[str, Any] = {"add_force_terms": _add_force_terms, "follow": _follow, "internal": (MOTION, 6),
-                           "internal_rules": _internal_rules, "gravity_rule": _gravity_rule}  # fmt: skip
+                           "internal_forms": _internal_forms, "gravity_forms": _gravity_forms}  # fmt: skip
 BEAM = PartRules(
     "composed", single=_single, has_rule=_has_rule,
     loaded=LoadRules(

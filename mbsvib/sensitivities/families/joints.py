@@ -12,59 +12,34 @@ from typing import Any
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import Index
 from mbsvib.elements import Joint
 from mbsvib.elements.coupler import Coupling
 from mbsvib.kinematics.couplers import measure
-from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
-from mbsvib.sensitivities.families.rules import (
-    LoadRules,
-    PartRules,
-    Rule,
-    RuleAndData,
-    Terms,
-    along,
-    joins_spinning_body,
-    line_turn_rates,
-    moved_point,
-    turned_axes,
-)
+from mbsvib.sensitivities.families.rules import LoadRules, PartRules, joins_spinning_body, line_turn_rates
 from mbsvib.sensitivities.forces import Forces
+from mbsvib.sensitivities.local_forms import NONE, UNIT, Local, LocalForm, moved_connection
 from mbsvib.sensitivities.network import Network
 
-
-def _pitch(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    return [[(along(data[0], fields.wrench[k, :3]), along(data[0], fields.relative[k, 3:]))]]
+_ONE = np.ones((1, 1, 1, 1))
 
 
-def _rod_start(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    return [_turned_about(fields, k, -data[0][:, i]) for i in range(3)]
-
-
-def _rod_end(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    moved = moved_point(-1)(fields, k, ())
-    return [moved[i] + _turned_about(fields, k, data[0][:, i]) for i in range(3)]
-
-
-def _turned_about(fields: Fields, k: Any, rho: Array) -> Terms:
-    """Rods turn with their ends, each by its rho (parts, 3)."""
-    d, w = -fields.relative[k], fields.wrench[k]
-    turn = wide(rho, d)
-    force, moment = cross(turn, w[:, :3]), cross(turn, w[:, 3:])
-    return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
-
-
-def _joint_rule(_: Network, joint: Joint, field: str) -> Rule:
-    return (_OF_JOINTS if joint.end is None else _OF_RODS)[field]
-
-
-def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...]:
-    """How rods turn; axes of screws."""
-    if parts[0].end is not None:
-        return (line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts])),)
-    return (np.array([part.axes for part in parts])[:, :, 2],) if field == "pitch" else ()
+def _joint_forms(_: Network, parts: Sequence[Any], number: Index, field: str) -> list[LocalForm]:
+    """Rods turn with their ends."""
+    move = turn = NONE
+    if field == "pitch":
+        axes = np.array([part.axes for part in parts])[:, None, :, 2]
+        along, about = (np.pad(axes, ((0, 0), (0, 0), width)) for width in ((0, 3), (3, 0)))
+        return [LocalForm.of(Local("wrench", number, "", along), Local("relative", number, "", about), _ONE)]
+    if field == "orientation":
+        turn = UNIT
+    elif parts[0].end is None:
+        move = UNIT
+    else:
+        turn = line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts]))
+        move, turn = (UNIT, turn) if field == "end" else (NONE, -turn)
+    return [moved_connection(number, move, turn, -1)]
 
 
 def _is_exception(joint: Joint, *_: Any) -> bool:
@@ -120,28 +95,20 @@ def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) ->
             terms.openings.put((joint.name, field, (i,)), 6 * k, change)
 
 
-_OF_RODS: dict[str, Rule] = {"position": _rod_start, "end": _rod_end}
-_OF_JOINTS: dict[str, Rule] = {"position": moved_point(-1), "orientation": turned_axes(-1), "pitch": _pitch}
 JOINT = PartRules(
-    "joint", _joint_rule, _constants, alters_spin=joins_spinning_body,
+    "joint", _joint_forms, alters_spin=joins_spinning_body,
     loaded=LoadRules(_is_exception, _add_force_terms, _follow, _add_reference_terms),
-)  # fmt: skip
+)
 
 
-def _coupler_entry(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> RuleAndData:
-    row, reads = network.coupler_row[coupler.name], []
+def _coupler_entry(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> list[LocalForm]:
+    tied, forms = Local("tied", np.array([network.coupler_row[coupler.name]])), []
     for name, rate in _rates(coupler, field, index):
         owner, _, direction = name.rpartition(".")
         k = network.joint_number[owner]
-        force, moment = measure(network.joints[k], direction)
-        if rate:
-            reads.append((k, np.concatenate((force, moment)), rate))
-
-    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        return [[(-rate * fields.tied[row : row + 1], np.tensordot(six, fields.relative[k], axes=1)[None])
-                 for k, six, rate in reads]]  # fmt: skip
-
-    return rule, ()
+        six = -rate * np.concatenate(measure(network.joints[k], direction))
+        forms.append(LocalForm.of(tied, Local("relative", np.array([k])), six[None, None, None]))
+    return forms
 
 
 def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[str, float]]:
