@@ -32,7 +32,7 @@ from mbsvib.common.arrays import Array, Bools, Index
 from mbsvib.elements.joint_kinds import ROD, STRAIGHT, Motion
 from mbsvib.kinematics.relative_motion import order_and_paths
 from mbsvib.linalg.products import concatenated
-from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.rotations import cross, skew
 from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
 
@@ -123,7 +123,7 @@ def geometric_stiffness(
     derivatives of the exponential coordinates of the ``order.rods`` to their own coordinates, world axes.
     """
     ways = _ways(twists.path.tobytes(), twists.path.shape, pairs.first.tobytes(), pairs.second.tobytes())
-    rows = np.moveaxis(motion, -3, -2)  # (..., p, 6, n)
+    rows = motion.swapaxes(-3, -2)  # (..., p, 6, n)
     result = _flat(rows).swapaxes(-1, -2) @ _flat(pairs.hessian @ rows)
     if len(ways.both):
         half = _across(pairs, rows, ways)
@@ -208,15 +208,6 @@ def _brackets(twists: TwistsAt, order: MotionOrder, force: list[Array], moment: 
         one = (m[..., None, :] * turns + f[..., None, :] * shifts).sum(axis=-3)
         total = total + (one if beyond.all() else one * beyond[:, None])
     return np.asarray(0.5 * order.before * total)
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return a x b of vectors (..., 3, p, n)."""
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[..., j, :, :], b[..., k, :, :], out=result[..., i, :, :])
-        result[..., i, :, :] -= a[..., k, :, :] * b[..., j, :, :]
-    return result
 
 
 def _flat(rows: Array) -> Array:

@@ -42,13 +42,13 @@ def of_places(first: Index, body: Index, point: Array, force: Array, torque: Arr
     """
     force, torque = np.broadcast_arrays(force, torque)
     wrench = -np.concatenate((torque, force), axis=-2)
-    hessian = np.tensordot(-np.moveaxis(force, -2, -1), expansions.of_place(), 1)
+    hessian = np.tensordot(-force.swapaxes(-1, -2), expansions.of_place(), 1)
     torsion = None
     if np.count_nonzero(torque) or follower.any():
         torsion = np.zeros((*torque.shape[:-2], len(body), 6, 6), np.result_type(force, torque))
         turns = follower[:, None, None]
-        torsion[..., :3, :3] = np.where(turns, 0.5, -0.5) * skew(np.moveaxis(torque, -2, -1))
-        torsion[..., 3:, :3] = np.where(turns, skew(np.moveaxis(force, -2, -1)), 0.0)
+        torsion[..., :3, :3] = np.where(turns, 0.5, -0.5) * skew(torque.swapaxes(-1, -2))
+        torsion[..., 3:, :3] = np.where(turns, skew(force.swapaxes(-1, -2)), 0.0)
     return Pairs(first, body, point, wrench, hessian, torsion)
 
 
@@ -59,7 +59,7 @@ def of_lines(first: Index, second: Index, start: Array, end: Array, force: Array
     """
     line = end - start
     length = np.sqrt((line * line).sum(axis=-2))
-    axes = frames_along(np.moveaxis(line / length[..., None, :], -2, -1))
+    axes = frames_along((line / length[..., None, :]).swapaxes(-1, -2))
     tension = -(force * line).sum(axis=-2) / length
     hessian = expansions.with_length(expansions.of_line(), expansions.line_units(), length)
     hessian = tension[..., None, None] * expansions.turned(axes, hessian)
@@ -72,7 +72,7 @@ def of_sixes(first: Index, second: Index, point: Array, force: Array, torque: Ar
     ``force``, ``torque`` (..., 3, p): on the second bodies at ``point`` (..., 3, p), world axes.
     """
     force, torque = np.broadcast_arrays(force, torque)
-    work = -np.moveaxis(np.concatenate((force, torque), axis=-2), -2, -1)
+    work = -np.concatenate((force, torque), axis=-2).swapaxes(-1, -2)
     wrench = -np.concatenate((torque, force), axis=-2)
     return Pairs(first, second, point, wrench, np.tensordot(work, expansions.of_six(), 1))
 

@@ -108,10 +108,10 @@ class _Local:
 
     def in_axes(self, wrenches: Array) -> Array:
         """Wrenches (..., 6, j, n) of its joints in world axes as those in the axes of the joints."""
-        halves = np.moveaxis(wrenches, -2, -3)
+        halves = wrenches.swapaxes(-2, -3)
         turned = [concatenated([self.frames[k].swapaxes(-1, -2) @ halves[..., i, half, :] for half in (
             slice(3), slice(3, 6))], -2) for i, k in enumerate(self.stress.joints.tolist())]  # fmt: skip
-        return np.moveaxis(concatenated([array[..., None, :, :] for array in turned], -3), -3, -2)
+        return np.asarray(concatenated([array[..., None, :] for array in turned], -2))
 
     def minimum_norm(self, values: Array, added: Array | float) -> Array:
         """Wrenches (..., v, k) of all joints without their part along the states."""
@@ -139,21 +139,23 @@ def _work_of_states(
     weighted = weighted.reshape(*weighted.shape[:-2], 1, -1)
     number, point = scene.topology.body_numbers, reactions.motions.point[..., 6 * stress.joints]
     carrier = np.array([carrier_of(scene.topology.joints[k], number) for k in stress.joints.tolist()])
-    weight_change = _sum(draft, moment_weight_rows(point, carrier, len(scene.bodies), stress.length))
+    weight_change = _sums(draft, moment_weight_rows(point, carrier, len(scene.bodies), stress.length), 1)
     silent = replace(loaded, pairs=replace(loaded.pairs, wrench=0.0 * loaded.pairs.wrench,
                                            hessian=0.0 * loaded.pairs.hessian, torsion=None))  # fmt: skip
     result = []
     for k in range(stress.states.shape[-1]):
         changes = work.of_forces(silent, *all_pairs(scene, silent, stress.multipliers[..., k]))[..., local.rows, :]
         moments = (wrench[..., 3:, :] * stress.states[..., 3:, :, k]).sum(axis=(-1, -2))
-        result.append(weighted @ changes + (moments[..., None] * weight_change)[..., None, :])
+        result.append(weighted @ changes + moments[..., None, None] * weight_change)
     return np.asarray(concatenated(result, -2))
 
 
-def _sum(draft: Draft, rows: Rows) -> Array:
-    """The sum (..., m) of relative displacements."""
+def _sums(draft: Draft, rows: Rows, count: int) -> Array:
+    """The sums (..., count, m) of relative displacements, of as many rows each."""
     relative = relative_motion(draft.scene.coordinates, rows)
-    return np.asarray(draft.reduction.apply(relative.dense(0, len(rows.first))).sum(axis=-2))
+    values = draft.reduction.apply(relative.dense(0, len(rows.first)))
+    *lead, total, m = values.shape
+    return np.asarray(values.reshape(*lead, count, total // count, m).sum(axis=-2))
 
 
 def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
@@ -186,8 +188,10 @@ def with_sums(draft: Draft, momenta: Sequence[tuple[int, Array]]) -> Terms:
     loads: Any = np.zeros(spin.shape[-2:])
     if scene.loads is not None and on_ground.any():
         centres, applied = components_first(scene.position), scene.loads[0]
-        loads = concatenated([_sum(draft, applied.on_ground(centres, wrench * here))[..., None, :]
-                              for (_, _, wrench), here in zip(asked, on_ground, strict=True)], -2)  # fmt: skip
+        rows = [applied.on_ground(centres, wrench) for (_, body, wrench) in asked if body == len(scene.bodies)]
+        sums = _sums(draft, Rows.join(rows), len(rows))
+        loads = widened(loads, sums)
+        loads[..., on_ground, :] = sums
     inertia = back @ terms.inertia_factor[..., : factor.shape[-2], :]
     result: dict[str, Any] = {}
     for key, values in (("Cq", loads), ("Cv", spin), ("Ca", inertia), ("D", through)):

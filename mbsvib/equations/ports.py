@@ -27,6 +27,7 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.shared_rows import Shared
 from mbsvib.linalg.products import widened
 from mbsvib.linalg.rank import PARALLEL_DIRECTIONS, ZERO_SUM
+from mbsvib.linalg.rotations import cross
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -227,9 +228,10 @@ def ground_motion(twist: ArrayLike, origin: ArrayLike, points: Array) -> Array:
     ``twist`` (..., 6): translation of the origin and rotation of the ground. ``origin`` (..., 3): a point of the ground
     [m]. ``points`` (..., 3): the points [m]. Returns (..., 6): translations and rotations.
     """
-    linear, angular = np.split(np.array(twist), 2, axis=-1)
-    translation = np.cross(angular, points - np.array(origin)) + linear
-    return np.concatenate((translation, np.broadcast_to(angular, translation.shape)), axis=-1)
+    six = np.array(twist)
+    linear, angular = six[..., :3], six[..., 3:]
+    translation = cross(angular, points - np.array(origin), -1) + linear
+    return np.concatenate((translation, angular + np.zeros_like(translation)), axis=-1)
 
 
 def inertia_of_ground_motion(

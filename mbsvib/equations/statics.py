@@ -36,6 +36,7 @@ from mbsvib.equations.wrenches import AppliedWrenches, WrenchPairs
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
+from mbsvib.linalg.rotations import components_first
 from mbsvib.mechanism.topology import Topology
 
 # Lever arms smaller than this share of the largest coordinate are taken for rounding of points.
@@ -105,7 +106,7 @@ def forces_along(scene: Scene, motion: Array) -> tuple[Array, Array]:
     assert scene.loads is not None
     applied, known = scene.loads
     if "on_bodies" not in known:  # of a single model they are kept with its loads
-        known["on_bodies"] = applied.on_bodies(np.moveaxis(scene.centres, -1, 0))
+        known["on_bodies"] = applied.on_bodies(components_first(scene.centres))
     wrench, sizes = known["on_bodies"]
     points = (applied.pairs.start, scene.position, scene.coordinates.point)
     reach = max([float(np.abs(array).max(initial=0.0)) for array in points])

@@ -33,7 +33,7 @@ from mbsvib.kinematics.loops import Reduction
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.products import concatenated, product_with_zeros, widened
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.rotations import cross, skew
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import FLOATS, Branch, Topology
 
@@ -118,7 +118,7 @@ def _along(rows: Rows, six: Array, point: Array) -> Array:
     force, moment, at = leading(rows.force), leading(rows.moment), leading(rows.point)
     arm = at[..., :, :, None] - point[..., :, None, :]
     turn = six[..., :3, None, :]
-    moved = six[..., 3:, None, :] + np.cross(turn, arm, axis=-3)
+    moved = six[..., 3:, None, :] + cross(turn, arm)
     return np.asarray((force[..., None] * moved).sum(axis=-3) + (moment[..., None] * turn).sum(axis=-3))
 
 
@@ -269,7 +269,7 @@ class VirtualWork:
                 force = second.transmitted[..., 3:, n + 6 * k]
             if not part.is_rod and carrier_of(part, scene.topology.body_numbers) != a[0]:
                 # moments are about a point that moves with the second body
-                slide = skew(np.moveaxis(xi[..., 3:, :], -1, -2)) @ force[..., None, :, None]
+                slide = skew(xi[..., 3:, :].swapaxes(-1, -2)) @ force[..., None, :, None]
                 rows[..., mine, :] -= six[..., :3, :].swapaxes(-1, -2) @ slide[..., 0].swapaxes(-1, -2)
         back = self.following.swapaxes(-1, -2)
         result = self._reduction.apply(rows + back @ hessian[..., :n, :n])
@@ -289,8 +289,8 @@ class VirtualWork:
         for i in () if part.is_rod else self._pairs_of(loaded, joint):
             at = pairs.point[..., i : i + 1]
             xi = loaded.twists.motion(pairs.first[[i]], pairs.second[[i]], at)[..., 0, :]
-            moved = skew(np.moveaxis(point - at, -1, -2)) @ np.moveaxis(six[..., :3, :], -1, -2)[..., None]
-            there = concatenated((six[..., :3, :], six[..., 3:, :] + np.moveaxis(moved[..., 0], -1, -2)), -2)
+            moved = skew((point - at).swapaxes(-1, -2)) @ six[..., :3, :].swapaxes(-1, -2)[..., None]
+            there = concatenated((six[..., :3, :], six[..., 3:, :] + moved[..., 0].swapaxes(-1, -2)), -2)
             matrix = pairs.hessian[..., i, :, :] + 0.5 * bracket_form(pairs.wrench[..., i])
             force, rows = force - pairs.wrench[..., 3:, i], rows - there.swapaxes(-1, -2) @ matrix @ xi
         return force, rows

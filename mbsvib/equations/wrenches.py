@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arrays import Array, Bools, Index
-from mbsvib.core.geometric_stiffness import cross
 from mbsvib.elements.rows import Rows, columns
 from mbsvib.linalg.products import concatenated, sums_by_number
-from mbsvib.linalg.rotations import crossed_product, exponential
+from mbsvib.linalg.rotations import cross, crossed_product, exponential
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -60,8 +59,8 @@ class AppliedWrenches:
         pairs, loads, bodies = self.pairs, slice(self.loads), np.arange(position.shape[-1])
         end, force, torque = (leading(array)[..., loads] for array in (pairs.end, pairs.force, pairs.torque))
         along, about = wrench[:3, None], wrench[3:, None]
-        at_end = along + np.cross(about, end, axis=-2)
-        moment = self.follower * (np.cross(torque, about, axis=-2) + np.cross(force, at_end, axis=-2))
+        at_end = along + cross(about, end, -2)
+        moment = self.follower * (cross(torque, about, -2) + cross(force, at_end, -2))
         weight, turned = (crossed_product(vectors, about) for vectors in (self.weight[..., :-1], trailing(force)))
         return Rows.join([
             Rows(pairs.first[loads], pairs.second[loads], trailing(end), turned, trailing(moment)),
@@ -153,7 +152,7 @@ class WrenchPairs:
         point, force, torque = (concatenated([leading(array) for array in pair], -1) for pair in (
             ends, (-self.force, self.force), (-self.torque, self.torque)))  # fmt: skip
         arm = point - leading(position)[..., body]
-        moment = cross(arm[..., None, :], force[..., None, :])[..., 0, :]
+        moment = cross(arm, force, -2)
         lengths = [np.sqrt(np.square(part).sum(axis=-2, keepdims=True)) for part in (force, moment, torque)]
         both = concatenated((force, moment + torque, lengths[0], lengths[1] + lengths[2]), -2)
         sums = _by_body(both, body, position.shape[-1])

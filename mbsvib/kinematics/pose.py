@@ -24,7 +24,7 @@ from mbsvib.elements.joint_kinds import Columns
 from mbsvib.linalg.displacements import Displacement
 from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rank import SAME_POINT
-from mbsvib.linalg.rotations import CYCLE, components_first, exponential, frames_along, logarithm, orthonormal
+from mbsvib.linalg.rotations import components_first, cross, exponential, frames_along, logarithm, orthonormal
 from mbsvib.mechanism.mechanism import Mechanism
 
 IDENTITY = np.eye(3)
@@ -164,9 +164,9 @@ Axes = Callable[[Joints, "Pose"], "Array"]
 def _between_axes(joints: Joints, pose: Pose) -> Array:
     """Axes along the first axis, along the normal of both axes, and perpendicular to these."""
     first_axis = pose.vectors(joints.first, joints.first_axis)
-    normal = _cross(first_axis, pose.vectors(joints.second, joints.last_axis))
+    normal = cross(first_axis, pose.vectors(joints.second, joints.last_axis), -1)
     normal /= np.sqrt(np.add.reduce(normal * normal, axis=-1, keepdims=True))
-    return np.concatenate([part[..., None] for part in (first_axis, normal, _cross(normal, first_axis))], axis=-1)
+    return np.concatenate([part[..., None] for part in (first_axis, normal, cross(normal, first_axis, -1))], axis=-1)
 
 
 def _halfway(joints: Joints, pose: Pose) -> Array:
@@ -177,12 +177,6 @@ def _halfway(joints: Joints, pose: Pose) -> Array:
 def _along_rod(joints: Joints, pose: Pose) -> Array:
     rod = pose.points(joints.second, joints.end) - pose.points(joints.first, joints.start)
     return frames_along(rod / np.sqrt((rod * rod).sum(axis=-1, keepdims=True)))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return the vector products of (..., 3)."""
-    a, b = a.take(CYCLE, axis=-1), b.take(CYCLE, axis=-1)
-    return np.asarray(a[..., 1:4] * b[..., 2:] - a[..., 2:] * b[..., 1:4])
 
 
 def axes_of(joint: Joint) -> Axes | None:

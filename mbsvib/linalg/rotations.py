@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbsvib.common.arrays import Array
+from mbsvib.common.arrays import AnyArray, Array
 from mbsvib.linalg.components import arctan2
 
 # Below this angle [rad] the coefficients are computed by series, which are as accurate and do not divide by zero.
@@ -16,6 +16,8 @@ HALF_TURN = -0.99
 _IDENTITY = np.eye(3)
 # x y z x y: both cyclic shifts of a cross product are slices of vectors with these components.
 CYCLE = np.array((0, 1, 2, 0, 1))
+# y z x and z x y
+_NEXT, _LAST = np.array((1, 2, 0)), np.array((2, 0, 1))
 # [w]x of w = (x, y, z) is w @ _SKEW, row by row
 _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
 
@@ -30,14 +32,18 @@ def components_last(components: Array) -> Array:
     return components.transpose(*range(1, components.ndim), 0)
 
 
+def cross(a: AnyArray, b: AnyArray, axis: int = -3) -> AnyArray:
+    """Return a x b of arrays that broadcast, whose components are along an ``axis``."""
+    result = a.take(_NEXT, axis) * b.take(_LAST, axis)
+    result -= a.take(_LAST, axis) * b.take(_NEXT, axis)
+    return result
+
+
 def crossed_product(a: Array, b: Array) -> Array:
     """Return a x b of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
     if a.ndim != b.ndim:
         a, b = (a[:, None], b) if a.ndim < b.ndim else (a, b[:, None])
-    a, b = a.take(CYCLE, axis=0), b.take(CYCLE, axis=0)
-    result: Array = a[1:4] * b[2:]
-    result -= a[2:] * b[1:4]
-    return result
+    return cross(a, b, 0)
 
 
 def skew(w: Array) -> Array:
@@ -51,12 +57,12 @@ def frames_along(z: Array) -> Array:
 
     The others are x and y, turned by the smallest rotation that takes the positive or negative z axis to the vector.
     """
-    x, y, z = np.moveaxis(np.asarray(z), -1, 0)
+    x, y, z = components_first(np.asarray(z))
     sign = np.where(np.real(z) < -0.5, -1.0, 1.0)
     share = 1.0 / (1.0 + sign * z)
     mixed = x * y * share
-    rows = ((1.0 - x * x * share, -sign * mixed, x), (-mixed, sign * (1.0 - y * y * share), y), (-sign * x, -y, z))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    entries = (1.0 - x * x * share, -sign * mixed, x, -mixed, sign * (1.0 - y * y * share), y, -sign * x, -y, z)
+    return np.stack(entries, axis=-1).reshape(*x.shape, 3, 3)
 
 
 def rigid_transport(arm: Array) -> Array:

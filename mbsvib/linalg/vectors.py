@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.common.arrays import AnyArray, Array
+from mbsvib.linalg import rotations
 from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rotations import skew
 
@@ -21,11 +22,7 @@ DENSE = 16_000
 
 def cross(a: Field, b: Field) -> Field:
     """Vector products of (k, 3, ...)."""
-    result: Field = np.empty(np.broadcast(a, b).shape, dtype=np.result_type(a, b))
-    for axis, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[:, i], b[:, j], out=result[:, axis])
-        result[:, axis] -= a[:, j] * b[:, i]
-    return result
+    return rotations.cross(a, b, 1)
 
 
 def dot(a: Field, b: Field) -> Field:
