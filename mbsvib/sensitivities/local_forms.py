@@ -31,6 +31,8 @@ from mbsvib.sensitivities.adjoint_fields import Fields
 # Fields of so many numbers are looked through for components that are zero, as planar mechanisms have many.
 LARGE = 2_000
 NONE, UNIT = np.zeros((1, 3)), np.eye(3)[None]
+# Rows, columns (p,) and values (k, entries of the field, p) of the entries of matrices that are not zero in all.
+Entries = tuple[Index, Index, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +82,6 @@ class LocalForm:
     columns: Index
     factor: Array
 
-    @staticmethod
-    def of(a: Local, b: Local, matrix: Array) -> LocalForm:
-        """Return the form of matrices D (k, entries of the field, n, m)."""
-        rows, columns = np.nonzero(matrix.any(axis=(0, 1)))
-        return LocalForm(a, b, rows, columns, matrix[:, :, rows, columns])
-
     def products(self, which: slice, left: Fields, right: Fields | None, numbers: int) -> tuple[Array, Field] | None:
         """Return factors (k, entries, q) and products (k, q, ...) whose sums are the forms of some of the parts; None
         if all are zero. ``right`` None: half of the form with y = x. Fields of many ``numbers`` are looked through.
@@ -129,21 +125,27 @@ def summed_products(factor: Array, products: Field, parts: int) -> Field:
     return real_product(factor, products.reshape(k, q, prod(tail))).reshape(k, factor.shape[1], *tail)
 
 
-def square(array: str, number: Index, power: str, matrix: Array, axes: Array | None = None) -> LocalForm:
-    """Return the form of a change (k, entries, n, n) of symmetric matrices of stiffness, damping or inertia on motions;
-    ``power``: "stiff", "rate" or "square"; ``axes``: those of ``Local``.
+def entries(matrix: Array) -> Entries:
+    """Return the entries of matrices D (k, entries of the field, n, m)."""
+    rows, columns = np.nonzero(matrix.any(axis=(0, 1)))
+    return rows, columns, matrix[:, :, rows, columns]
+
+
+def single_entries(pairs: Sequence[tuple[int, int]], *, symmetric: bool = True) -> Entries:
+    """Return the entries of matrices (1, pairs, 6, 6) with a 1 in the places of pairs; ``symmetric`` ones also have it
+    in the opposite places, and both are one entry, their sum.
     """
-    once = np.triu(matrix) + np.tril(matrix, -1).swapaxes(-1, -2)
-    return LocalForm.of(Local(array, number, power, axes), Local(array, number, "", axes), once)
+    rows, columns = np.array(pairs).T
+    twice = symmetric & (rows != columns)
+    return rows, columns, np.diag(np.where(twice, 2.0, 1.0))[None]
 
 
-def single_entries(pairs: Sequence[tuple[int, int]], *, symmetric: bool = True) -> Array:
-    """Return matrices (1, pairs, 6, 6) with a 1 in the places of pairs, and in the opposite ones if ``symmetric``."""
-    result, k, (i, j) = np.zeros((1, len(pairs), 6, 6)), np.arange(len(pairs)), np.array(pairs).T
-    result[0, k, i, j] = 1.0
-    if symmetric:
-        result[0, k, j, i] = 1.0
-    return result
+def square(array: str, number: Index, power: str, change: Entries, axes: Array | None = None) -> LocalForm:
+    """Return the form of a change of symmetric matrices of stiffness, damping or inertia on motions.
+
+    Pairs of entries may be one, their sum. ``power``: "stiff", "rate" or "square"; ``axes``: those of ``Local``.
+    """
+    return LocalForm(Local(array, number, power, axes), Local(array, number, "", axes), *change)
 
 
 def six_axes(axes: Array) -> Array | None:
@@ -156,17 +158,19 @@ def six_axes(axes: Array) -> Array | None:
     return result
 
 
-def factored(matrices: Array) -> tuple[Array, Array]:
-    """Return symmetric matrices (k, n, n) as diagonal ones (k, 1, n, n) in axes (k, n, n) of their own, without what is
-    rounding in all.
+def factored(matrices: Array) -> tuple[Entries, Array]:
+    """Return symmetric matrices (k, n, n) as the entries of diagonal ones in axes (k, n, n) of their own, without what
+    is rounding in all.
     """
     sizes, vectors = np.linalg.eigh(0.5 * (matrices + matrices.swapaxes(1, 2)))
     sizes[np.abs(sizes) <= ZERO_SLOPE * np.abs(matrices).max(initial=0.0)] = 0.0
-    return sizes[:, None, None] * np.eye(matrices.shape[1]), vectors.swapaxes(1, 2)
+    used = np.flatnonzero(sizes.any(axis=0))
+    return (used, used, sizes[:, None, used]), vectors.swapaxes(1, 2)
 
 
 def displaced(move: Array, turn: Array) -> Array:
-    """Return matrices D (..., 6, 6) between wrench and motion where parts move and turn, (..., 3) each, at their point.
+    """Return matrices D (..., 6, 6) between wrench and motion where parts move and turn, (..., 3) each, at their point;
+    of joints with the other sign, which hand on what bushings take.
     """
     move, turn = np.broadcast_arrays(move, turn)
     result = np.zeros((*move.shape[:-1], 6, 6))
@@ -175,8 +179,11 @@ def displaced(move: Array, turn: Array) -> Array:
     return result
 
 
-def moved_connection(number: Index, move: Array, turn: Array, sign: int = 1) -> LocalForm:
-    """Return the form of connections that move and turn, (k, entries, 3) each; joints, of ``sign`` -1, hand on what
-    bushings take.
-    """
-    return LocalForm.of(Local("wrench", number), Local("relative", number), sign * displaced(move, turn))
+# Constants: one number, and a shift or a turn of connections.
+ONE = entries(np.ones((1, 1, 1, 1)))
+SHIFTED, TURNED = entries(displaced(UNIT, NONE)), entries(displaced(NONE, UNIT))
+
+
+def moved_connection(number: Index, change: Entries) -> LocalForm:
+    """Return the form of connections that move and turn, with the entries of ``displaced``."""
+    return LocalForm(Local("wrench", number), Local("relative", number), *change)

@@ -187,7 +187,7 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
         if group.kind not in ("joint", "coupler"):
             continue
         rows = group.rows
-        if (known := group.block(slice(0, len(rows)), stress, None, 0)) is None:
+        if (known := group.block(slice(0, len(rows)), stress, None, dof * none.shape[2])) is None:
             continue
         acts, block = known
         rows = rows[:, acts]

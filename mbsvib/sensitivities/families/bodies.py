@@ -19,18 +19,22 @@ from mbsvib.sensitivities.families.rules import LoadRules, PartRules
 from mbsvib.sensitivities.forces import Forces
 from mbsvib.sensitivities.local_forms import (
     NONE,
+    SHIFTED,
     UNIT,
     Local,
     LocalForm,
     Shift,
     displaced,
+    entries,
     single_entries,
     six_axes,
     square,
 )
 from mbsvib.sensitivities.network import Network
 
-_MASS = np.diag((1.0, 1.0, 1.0, 0.0, 0.0, 0.0))[None, None]
+_MASS = entries(np.diag((1.0, 1.0, 1.0, 0.0, 0.0, 0.0))[None, None])
+_TURNED = entries(displaced(NONE, UNIT) * (np.arange(6) > 2)[:, None])
+_CARRIED = entries(displaced(-UNIT, NONE))
 _TENSOR = single_entries([(3, 3), (4, 4), (5, 5), (3, 4), (3, 5), (4, 5)])
 
 
@@ -43,12 +47,10 @@ def _body_forms(network: Network, parts: Sequence[Body], number: Index, field: s
         axes = six_axes(np.array([part.orientation for part in parts]))
         return [square("body", number, "square", _TENSOR, axes)]
     if field == "orientation":
-        turned = displaced(NONE, UNIT)
-        turned[..., :3, :3] = 0.0
-        return [LocalForm.of(wrench, body, turned)]
+        return [LocalForm(wrench, body, *_TURNED)]
     floating = [network.floating_number[k] for k in number.tolist() if k in network.floating_number]
-    return [Shift(number, UNIT), LocalForm.of(wrench, body, displaced(UNIT, NONE)), *(
-        [LocalForm.of(Local("support", np.array(floating)), body, displaced(-UNIT, NONE))] if floating else [])]
+    return [Shift(number, UNIT), LocalForm(wrench, body, *SHIFTED), *(
+        [LocalForm(Local("support", np.array(floating)), body, *_CARRIED)] if floating else [])]
 
 
 def _add_weight(terms: RowTerms, _: Network, forces: Forces, body: Body, k: int) -> None:
@@ -90,7 +92,7 @@ def _momentum_forms(body: int, changes: Array) -> list[LocalForm]:
     """The forms of changes (entries, 3) of the angular momentum of a body."""
     number, matrix = np.array([body]), np.zeros((1, len(changes), 6, 6))
     matrix[:, :, [4, 5, 3], [5, 3, 4]] = changes
-    return [LocalForm.of(Local("body", number, "spin"), Local("body", number), matrix)]
+    return [LocalForm(Local("body", number, "spin"), Local("body", number), *entries(matrix))]
 
 
 def _follow(rates: PoseRates, rotor: Rotor, _: int) -> None:

@@ -37,10 +37,15 @@ from mbsvib.sensitivities.families.rules import (
 from mbsvib.sensitivities.forces import Forces
 from mbsvib.sensitivities.local_forms import (
     NONE,
+    ONE,
+    SHIFTED,
+    TURNED,
     UNIT,
+    Entries,
     Local,
     LocalForm,
     displaced,
+    entries,
     factored,
     moved_connection,
     single_entries,
@@ -53,22 +58,19 @@ from mbsvib.sensitivities.network import Network
 _POWERS = {"stiffness": "stiff", "damping": "rate", "inertance": "square", "static_stiffness": "stiff"}
 
 
-_ONE = np.ones((1, 1, 1, 1))
-
-
-def _coefficients(network: Network, number: Index, field: str, matrix: Array, axes: Array | None) -> LocalForm:
-    """The form of changes (k, entries, n, n) of matrices of connections; springs see their strain, inerters motions."""
+def _coefficients(network: Network, number: Index, field: str, change: Entries, axes: Array | None) -> LocalForm:
+    """The form of changes of matrices of connections; springs see their strain, inerters motions."""
     if field == "inertance":
-        return square("relative", number, "square", matrix, axes)
-    return square("strain", number - len(network.joints), _POWERS[field], matrix, axes)
+        return square("relative", number, "square", change, axes)
+    return square("strain", number - len(network.joints), _POWERS[field], change, axes)
 
 
 def _line_forms(network: Network, parts: Sequence[Any], number: Index, field: str) -> list[LocalForm]:
     """Coefficients act on changes of length; ends shift lines, and turn them about their starts."""
     if field not in ("start", "end"):
         lines = np.array([(*part.line, 0.0, 0.0, 0.0) for part in parts])[:, None]
-        return [_coefficients(network, number, field, _ONE, lines)]
-    return [moved_connection(number, *_end_rates(parts, field))]
+        return [_coefficients(network, number, field, ONE, lines)]
+    return [moved_connection(number, entries(displaced(*_end_rates(parts, field))))]
 
 
 def _end_rates(parts: Sequence[Any], field: str) -> tuple[Array, Array]:
@@ -120,12 +122,12 @@ _UNSYMMETRIC = single_entries([(i, j) for i in range(6) for j in range(6)], symm
 def _bushing_forms(network: Network, parts: Sequence[Bushing], number: Index, field: str) -> list[LocalForm]:
     """Entries of matrices act on strains in their axes."""
     if field in ("position", "orientation"):
-        return [moved_connection(number, *((UNIT, NONE) if field == "position" else (NONE, UNIT)))]
+        return [moved_connection(number, SHIFTED if field == "position" else TURNED)]
     value, axes = getattr(parts[0], field), six_axes(np.array([part.orientation for part in parts]))
     if is_unsymmetric(value):  # x_i y_j of the motion x on the left and y on the right
         strain = number - len(network.joints)
-        return [LocalForm.of(Local("strain", strain, f"left {_POWERS[field]}", axes), Local("strain", strain, "", axes),
-                             _UNSYMMETRIC)]  # fmt: skip
+        return [LocalForm(Local("strain", strain, f"left {_POWERS[field]}", axes), Local("strain", strain, "", axes),
+                          *_UNSYMMETRIC)]  # fmt: skip
     return [_coefficients(network, number, field, _SYMMETRIC if isinstance(value[0], tuple) else _DIAGONAL, axes)]
 
 
@@ -176,7 +178,7 @@ BUSHING = PartRules(
 
 def _torsion_entry(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...]) -> list[LocalForm]:
     about = np.array([[(0.0, 0.0, 0.0, *part.axis)]])
-    return [_coefficients(network, _number(network, part.name), field, _ONE, about)]
+    return [_coefficients(network, _number(network, part.name), field, ONE, about)]
 
 
 def _number(network: Network, spring: str) -> Index:
@@ -186,7 +188,7 @@ def _number(network: Network, spring: str) -> Index:
 
 def _torsion_axis(network: Network, part: TorsionSpring) -> list[list[LocalForm]]:
     """Its axis goes with its first body."""
-    return [[moved_connection(_number(network, part.name), NONE, UNIT)]]
+    return [[moved_connection(_number(network, part.name), TURNED)]]
 
 
 def _add_torsion(terms: RowTerms, network: Network, _: Forces, part: TorsionSpring, __: int) -> None:
@@ -215,8 +217,8 @@ def _maxwell_entry(network: Network, part: Maxwell, field: str, index: tuple[int
     numbers = {key: np.array([len(network.joints) + k]) for key, k in network.maxwell_lines[part.name].items()}
     if field not in ("start", "end"):
         return _line_forms(network, [part], numbers[field], field)
-    matrix = displaced(*_end_rates([part], field))[:, index[0], None]
-    return [LocalForm.of(Local("wrench", numbers[key]), Local("relative", numbers["static_stiffness"]), matrix)
+    change = entries(displaced(*_end_rates([part], field))[:, index[0], None])
+    return [LocalForm(Local("wrench", numbers[key]), Local("relative", numbers["static_stiffness"]), *change)
             for key in ("static_stiffness", "stiffness")]  # fmt: skip
 
 

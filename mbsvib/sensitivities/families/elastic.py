@@ -38,6 +38,7 @@ from mbsvib.sensitivities.local_forms import (
     LocalForm,
     Shift,
     displaced,
+    entries,
     factored,
     moved_connection,
     six_axes,
@@ -72,10 +73,10 @@ def _forms(network: Network, made: Made, change: Mapping[Any, Array]) -> list[Lo
     joints = np.array([network.joint_number[name] for name in made.joints], dtype=np.intp)
     sign = np.repeat((-1.0, 1.0), (len(joints), len(springs)))[:, None]
     ways = np.concatenate((change["joints"], change["elements"][: len(springs)]))
-    forms = [moved_connection(np.concatenate((joints, first + springs)), (sign * ways)[:, None],
-                              (sign * change["turns"])[:, None])]  # fmt: skip
+    forms = [moved_connection(np.concatenate((joints, first + springs)), entries(displaced(
+        (sign * ways)[:, None], (sign * change["turns"])[:, None])))]  # fmt: skip
     axes = six_axes(made.numbers["axes"][len(joints) :])
-    forms += [square("strain", springs, power, change[key][:, None], axes)
+    forms += [square("strain", springs, power, entries(change[key][:, None]), axes)
               for power, key in (("stiff", "stiffness"), ("rate", "damping")) if change[key].any()]  # fmt: skip
     for key, (form, points) in made.forms.items():
         shift = np.zeros(form.shape)
@@ -84,17 +85,17 @@ def _forms(network: Network, made: Made, change: Mapping[Any, Array]) -> list[Lo
         bodies, moves = _displacements(network, key, points)
         forms.append(_node_form(network, key, points, change[key, 0]))
         if (rows := shift.any(axis=1)).any():  # half of the weight twice
-            forms.append(LocalForm.of(
+            forms.append(LocalForm(
                 Local("body", bodies, key[0], (2.0 * form[rows] @ moves)[None]),
-                Local("body", bodies, "", (shift[rows] @ moves)[None]), np.eye(int(rows.sum()))[None, None],
+                Local("body", bodies, "", (shift[rows] @ moves)[None]), *entries(np.eye(int(rows.sum()))[None, None]),
             ))  # fmt: skip
     floats, ways = network.floating_number, change["nodes"][:, None]
     nodes = np.array([network.body_number[name] for name in made.bodies[: len(ways)]], dtype=np.intp)
     hanging = [k for k, body in enumerate(nodes.tolist()) if body in floats]
     if hanging:
         support = np.array([floats[body] for body in nodes[hanging].tolist()])
-        forms.append(LocalForm.of(Local("support", support), Local("body", nodes[hanging]),
-                                  displaced(-ways[hanging], NONE)))  # fmt: skip
+        forms.append(LocalForm(Local("support", support), Local("body", nodes[hanging]),
+                               *entries(displaced(-ways[hanging], NONE))))  # fmt: skip
     return [Shift(nodes, ways), *forms]
 
 

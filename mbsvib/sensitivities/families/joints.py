@@ -19,27 +19,23 @@ from mbsvib.kinematics.couplers import measure
 from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms, RowTerms
 from mbsvib.sensitivities.families.rules import LoadRules, PartRules, joins_spinning_body, line_turn_rates
 from mbsvib.sensitivities.forces import Forces
-from mbsvib.sensitivities.local_forms import NONE, UNIT, Local, LocalForm, moved_connection
+from mbsvib.sensitivities.local_forms import NONE, ONE, UNIT, Local, LocalForm, displaced, entries, moved_connection
 from mbsvib.sensitivities.network import Network
 
-_ONE = np.ones((1, 1, 1, 1))
+_SHIFTED, _TURNED = entries(-displaced(UNIT, NONE)), entries(-displaced(NONE, UNIT))
 
 
 def _joint_forms(_: Network, parts: Sequence[Any], number: Index, field: str) -> list[LocalForm]:
     """Rods turn with their ends."""
-    move = turn = NONE
     if field == "pitch":
         axes = np.array([part.axes for part in parts])[:, None, :, 2]
         along, about = (np.pad(axes, ((0, 0), (0, 0), width)) for width in ((0, 3), (3, 0)))
-        return [LocalForm.of(Local("wrench", number, "", along), Local("relative", number, "", about), _ONE)]
-    if field == "orientation":
-        turn = UNIT
-    elif parts[0].end is None:
-        move = UNIT
-    else:
-        turn = line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts]))
-        move, turn = (UNIT, turn) if field == "end" else (NONE, -turn)
-    return [moved_connection(number, move, turn, -1)]
+        return [LocalForm(Local("wrench", number, "", along), Local("relative", number, "", about), *ONE)]
+    if field == "orientation" or parts[0].end is None:
+        return [moved_connection(number, _TURNED if field == "orientation" else _SHIFTED)]
+    turn = line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts]))
+    move, turn = (-UNIT, -turn) if field == "end" else (NONE, turn)
+    return [moved_connection(number, entries(displaced(move, turn)))]
 
 
 def _is_exception(joint: Joint, *_: Any) -> bool:
@@ -107,7 +103,7 @@ def _coupler_entry(network: Network, coupler: Coupling, field: str, index: tuple
         owner, _, direction = name.rpartition(".")
         k = network.joint_number[owner]
         six = -rate * np.concatenate(measure(network.joints[k], direction))
-        forms.append(LocalForm.of(tied, Local("relative", np.array([k])), six[None, None, None]))
+        forms.append(LocalForm(tied, Local("relative", np.array([k])), *entries(six[None, None, None])))
     return forms
 
 
