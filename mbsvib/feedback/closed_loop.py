@@ -27,6 +27,9 @@ from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_so
 from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 
+# Of the even scaling of a change: what is left of 24 orders between units is halved in each.
+ROUNDS = 12
+
 E = TypeVar("E", bound=Equations)
 
 
@@ -78,7 +81,10 @@ def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, 
     skew = 0.5 * (change - change.T)
     skew[np.abs(skew) <= noise] = 0.0
     symmetric = 0.5 * (change + change.T)
-    scale = np.sqrt(np.maximum(np.abs(symmetric).max(axis=0, initial=0.0), np.finfo(float).tiny))
+    scale = np.ones(len(symmetric))
+    for _ in range(ROUNDS):  # rows and columns with a largest entry of 1, whatever the units of coordinates
+        largest = (np.abs(symmetric) / scale / scale[:, None]).max(axis=0, initial=0.0)
+        scale *= np.sqrt(np.where(largest > 0.0, largest, 1.0))
     weights, rows = nonzero_eigenrows(symmetric, scale)
     return symmetric + skew, rows, weights, skew if skew.any() else None
 

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mbsvib.common.arrays import Array, Complex
+from mbsvib.linalg.balancing import matrix_exponents
 
 Matrices = tuple[Array, Array, Array, Array]
 
@@ -52,10 +53,12 @@ def on_axis(w: Array) -> Complex:
 
 
 def regular(product: Array) -> bool:
-    """Return whether 1 - D K can be inverted, for the product D K (n, n) of the feedthroughs."""
+    """Return whether 1 - D K can be inverted, for the product D K (n, n) of the feedthroughs, in any units of ports."""
     n = len(product)
     if not n:
         return True
+    power = matrix_exponents(product)
+    product = np.ldexp(product, power[None, :] - power[:, None])
     smallest = np.linalg.svd(np.eye(n) - product, compute_uv=False)[-1]
     return bool(smallest > ALGEBRAIC * (1.0 + np.linalg.norm(product, 2)))
 

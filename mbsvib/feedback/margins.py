@@ -40,11 +40,13 @@ class Margins(Columnar, Displayed):
 
     Disk margin of all loops simultaneously: ``modulus`` is the smallest singular value of 1 - K G at the actuators over
     frequency, ``frequency`` [Hz] the critical frequency where it occurs. All gains may change within ``all_gains``, or
-    all phases by +-``all_phases`` [deg], in any combination. For each of the ``actuators``, the other loops closed:
-    ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the delay margin and
-    ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit.
-    ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN without limit.
-    A loop gain that stays above 1 however high the frequency, as of accelerations, has no delay margin: 0 at infinity.
+    all phases by +-``all_phases`` [deg], in any combination: this is certain in any units of the actuators, and may be
+    much less than they bear where forces and moments act in units of unlike effect. For each of the ``actuators``, the
+    other loops closed: ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the
+    delay margin and ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite
+    without limit. ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN
+    without limit. A loop gain that stays above 1 however high the frequency, as of accelerations, has no delay margin:
+    0 at infinity.
     In sampled loops the delay is that between a sample and its force, as the ``delay`` of ``sampled``.
     """
 

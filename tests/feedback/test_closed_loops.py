@@ -440,3 +440,28 @@ def test_accelerations_that_are_fed_back_keep_their_digits_under_large_gains():
         model.add_output("a", "cart", "x", quantity="acceleration")
         space = model.linearize().feedback([[-gain]], "a", "F").state_space()
         np.testing.assert_allclose(space.D, [[1.0 / (2.0 + gain)]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_other_units_of_coordinates_and_ports_change_no_digit(unit):
+    """Coordinates in units 12 orders apart lost six digits; sensors in nm/s^2 beside km/s^2 were called algebraic."""
+    rng = np.random.default_rng(5)
+    m, k, b, c, g = (rng.standard_normal((3, 3)) for _ in range(5))
+    m, k = m @ m.T + np.eye(3), 1e4 * (k @ k.T + np.eye(3))
+
+    def response(q, u):
+        plant = mv.System.from_matrices(m * np.outer(q, q), None, k * np.outer(q, q), b * np.outer(q, u),
+                                        Cq=1e3 * c[:2] * q[None, :], Ca=np.outer([0.0, 0.0], q))  # fmt: skip
+        loop = plant.feedback(g[:, :2] / u[:, None], plant.outputs, plant.inputs)
+        return loop.frequency_response([3.0, 50.0, 200.0]) / u[None, :, None]
+
+    expected = response(np.ones(3), np.ones(3))
+    np.testing.assert_allclose(response(np.array([1.0, unit, 1.0 / unit]), np.array([1.0, unit, 1.0])), expected,
+                               rtol=1e-10)  # fmt: skip
+    plant = mv.System.from_matrices(m, None, k, b, Ca=c)
+    sensors = np.array([1.0, unit**2, 1.0 / unit])
+    scaled = mv.System.from_matrices(m, None, k, b, Ca=c * sensors[:, None])
+    poles, same = (each.poles() for each in (
+        plant.feedback(-0.02 * g, plant.outputs, plant.inputs),
+        scaled.feedback(-0.02 * g / sensors, plant.outputs, plant.inputs)))  # fmt: skip
+    np.testing.assert_allclose(np.sort(same.imag), np.sort(poles.imag), rtol=1e-9)
