@@ -164,7 +164,7 @@ def test_the_largest_of_several_numbers_counts_and_quantities_of_studies_will_do
     peak = family.worst(studies.peak("z", "Fz"))
     assert peak.value == pytest.approx(max(studies.peak("z", "Fz")(system) for system in family), rel=1e-9)
     with pytest.raises(mv.ModelError, match=r"quantity is not a number in pose 2 \(leg1\.slide\.z = 0\.001"):
-        family.worst(lambda system: np.nan if system.K[0, 0] == family.K[2, 0, 0] else 1.0)
+        family.worst(lambda system: np.nan if system.M[0, 0] == family.M[2, 0, 0] else 1.0)
     with pytest.raises(mv.ModelError, match="quantity = 'peak'; expected a quantity"):
         family.worst("peak")
 
