@@ -257,4 +257,5 @@ def joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     if len(parts) > 1 and array.ndim > axes:
         none = np.zeros((size, *array.shape[1:]))
         array = np.concatenate([none[: count - size * k] if part is None else part for k, part in enumerate(parts)])
-    return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
+    # a view of a single variant costs less than broadcast_to
+    return array[None] if count == 1 else np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))

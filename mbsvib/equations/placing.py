@@ -184,10 +184,11 @@ def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array
         now = rotations @ np.array([joint.axes for joint in turned])[:, None]
         axes = dict(zip([joint.name for joint in turned], now, strict=True))
     for joint in joints:
-        fields = values.index.get(joint.name, {})
+        if not (fields := values.index.get(joint.name)):
+            continue
         if "pitch" in fields:
             lengths[joint.name] = values.numbers[fields["pitch"]]
-        if joint.is_rod and fields:
+        if joint.is_rod:
             rod = rod_ends(joint, values)
             line = rod[1] - rod[0]
             lengths[joint.name] = length = np.sqrt(np.square(line).sum(axis=0))
