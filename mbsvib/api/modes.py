@@ -1,4 +1,4 @@
-"""Modes as users get them, all or some of a sparse system: data with tables, and animations."""
+"""Modes as users get them: data with tables, and animations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from mbsvib.mechanism.unit_warnings import unit_warnings
 from mbsvib.modes import result
-from mbsvib.sparse import modes as sparse
 
 if TYPE_CHECKING:
     from mbsvib.plots.animation import Animation
@@ -85,12 +84,3 @@ class Modes(result.Modes):
         if path is not None:
             result.save(path)
         return result
-
-
-class SomeModes(Modes, sparse.SomeModes):
-    """Some modes of a large system: ``Modes`` with the system ``reduced`` that they make.
-
-    ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
-    ``missed`` is the number of modes below the highest one that are not among these, by a count of eigenvalues
-    (0; None where they cannot be counted: rows were exchanged, or the equations have no symmetry).
-    """

@@ -20,7 +20,7 @@ from mbsvib.responses.state_space import StateSpace
 from mbsvib.sparse.equations import SparseEquations, with_ports
 
 if TYPE_CHECKING:
-    from mbsvib.api.modes import SomeModes
+    from mbsvib.api.some_modes import SomeModes
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
 Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
@@ -77,7 +77,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
             If the stiffness of matrices is negative for modes, which grow, that are not among these: their natural
             frequencies, abs(lambda) / 2 pi, are farther away.
         """
-        from mbsvib.api.modes import SomeModes
+        from mbsvib.api.some_modes import SomeModes
         from mbsvib.sparse.modes import modes
 
         if count is None:
@@ -122,7 +122,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
         ResponseError
             If the number of modes is not given, or is no such number.
         """
-        from mbsvib.api.modes import SomeModes
+        from mbsvib.api.some_modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
 
         self._check_mechanism("mode_sensitivities")

@@ -23,13 +23,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.common.arrays import Array, Bools
 from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
+from mbsvib.linalg.groups import linked_items
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_products
 
@@ -155,12 +155,9 @@ def _apart(scene: Factors, shapes: Array) -> Array:
     square = elastic.diagonal()
     coupled = np.abs(elastic - inertia * square) > SEPARATE * np.abs(square - square[:, None])
     result = shapes.copy()
-    count, labels = connected_components(coupled, directed=False)
-    for group in range(count):
-        inside = (labels == group).nonzero()[0]
-        if len(inside) > 1:
-            at = np.ix_(inside, inside)
-            result[:, inside] = shapes[:, inside] @ eigh(elastic[at], inertia[at])[1]
+    for inside in linked_items(coupled | coupled.T):
+        at = np.ix_(inside, inside)
+        result[:, inside] = shapes[:, inside] @ eigh(elastic[at], inertia[at])[1]
     return result
 
 
