@@ -35,7 +35,7 @@ def assembled_sparse(parts: Sequence[Part], connections: Sequence[Connection], n
 
     blocks = [_blocks(part) for part in parts]
     m, c, k, b, cq, cv, ca = (block_diag([block[i] for block in blocks], format="csc") for i in range(7))
-    d = block_diag([part.linear.D for part in parts], format="csc").toarray()
+    d = block_diag([csc_matrix(part.linear.D) for part in parts], format="csc").toarray()
     ends = ends_of(parts, connections)
     outputs, inputs, coordinates = (
         tuple([f"{part.name}.{one}" for part in parts for one in _names(part.linear, field)])

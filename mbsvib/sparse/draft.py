@@ -234,9 +234,9 @@ def of_rotors(layout: Layout, momenta: Sequence[tuple[int, Array]]) -> csr_matri
 
 def _form(rows: csr_matrix, matrices: Sequence[Array]) -> csr_matrix | None:
     """The antisymmetric part of R^T A R for the six rows R of each of some matrices A (6, 6); None if it is zero."""
-    from scipy.sparse import block_diag
+    from scipy.sparse import block_diag, csr_matrix
 
-    half = block_diag([np.triu(0.5 * (matrix - matrix.T), 1) for matrix in matrices], format="csr")
+    half = block_diag([csr_matrix(np.triu(0.5 * (matrix - matrix.T), 1)) for matrix in matrices], format="csr")
     if not half.nnz:
         return None
     part = rows.T @ half @ rows

@@ -196,7 +196,8 @@ def test_static_correction(held):
         others = slice(order, None)
         exact = (shapes[:, others] / square[others]) @ (shapes[:, others].T @ ports)
         corrected = system.reduced(order, correction=True).D
-        assert_allclose(corrected, ports.T @ exact, rtol=1e-7, atol=1e-12 * np.abs(exact).max())
+        # shapes of the lowest modes are known to some 1e-9, so that entries are in parts of the largest
+        assert_allclose(corrected, ports.T @ exact, rtol=0, atol=1e-8 * np.abs(exact).max())
     if not held:
         with pytest.raises(mv.ResponseError, match=r"free motions of 'system' are missing among its lowest modes"):
             system.reduced(4, correction=True)
