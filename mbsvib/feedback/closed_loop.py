@@ -17,7 +17,7 @@ from mbsvib.feedback.closing import ClosedSpace, closed_space, regular
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.loop import LoopPlant, Resolution, with_noise
-from mbsvib.feedback.loop_rounding import Closed, at_poles, blended, evaluated, inverse
+from mbsvib.feedback.loop_rounding import Closed, at_poles, blended, evaluated, inverse, usual
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.sampled import SampledLoop
 from mbsvib.linalg.products import nonzero_eigenrows
@@ -27,7 +27,7 @@ from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_so
 from mbsvib.responses.from_control import of_control, sample_time
 from mbsvib.responses.state_space import StateSpace
 
-# Of the even scaling of a change: what is left of 24 orders between units is halved in each.
+# Of the equilibration of a change of coordinates whose units are up to 24 orders apart.
 ROUNDS = 12
 
 E = TypeVar("E", bound=Equations)
@@ -81,10 +81,7 @@ def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, 
     skew = 0.5 * (change - change.T)
     skew[np.abs(skew) <= noise] = 0.0
     symmetric = 0.5 * (change + change.T)
-    scale = np.ones(len(symmetric))
-    for _ in range(ROUNDS):  # rows and columns with a largest entry of 1, whatever the units of coordinates
-        largest = (np.abs(symmetric) / scale / scale[:, None]).max(axis=0, initial=0.0)
-        scale *= np.sqrt(np.where(largest > 0.0, largest, 1.0))
+    scale = np.sqrt(usual(np.abs(symmetric)[None], ROUNDS)[0].diagonal())
     weights, rows = nonzero_eigenrows(symmetric, scale)
     return symmetric + skew, rows, weights, skew if skew.any() else None
 

@@ -74,7 +74,7 @@ def blended(value: Complex, error: Array, closed: Closed) -> Complex:
     if not len(at):
         return value
     size = size[at]
-    lost = ~(error[at] <= LOST * np.maximum(size, SMALL * _usual(size)))
+    lost = ~(error[at] <= LOST * np.maximum(size, SMALL * usual(size)))
     points, rows, columns = (np.flatnonzero(lost.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1)))
     if len(points):
         block = np.ix_(at[points], rows, columns)
@@ -83,14 +83,16 @@ def blended(value: Complex, error: Array, closed: Closed) -> Complex:
     return value
 
 
-def _usual(size: Array) -> Array:
-    """Products of a size of the row and one of the column, (n, rows, columns), that equilibrate rows and columns.
+def usual(size: Array, rounds: int = ROUNDS) -> Array:
+    """Return products of sizes of the row and of the column, (n, rows, columns), that equilibrate rows and columns.
+
+    Each of the ``rounds`` takes the square root of what is left of the ratios of units.
 
     Source: D. Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034.
     """
     size = np.where(np.isfinite(size), size, 0.0)
     row, column = np.ones((*size.shape[:2], 1)), np.ones((len(size), 1, size.shape[2]))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         high, wide = (np.sqrt(size.max(axis=axis, keepdims=True, initial=0.0)) for axis in (2, 1))
         high, wide = np.where(high > 0.0, high, 1.0), np.where(wide > 0.0, wide, 1.0)
         size = size / high / wide
