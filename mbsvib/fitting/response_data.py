@@ -27,7 +27,7 @@ from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import AccuracyWarning, ResponseError
 from mbsvib.fitting.variables import HELD, Channels, values_of
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, ZERO_SLOPE
-from mbsvib.measurement.noise_levels import FLOORS, LIKELIER, shrunk
+from mbsvib.measurement.noise_levels import likeliest, shapes, shrunk
 
 # Numbers that the derivatives of some lines may hold.
 BLOCK = 400_000
@@ -254,12 +254,10 @@ class ResponseData:
             p, h, known = power[:, o], size[:, o], counts[:, o]
             if not p[known].any():
                 continue
-            shapes = [np.ones_like(h), *(c + h for c in FLOORS)]
-            scales = [_scales(p / v, known) for v in shapes]
-            likely = [-(np.log(s * v) + p / (s * v))[known].sum() for s, v in zip(scales, shapes, strict=True)]
-            k = int(np.argmax(likely))
-            k = k if likely[k] - likely[0] > LIKELIER else 0
-            variance = share * middle[o] * scales[k] * shapes[k]
+            tried = shapes(h)
+            scales = [_scales(p / v, known) for v in tried]
+            k = likeliest([-(np.log(s * v) + p / (s * v))[known].sum() for s, v in zip(scales, tried, strict=True)])
+            variance = share * middle[o] * scales[k] * tried[k]
             weight[:, o] = np.where(known, np.sqrt(2.0 / np.where(known, variance, 1.0)), 0.0)
         return replace(self, weight=weight)
 

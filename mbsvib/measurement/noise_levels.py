@@ -12,6 +12,7 @@ nu_0; Pintelon & Schoukens, System Identification (2012), section 12.3, for fits
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from mbsvib.common.arrays import Array, Complex
 
 # Constant parts c tried, and the gain of log-likelihood beyond which chance does not make noise depend on the response.
-FLOORS, LIKELIER = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0
+_FLOORS, _LIKELIER = 10.0 ** np.arange(-4.0, 2.5, 0.5), 6.0
 # Lines whose mean is the level about each.
 LINES = 15
 
@@ -34,6 +35,17 @@ def local_mean(values: Any, lines: int) -> Any:
     return np.where(known, total / np.maximum(count, 1.0), values)
 
 
+def shapes(size: Array) -> list[Array]:
+    """Return the shapes v that are tried for a relative ``size`` |H|^2: 1 first, then c + |H|^2."""
+    return [np.ones_like(size), *(c + size for c in _FLOORS)]
+
+
+def likeliest(likelihoods: Sequence[float]) -> int:
+    """Return which of the ``shapes`` has the largest log-likelihood; the first, if that is not more than chance."""
+    k = int(np.argmax(likelihoods))
+    return k if likelihoods[k] - likelihoods[0] > _LIKELIER else 0
+
+
 def shape(variance: Array, size: Array, lines: int, freedom: float = 1.0) -> Array:
     """Return v (outputs, inputs, n) of sample variances, by ``size`` |H|^2: the likelier one for each output.
 
@@ -42,17 +54,10 @@ def shape(variance: Array, size: Array, lines: int, freedom: float = 1.0) -> Arr
     result = np.ones_like(variance)
     for o, (w, h) in enumerate(zip(variance, size, strict=True)):
         known = np.isfinite(w) & (w > 0.0) & (h > 0.0)
-        usable = known.sum(axis=1) > 0
-        if not usable.any():
-            continue
-        middle = np.ones(len(h))
-        middle[usable] = [np.median(each[counts]) for each, counts in zip(h[usable], known[usable], strict=True)]
-        relative = np.where(known, h, 0.0) / middle[:, None]
-        shapes = [np.ones_like(w), *(c + relative for c in FLOORS)]
-        counted = np.where(known, w, np.nan)
-        likely = [-freedom * np.log((v * local_mean(counted / v, lines))[known]).sum() for v in shapes]
-        k = int(np.argmax(likely))
-        result[o] = shapes[k if likely[k] - likely[0] > LIKELIER else 0]
+        middle = np.ma.median(np.ma.array(h, mask=~known), axis=1).filled(1.0)  # type: ignore[no-untyped-call]
+        tried, counted = shapes(np.where(known, h, 0.0) / middle[:, None]), np.where(known, w, np.nan)
+        result[o] = tried[likeliest(
+            [-freedom * np.log((v * local_mean(counted / v, lines))[known]).sum() for v in tried])]  # fmt: skip
     return result
 
 
@@ -75,9 +80,9 @@ def shrunk(variance: Array, responses: Complex, freedom: float) -> Array:
     result = variance.copy()
     for o, off in enumerate(logarithm - level):
         known = np.isfinite(off)
+        most = LINES * freedom  # degrees to which a level of so many lines is known
         excess = np.var(off[known]) - float(polygamma(1, freedom)) if known.any() else 0.0
-        # psi'(x) is 1 / (x - 1/2) nearly; a level of so many lines is known to so many degrees
-        prior = min(0.5 + 1.0 / max(excess, 1e-9), LINES * freedom)
+        prior = min(0.5 + 1.0 / max(excess, 1.0 / most), most)  # psi'(x) is 1 / (x - 1/2) nearly
         mean = v[o] * np.exp(level[o] + psi(prior) - psi(freedom)) * freedom / prior
         total = prior + freedom
         best = (prior * mean + freedom * variance[o]) / total
