@@ -213,7 +213,7 @@ def add_armature(scene: Scene) -> None:
         wide = ("x", "y", "z", "rx", "ry", "rz") if m.jnt_type[i] == FREE else ("rx", "ry", "rz")
         for coordinate in (f"{link.name}.{axis}" for axis in wide) if single is None else (single,):
             name = f"{link.name}.armature" if single else f"{coordinate}.armature"
-            scene.add_wheel(name, {coordinate: 1.0}, inertia, link, rates=not single)
+            scene.add_wheel(name, {coordinate: 1.0}, inertia, link)
 
 
 def add_ports(scene: Scene, patterns: Sequence[str]) -> None:

@@ -58,11 +58,9 @@ class Scene:
         """Return an unused name: the name itself, or with a suffix."""
         return fresh(self.model, name, more)
 
-    def add_wheel(
-        self, name: str, terms: Mapping[str, float], inertia: float, link: Link, rates: bool = False
-    ) -> tuple[str, float]:
+    def add_wheel(self, name: str, terms: Mapping[str, float], inertia: float, link: Link) -> tuple[str, float]:
         """Add a wheel on the ground at a joint; see ``urdf.wheels``."""
-        return add_wheel(self.model, name, terms, inertia, link.at, link.axes, float(self.file.m.stat.extent), rates)
+        return add_wheel(self.model, name, terms, inertia, link.at, link.axes, float(self.file.m.stat.extent))
 
     def remark(self, text: str, name: str) -> None:
         """Record that a property of an element was left out."""

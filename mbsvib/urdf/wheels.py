@@ -18,17 +18,17 @@ RADIUS = 10.0
 
 
 def add_wheel(
-    model: Model, name: str, terms: Mapping[str, float], inertia: float, at: ArrayLike, axes: ArrayLike, size: float,
-    rates: bool = False,
-) -> tuple[str, float]:  # fmt: skip
+    model: Model, name: str, terms: Mapping[str, float], inertia: float, at: ArrayLike, axes: ArrayLike, size: float
+) -> tuple[str, float]:
     """Add a wheel on the ground that turns with a sum of coordinates; return its body and radius R.
 
     It turns by the sum over R about its axis. ``terms``: coefficients of joint coordinates, "JOINT.rz". ``inertia``: of
-    the sum [kg m^2, kg]. ``at``, ``axes``: where it is drawn, z its axis. ``size`` of the model [m]. ``rates``: the sum
-    is of velocities in each pose, such as components of an angular velocity.
+    the sum [kg m^2, kg]. ``at``, ``axes``: where it is drawn, z its axis. ``size`` of the model [m]. Of joints that
+    turn by a rotation vector the sum is one of velocities in each pose.
     """
     radius = RADIUS * max(abs(value) * _unit(coordinate, size) for coordinate, value in terms.items())
     moment = inertia * radius**2
+    rates = any(model.joints[coordinate.rpartition(".")[0]].turns_by_vector for coordinate in terms)
     wheels = [(fresh(model, name, "wheel"), 1.0)]
     if inertia:
         wheels.append((fresh(model, f"{name}.counter", "wheel"), -1.0))
