@@ -20,7 +20,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.responses.driven import driven_response, driven_space
 from mbsvib.responses.linear import peak as peak_of
 from mbsvib.responses.norms import Norm, h2
-from mbsvib.sensitivities import frequency_response_sensitivities as slopes_of_ends
+from mbsvib.sensitivities.responses import frequency_response_sensitivities as slopes_of_ends
 from mbsvib.sensitivities.states import States, changed, states
 from mbsvib.sensitivities.variables import Requested, variables
 

@@ -92,7 +92,7 @@ class SensitiveVerbs(StepVerbs):
         ModelError
             If a parameter is unknown, or the system does not change smoothly with it.
         """
-        from mbsvib.sensitivities import eigenvalue_sensitivities
+        from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 
         return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
@@ -169,7 +169,7 @@ class SensitiveVerbs(StepVerbs):
         ModelError
             If a parameter is unknown, or the system does not change smoothly with it.
         """
-        from mbsvib.sensitivities import mode_sensitivities
+        from mbsvib.sensitivities.shapes import mode_sensitivities
 
         return mode_sensitivities(self.sensitivity_basis, parameters)
 
@@ -261,6 +261,6 @@ class Sensitive(SensitiveVerbs, Equations):
         return selection
 
     def _slopes(self, question: str, *arguments: Any) -> Any:
-        from mbsvib import sensitivities
+        from mbsvib.sensitivities import QUESTIONS
 
-        return getattr(sensitivities, question)(self.sensitivity_basis, *arguments)
+        return QUESTIONS[question](self.sensitivity_basis, *arguments)

@@ -123,7 +123,7 @@ class SparseSystem(PortedVerbs, SparseEquations, Displayed):
             If the number of modes is not given, or is no such number.
         """
         from mbsvib.api.some_modes import SomeModes
-        from mbsvib.sensitivities import sparse_mode_sensitivities
+        from mbsvib.sensitivities.sparse_modes import sparse_mode_sensitivities
 
         self._check_mechanism("mode_sensitivities")
         if modes is None:

@@ -247,19 +247,10 @@ def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
 
 
 def rows(parts: Sequence[tuple[int, Bushing]], number: Mapping[str, int]) -> ElementRows:
-    """Return the rows of bushings.
+    """Return the rows of bushings, of those with six values first.
 
-    Parameters
-    ----------
-    parts : sequence of (int, Bushing)
-        The bushings and their numbers among the model's connections.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    ElementRows
-        Rows of bushings with six values, then of bushings with matrices.
+    ``parts``: the bushings and their numbers among the model's connections. ``number``: that of each body, ground
+    included.
     """
     with_values: list[tuple[int, Bushing]] = []
     with_matrices: list[tuple[int, Bushing]] = []

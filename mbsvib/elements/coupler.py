@@ -67,17 +67,8 @@ class Coupling(Part):
         return False
 
     def coefficients_of(self, values: Mapping[str, Array]) -> Array:
-        """Return the coefficients (terms, variants) of its terms.
-
-        Parameters
-        ----------
-        values : mapping of str to array
-            New values by field, with the variants on the last axis.
-
-        Returns
-        -------
-        array, shape (terms, variants)
-            The coefficients.
+        """Return the coefficients (terms, variants) of its terms for new ``values`` by field, with the variants on the
+        last axis.
         """
         return values["coefficient"]
 

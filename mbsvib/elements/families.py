@@ -146,19 +146,9 @@ def elastic_parts(parts: Iterable[Part], gravity: Vector | None) -> list[Elastic
 
 
 def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> ElementRows:
-    """Return the rows of all connections.
+    """Return the rows of all connections of an expanded model, family by family; ``owner`` numbers the ``parts``.
 
-    Parameters
-    ----------
-    parts : iterable of Connection
-        The connections of an expanded model.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    ElementRows
-        Rows family by family; ``owner`` numbers the ``parts``.
+    ``number``: that of each body, ground included.
     """
     families: dict[type, list[tuple[int, Connection]]] = {}
     for i, part in enumerate(parts):
@@ -172,24 +162,9 @@ def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> E
 
 
 def rebuild_with(part: P, kwargs: Mapping[str, Any]) -> P:
-    """Return a part made with other arguments.
+    """Return a part made with other arguments, unless one is refused; a coupler is returned unchanged.
 
-    Parameters
-    ----------
-    part : Part
-        A part of a mechanism.
-    kwargs : mapping
-        All arguments of the call that adds such a part, except those at their default.
-
-    Returns
-    -------
-    Part
-        The part with these arguments; a coupler is returned unchanged.
-
-    Raises
-    ------
-    ModelError
-        If an argument is refused.
+    ``kwargs``: all arguments of the call that adds such a part, except those at their default.
     """
     if isinstance(part, Coupling):
         return part

@@ -58,21 +58,12 @@ class Leaf(Checked):
             raise check.refuse("leaf", "thickness", self.thickness, f"at most the width, {self.width:g} m")
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties of its section, with the torsion constant of clamped ends.
+        """Return the properties of its section for Poisson's ratio, with the torsion constant of clamped ends and shear
+        factors 5/6.
 
         J = J_r / (1 - tanh(x) / x),  x = L / b sqrt(12 G / E) = L / b sqrt(6 / (1 + nu))
 
         J_r is that of the rectangle; the ends hold its warping.
-
-        Parameters
-        ----------
-        nu : float
-            Poisson's ratio.
-
-        Returns
-        -------
-        Properties
-            Area, second moments, torsion constant and shear factors 5/6.
 
         Source: Meijaard, Brouwer, Jonker, Multibody Syst. Dyn. 23 (2010), 271-289; Vlasov's theory with the warping
         constant b^3 t^3 / 144.
@@ -266,29 +257,13 @@ class Flexure(Beam):
         return f"flexure '{self.name}': {_NAMES[type(self.shape)]}"
 
     def element(self, length: float) -> Element:
-        """Return what it is made of, stretched to a length.
-
-        Parameters
-        ----------
-        length : float
-            Distance of its nodes [m].
-
-        Returns
-        -------
-        Element
-            Its stiffness, mass and bent lines.
-        """
+        """Return what it is made of, stretched to a length [m]."""
         result: Element = self.shape.element(length, self.material, self.shear)
         return result
 
     def check_compression(self, share: float) -> None:
         """Warn of a flexure that nearly buckles, where one element is too stiff: 0.6 % at half of that load, 2 % at
-        0.7, 10 % at 0.9.
-
-        Parameters
-        ----------
-        share : float
-            The compression over that at which it buckles sideways with its ends guided.
+        0.7, 10 % at 0.9; ``share`` is the compression over that at which it buckles sideways with its ends guided.
         """
         if share > COMPRESSED:
             warnings.warn(f"flexure '{self.name}': its compression is {share:.2g} of that at which it buckles "

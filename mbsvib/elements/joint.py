@@ -269,24 +269,10 @@ def moved_joint(
     joint: Joint, position: Vector | None, end: Vector | None = None, axes: Matrix3 | None = None,
     axis: Vector | None = None, axis2: Vector | None = None,
 ) -> Joint:  # fmt: skip
-    """Return a joint in another pose; its arguments are not checked again.
+    """Return a joint in another pose, as ``add_joint`` makes it of these values; its arguments are not checked again.
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint in the reference pose.
-    position, end : tuple of float
-        Its points in the other pose [m].
-    axes : tuple of tuple of float, optional
-        Its axes (columns); default: along ``axis``, of a universal joint along ``axis`` and ``axis2``, or along its
-        rod.
-    axis, axis2 : tuple of float, optional
-        Its axis, and the axis of a universal joint in the second body.
-
-    Returns
-    -------
-    Joint
-        The joint that ``add_joint`` makes of these values.
+    ``position``, ``end``: its points there [m]. ``axes``: its axes (columns); None: along ``axis``, of a universal
+    joint along ``axis`` and the ``axis2`` in its second body, or along its rod.
     """
     who, freedom, orientation = f"joint '{joint.name}'", None, None
     if axes is not None:

@@ -68,18 +68,11 @@ class MotionInput(Signal):
         return placed_in_axes(self, to)
 
     def column_names(self, element: Any) -> tuple[str, ...]:
-        """Return the names of the inputs that the equations have for it: displacement and, of elements whose damper
-        acts at that end, velocity; of a driven joint also acceleration.
+        """Return the names of the one to three inputs that the equations have for it: displacement and, of elements
+        whose damper acts at that end, velocity; of a driven joint also acceleration. It is its own name where the
+        displacement is the input and nothing else acts.
 
-        Parameters
-        ----------
-        element : Connection or None
-            The element; None for a driven joint.
-
-        Returns
-        -------
-        tuple of str
-            One to three names; its own where the displacement is the input and nothing else acts.
+        ``element``: None for a driven joint.
         """
         if element is None:
             return tuple([f"{self.name}.{quantity}" for quantity in QUANTITIES])
@@ -125,22 +118,8 @@ def make(name: str, element: str, quantity: Any = "displacement", direction: Any
 def of_coordinate(part: MotionInput, joints: Mapping[str, Joint]) -> MotionInput | None:
     """Return the motion of a joint's coordinate where ``element`` is a joint or ``"JOINT.COORDINATE"``, else None.
 
-    Parameters
-    ----------
-    part : MotionInput
-        The input.
-    joints : mapping
-        Joints of the model by name.
-
-    Returns
-    -------
-    MotionInput or None
-        With the full name of the coordinate and its direction.
-
-    Raises
-    ------
-    ModelError
-        If the joint has no such coordinate, or several of which none is named.
+    It has the full name of the coordinate and its direction. Raises an error if the joint has no such coordinate, or
+    several of which none is named.
     """
     name, _, word = part.element.rpartition(".")
     if part.element in joints:
@@ -160,19 +139,8 @@ def of_coordinate(part: MotionInput, joints: Mapping[str, Joint]) -> MotionInput
 
 
 def check_element(part: MotionInput, element: Any) -> None:
-    """Refuse an element whose end cannot be moved by an input.
-
-    Parameters
-    ----------
-    part : MotionInput
-        The input.
-    element : Part or None
-        What has the name of its element.
-
-    Raises
-    ------
-    ModelError
-        If it is no spring, bushing or Maxwell element with one end on ground, or the direction is not its own.
+    """Refuse an ``element`` whose end cannot be moved by an input: what is no spring, bushing or Maxwell element with
+    one end on ground, or a direction that is not its own.
     """
     who = f"motion input '{part.name}'"
     if not isinstance(element, (Spring, Bushing, Maxwell, DynamicBushing, DynamicSpring)):
@@ -191,17 +159,8 @@ def check_element(part: MotionInput, element: Any) -> None:
 
 
 def acting_inputs(inputs: Mapping[str, Any], springs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the inputs of the equations: those of a model, with the forces of moved ends in place of their motions.
-
-    Parameters
-    ----------
-    inputs, springs : mapping
-        Inputs and elements of a model by name.
-
-    Returns
-    -------
-    dict
-        Inputs by name.
+    """Return the inputs of the equations by name: those of a model, with the forces of moved ends in place of their
+    motions.
     """
     result: dict[str, Any] = {}
     for name, part in inputs.items():

@@ -134,12 +134,8 @@ class RelaxingAxis(Relaxing):
 
 
 def factor_of(dynamic: Any, who: str) -> Dynamic:
-    """Return how a stiffness depends on frequency, of an ``mv.Dynamic`` or its words, checked.
-
-    Raises
-    ------
-    ModelError
-        If it is none of them, or has no states.
+    """Return how a stiffness depends on frequency, of an ``mv.Dynamic`` or its words; others, and those without states,
+    are refused.
     """
     factor = Dynamic.of_words(dynamic) if isinstance(dynamic, Mapping) else dynamic
     if not isinstance(factor, Dynamic):

@@ -40,26 +40,11 @@ class Solid:
 
 
 def solid(shape: Any, density: Any, who: str) -> Solid:
-    """Return mass, inertia and centre of a shape of uniform density.
+    """Return mass, inertia and centre of a shape of uniform ``density`` [kg/m^3], by its words ``{"type": "box",
+    "size": (a, b, c)}`` [m].
 
-    Parameters
-    ----------
-    shape : mapping
-        Its words, ``{"type": "box", "size": (a, b, c)}`` [m].
-    density : float
-        Density [kg/m^3].
-    who : str
-        The body, for messages.
-
-    Returns
-    -------
-    Solid
-        The mass, the inertia and the centre.
-
-    Raises
-    ------
-    ModelError
-        If a word is unknown or missing, a number is not positive, or a mesh encloses no volume.
+    ``who``: the body, for messages. Raises an error if a word is unknown or missing, a number is not positive, or a
+    mesh encloses no volume.
     """
     expected = "its words, such as {'type': 'box', 'size': (0.1, 0.2, 0.3)}"
     if not isinstance(shape, Mapping):

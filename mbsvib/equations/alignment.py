@@ -76,23 +76,9 @@ def advice(size: float) -> str:
 def aligned(model: M, tolerance: float) -> M:
     """Return a mechanism with its loops aligned, named in its ``alignments``; without changes it is the same object.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    tolerance : float
-        Largest angle of axes from their mean [rad], and largest distance of axes from a common line or point as a share
-        of the largest distance between joints of the loops.
-
-    Returns
-    -------
-    Mechanism
-        The mechanism, of the same class.
-
-    Raises
-    ------
-    ModelError
-        If the tolerance is not between 0 and 0.05, or a group of loops is too large.
+    ``tolerance``, between 0 and 0.05: the largest angle of axes from their mean [rad], and the largest distance of axes
+    from a common line or point as a share of the largest distance between joints of the loops. A group of loops that is
+    too large is refused.
     """
     tolerance = number(tolerance, "linearize", "align", "an angle [rad] above 0, at most 0.05 (three degrees)")
     if not 0.0 < tolerance <= LARGEST:

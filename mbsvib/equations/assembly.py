@@ -43,23 +43,9 @@ def linearized(
 
     M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    independent : sequence of str, optional
-        Joint coordinates (``"hip1.rx"``) that must be among the minimal ones.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
-    form : type
-        The class of the equations.
-    origin : Mechanism, optional
-        The user's mechanism, if ``model`` is its expansion.
-
-    Returns
-    -------
-    Equations
-        Matrices, names and motion of the bodies.
+    ``independent``: joint coordinates (``"hip1.rx"``) that must be among the minimal ones. ``cut``: joints at which
+    loops are to be cut; None: chosen by the smallest cumulative degree of freedom. ``form``: the class of the
+    equations. ``origin``: the user's mechanism, if ``model`` is its expansion.
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """

@@ -164,18 +164,7 @@ class BatchEquations(Matrices):
         return result
 
     def slice(self, start: int, stop: int) -> Self:
-        """Return some of the variants as a batch of their own, without copying anything.
-
-        Parameters
-        ----------
-        start, stop : int
-            The first variant, and the one behind the last.
-
-        Returns
-        -------
-        BatchEquations
-            Variants start .. stop - 1.
-        """
+        """Return the variants start .. stop - 1 as a batch of their own, without copying anything."""
         if (start, stop) == (0, len(self)):
             return self
         arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS, *self._parts)}
@@ -191,21 +180,10 @@ def _behind(variant: Callable[[int], Mechanism], start: int, i: int) -> Mechanis
 
 
 def of_variant(batch: BatchEquations, k: int, parts: bool = True) -> Equations:
-    """Return the equations of a variant for all that depends on matrices alone, as modes and responses do.
+    """Return the equations of variant ``k`` for all that depends on matrices alone, as modes and responses do.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The batch.
-    k : int
-        The variant.
-    parts : bool
-        Whether the parts of the mechanism, which matrices do not tell, are those of the variant.
-
-    Returns
-    -------
-    Equations
-        As ``batch[k]``, with what was decided for the nominal model on forces at the pose and motions without mass.
+    They are ``batch[k]``, with what was decided for the nominal model on forces at the pose and motions without mass;
+    if ``parts``, with the parts of the variant, which matrices do not tell.
     """
     used = (batch.row_stiffness[k] != 0.0) | (batch.row_damping[k] != 0.0)
     used &= batch.elastic_rows[k].any(axis=1)

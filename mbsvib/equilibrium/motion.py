@@ -140,19 +140,8 @@ def close(at: PosedModel, may_move: Bools | None = None) -> tuple[PosedModel, fl
 
     q <- q - pinv(Phi) e  with the exact openings e of cut joints and couplers.
 
-    Parameters
-    ----------
-    at : PosedModel
-        The model in the first pose.
-    may_move : array of bool, shape (n,), optional
-        Joint coordinates that may be used; default: all.
-
-    Returns
-    -------
-    PosedModel
-        The model with its loops closed, as far as they could be.
-    float
-        The largest opening that is left, in units of 1 rad and the size of the mechanism.
+    ``may_move`` (n,): joint coordinates that may be used; None: all. Returns the model with its loops closed, as far as
+    they could be, and the largest opening that is left, in units of 1 rad and the size of the mechanism.
     """
     if at.cuts is None:
         return at, 0.0

@@ -43,35 +43,10 @@ ROUNDED_GAP = 1e-9
 def moved(
     model: M, values: Mapping[str, float], relaxed: bool = False, cut: Sequence[str] | None = None
 ) -> M:
-    """Return the model in another pose; see ``Model.moved``.
+    """Return the model in another pose, refused and warned of as ``Model.moved`` says.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model in its reference pose.
-    values : mapping of str to float
-        Displacements of joint coordinates [m, rad].
-    relaxed : bool
-        Whether springs keep the forces of the reference pose.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    Mechanism
-        The model in the new pose.
-
-    Raises
-    ------
-    ModelError
-        If a coordinate is unknown or depends on the others, or loops cannot be closed there.
-    SingularPoseError
-        If the described pose is a dead centre of a coordinate.
-
-    Warns
-    -----
-    NearSingularWarning
-        If the new pose is a dead centre of a coordinate, or next to one.
+    ``values``: displacements of joint coordinates [m, rad]. ``relaxed``: whether springs keep the forces of the
+    reference pose. ``cut``: joints at which loops are to be cut.
     """
     check.mapping("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}", empty=True)
     displacements = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}

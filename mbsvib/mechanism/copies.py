@@ -18,30 +18,11 @@ PLANES = ("x", "y", "z")
 def placement(
     prefix: str, other: Mechanism, position: Any, orientation: Any, ground: str, mirror: Any
 ) -> Placement:
-    """Check where a copy of a mechanism is to be, and return its placement.
+    """Return where the copy of a mechanism is to be, checked.
 
-    Parameters
-    ----------
-    prefix : str
-        What its names begin with.
-    other : Mechanism
-        The original.
-    position, orientation : array-like
-        Origin [m] and axes of the original in world axes.
-    ground : str
-        The body in place of its ground.
-    mirror : str or None
-        Axis of the original to whose plane it is reflected first.
-
-    Returns
-    -------
-    Placement
-        Names and place of the copy.
-
-    Raises
-    ------
-    ModelError
-        If a value is refused.
+    ``prefix``: what its names begin with. ``position``, ``orientation``: origin [m] and axes of the original in world
+    axes. ``ground``: the body in place of its ground. ``mirror``: axis of the original to whose plane it is reflected
+    first, or None.
     """
     who = f"model '{prefix}'"
     reflection = np.ones(3)
@@ -58,24 +39,8 @@ def placement(
 
 
 def copies(other: Mechanism, to: Placement) -> dict[str, list[Any]]:
-    """Return copies of all parts of a mechanism.
-
-    Parameters
-    ----------
-    other : Mechanism
-        The original.
-    to : Placement
-        Names and place of the copies.
-
-    Returns
-    -------
-    dict of str to list of Part
-        The copies in their groups, in the order of the originals.
-
-    Raises
-    ------
-    ModelError
-        If a part cannot be there, or there are no copies of such parts.
+    """Return copies of all parts of a mechanism in their groups, in the order of the originals; a part that cannot be
+    there, or has no copies, is refused.
     """
     return {key: [_copy(part, to) for part in group.values()] for key, group in other.groups().items()}
 

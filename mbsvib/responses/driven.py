@@ -57,18 +57,7 @@ class Drive:
 
 
 def drives(model: Mechanism) -> tuple[Drive, ...]:
-    """Return the inputs of a model and how they act in its equations.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism of the user.
-
-    Returns
-    -------
-    tuple of Drive
-        One for each input.
-    """
+    """Return the inputs of the user's mechanism and how they act in its equations."""
     result = []
     for name, part in model.inputs.items():
         if isinstance(part, MotionInput):
@@ -85,28 +74,11 @@ def differ(known: Sequence[Drive]) -> bool:
 
 
 def driven_response(response: Any, inputs: Sequence[str], known: Sequence[Drive], omega: ArrayLike) -> Any:
-    """Return responses to motions from those to the forces of moved ends.
+    """Return responses (..., outputs, inputs, n) to motions, (G_0 + s G_1 + s^2 G_2) / s^n, from those to the forces of
+    moved ends.
 
-    Parameters
-    ----------
-    response : array, shape (..., outputs, columns, n)
-        Responses of the equations.
-    inputs : sequence of str
-        Names of the columns.
-    known : sequence of Drive
-        The inputs.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (..., outputs, inputs, n)
-        (G_0 + s G_1 + s^2 G_2) / s^n.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is 0 and an input is integrated.
+    ``response`` (..., outputs, columns, n): that of the equations, ``inputs`` the names of its columns, ``known`` the
+    inputs, ``omega`` (n,) [rad/s]. Raises an error if a frequency is 0 and an input is integrated.
     """
     s: Complex = 1j * np.asarray(omega, dtype=float).reshape(-1)
     at = {name: k for k, name in enumerate(inputs)}
@@ -124,28 +96,12 @@ def driven_response(response: Any, inputs: Sequence[str], known: Sequence[Drive]
 
 
 def driven_space(space: S, known: Sequence[Drive], through: Array | None, name: str) -> S:
-    """Return first-order equations with motions as inputs.
+    """Return first-order equations with motions as inputs, whose states are those of the equations, less b_v u of
+    displacements, then those of the inputs.
 
-    Parameters
-    ----------
-    space : StateSpace
-        That of the equations, with the columns of all inputs.
-    known : sequence of Drive
-        The inputs.
-    through : array, shape (outputs, columns)
-        D of these equations, 0 where it is rounding of its terms; None where no output needs a derivative.
-    name : str
-        Name of the system.
-
-    Returns
-    -------
-    StateSpace
-        Its states are those of the equations, less b_v u of displacements, then those of the inputs.
-
-    Raises
-    ------
-    ResponseError
-        If an output needs the derivative of an input.
+    ``space``: that of the equations, with the columns of all inputs. ``through`` (outputs, columns): D of these
+    equations, 0 where it is rounding of its terms; None where no output needs a derivative. Raises an error if an
+    output needs the derivative of an input.
     """
     at = {column: k for k, column in enumerate(space.inputs)}
     start, added = len(space.A), sum(drive.order for drive in known)

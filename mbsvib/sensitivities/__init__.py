@@ -32,15 +32,17 @@ pose_motion            how the pose changes with parameters, dq/dp = K^-1 dR/dp,
 forces                 the forces at the pose, with their work on small motions to second order
 """
 
+from collections.abc import Callable
+from typing import Any
+
 from mbsvib.responses.norms import Norm
-from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 from mbsvib.sensitivities.norms import h2_norm, hinf_norm
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, time_response_sensitivities
-from mbsvib.sensitivities.shapes import ModeSensitivities, mode_sensitivities
-from mbsvib.sensitivities.sparse_modes import sparse_mode_sensitivities
+from mbsvib.sensitivities.shapes import ModeSensitivities
 
-__all__ = [
-    "MatrixDerivatives", "ModeSensitivities", "Norm", "eigenvalue_sensitivities", "frequency_response_sensitivities",
-    "h2_norm", "hinf_norm", "mode_sensitivities", "sparse_mode_sensitivities", "time_response_sensitivities",
-]  # fmt: skip
+__all__ = ["MatrixDerivatives", "ModeSensitivities", "Norm"]
+
+# What systems answer by a function of their basis, by the name of the method.
+QUESTIONS: dict[str, Callable[..., Any]] = {question.__name__: question for question in (
+    h2_norm, hinf_norm, frequency_response_sensitivities, time_response_sensitivities)}  # fmt: skip

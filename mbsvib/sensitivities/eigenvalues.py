@@ -43,29 +43,13 @@ from mbsvib.sensitivities.variables import Direction, ListedLater, Requested, Va
 
 
 def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> Complex:
-    """Return the derivatives of all eigenvalues.
+    """Return the derivatives (parameters, eigenvalues) of all eigenvalues, see ``System.eigenvalue_sensitivities``.
 
     d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
 
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
-
-    Returns
-    -------
-    array, shape (parameters, eigenvalues)
-        Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``. Eigenvalues
-        that coincide have the derivatives of their branches, in ascending order. An eigenvalue 0 has 0 where the
-        parameter leaves the motion free, infinity where it does not. Not a number where a parameter, changed alone,
-        takes degrees of freedom away (it tilts one pin of a planar loop).
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown.
+    Eigenvalues that coincide have the derivatives of their branches, in ascending order. An eigenvalue 0 has 0 where
+    the parameter leaves the motion free, infinity where it does not. Not a number where a parameter, changed alone,
+    takes degrees of freedom away (it tilts one pin of a planar loop).
 
     Source: Jiang, Chen & Luo (2011), sensitivities of eigenvalues; Friswell, J. Vib. Acoust. 118 (1996) 390, for
     repeated ones.

@@ -47,32 +47,12 @@ STATIC = 1e-4
 def h2_norm(
     basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None
 ) -> Norm:
-    """Return the H2 norm and its derivatives.
+    """Return the H2 norm and its derivatives, see ``System.h2_norm``; 0 of a response that is 0, though a mode does not
+    decay.
 
     ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
 
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    outputs, inputs : str or sequence of str, optional
-        Names of ports; default: all.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system, none where motions without
-        mass are beside spin.
-
-    Returns
-    -------
-    Norm
-        Value and derivatives.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or the system does not change smoothly with it.
-    ResponseError
-        If the norm is infinite: an output sees an input at once, or a mode of what these ports act on or see does not
-        decay. A response that is 0 has the norm 0 all the same.
+    ``parameters`` None: every parameter of the system, none where motions without mass are beside spin.
     """
     system = basis.equations
     ports = _ports(system, inputs, outputs)
@@ -162,32 +142,14 @@ def _sum_unless_rounding(first: Array, second: Array, unchanged: Array) -> Array
 def hinf_norm(
     basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None
 ) -> Norm:
-    """Return the highest peak of the largest singular value of the frequency response, and its derivatives.
+    """Return the highest peak of the largest singular value of the response, and its derivatives, see
+    ``System.hinf_norm``.
 
     ||G|| = max over w of sigma(G(i w))
 
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    outputs, inputs : str or sequence of str, optional
-        Names of ports; default: all.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
-
-    Returns
-    -------
-    Norm
-        Value, frequency (inf where the response only tends to its largest value) and derivatives; where two singular
-        values or peaks are equally high, those of one of them.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or the system does not change smoothly with it.
-    ResponseError
-        If the response is infinite: a mode of what these ports act on or see does not
-        decay. A response that is 0 has the norm 0 all the same.
+    The frequency is inf where the response only tends to its largest value. Where two singular values or peaks are
+    equally high, derivatives are those of one of them. A response that is 0 has the norm 0, though a mode does not
+    decay.
     """
     system = basis.equations
     i, o = _ports(system, inputs, outputs)

@@ -90,32 +90,9 @@ PAIRED = 48
 def frequency_response_sensitivities(
     basis: SensitivityBasis, omega: ArrayLike, parameters: Requested = None, outputs: Ports = None, inputs: Ports = None
 ) -> Complex:
-    """Return the derivatives of the frequency response.
+    """Return the derivatives (parameters, outputs, inputs, n), see ``System.frequency_response_sensitivities``.
 
     dG/dp = dD/dp + L^T dB/dp + dH/dp R - L^T (dK/dp + i w dC/dp - w^2 dM/dp) R
-
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s]; 0 gives the static compliance.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
-    outputs, inputs : str or sequence of str, optional
-        Names of ports; default: all.
-
-    Returns
-    -------
-    array, shape (parameters, outputs, inputs, n)
-        Derivatives [output unit / input unit per unit of the parameter].
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or the system does not change smoothly with it.
-    ResponseError
-        If a frequency is not finite or is an undamped pole, or a port is unknown.
     """
     system = basis.equations
     w = angular(omega)
@@ -182,36 +159,9 @@ def time_response_sensitivities(
     basis: SensitivityBasis, t: ArrayLike, u: ArrayLike, parameters: Requested = None, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
-    """Return the derivatives of the outputs at the times ``t``.
+    """Return the derivatives (parameters, outputs, n) at the times ``t``, see ``System.time_response_sensitivities``.
 
     z(t + h) = exp(A h) z(t) + d exp(A h) x(t) + d (integral over the step of exp(A (h - s)) B u(t + s) ds)
-
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    t : array-like, shape (n,)
-        Ascending times [s].
-    u : array-like, shape (inputs, n), or (n,) for a single input
-        Inputs at these times.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
-    hold : str
-        "first": linear between samples; "zero": constant from each sample to the next.
-    initial : pair of array-like, shape (m,), optional
-        q and q' at t[0], which no parameter changes; default: rest.
-
-    Returns
-    -------
-    array, shape (parameters, outputs, n)
-        Derivatives [output unit per unit of the parameter].
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or the system does not change smoothly with it.
-    ResponseError
-        If times do not ascend, shapes do not match, or the hold is unknown.
     """
     system = basis.equations
     time, force, start = checked_question(system, t, u, hold, initial)

@@ -155,24 +155,7 @@ class ModeSensitivities(Columnar, Displayed):
 
 
 def mode_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> ModeSensitivities:
-    """Return the derivatives of frequencies, damping ratios and shapes to parameters.
-
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the system.
-
-    Returns
-    -------
-    ModeSensitivities
-        Derivatives; those of the shapes are computed when they are asked for.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or the system does not change smoothly with it.
+    """Return the derivatives of frequencies, damping ratios and shapes, see ``System.mode_sensitivities``.
 
     Source: Nelson, AIAA J. 14 (1976) 1201, for shapes; here bordered and for quadratic problems.
     """

@@ -132,32 +132,10 @@ def sparse_mode_sensitivities(
     system: SparseEquations, parameters: Requested, count: int, near: float, dense: type[Equations],
     form: type[SomeModes],
 ) -> ModeSensitivities:
-    """Return the derivatives of some modes of a large mechanism.
+    """Return the derivatives of some modes of a large mechanism, see ``SparseSystem.mode_sensitivities``.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    parameters : str, iterable of str, mapping or None
-        Names, patterns or linear maps of parameters; None: every parameter of the model.
-    count : int
-        Number of modes.
-    near : float
-        The frequency [Hz] whose nearest modes are taken, 0 for the lowest.
-    dense, form : type
-        The classes of the small dense equations and of the modes.
-
-    Returns
-    -------
-    ModeSensitivities
-        Derivatives of eigenvalues, frequencies and damping ratios; those of shapes are refused.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or acts on the matrices in a way that is known of dense equations only.
-    ResponseError
-        If the number of modes or the frequency are not such numbers.
+    ``count`` modes nearest to the frequency ``near`` [Hz], 0 for the lowest. ``dense``, ``form``: the classes of the
+    small dense equations and of the modes.
     """
     requested = modes(system, count, near, dense, form)
     extra, known = GUARDS, requested
