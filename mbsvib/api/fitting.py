@@ -109,8 +109,8 @@ def _problem(
             parts[k] = part.with_radius(scenes[part.scene](chosen.map @ chosen.start, None)[0])
     problem = Problem(chosen, tuple(scenes), tuple(parts))
     if problem.numbers < len(chosen.names):
-        raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers} numbers were measured; give "
-                         f"more data, fix values or tie them.", field="free")  # fmt: skip
+        raise ModelError(f"fit: {len(chosen.names)} values are free, and {problem.numbers:.4g} numbers were measured; "
+                         f"give more data, fix values or tie them.", field="free")  # fmt: skip
     return problem
 
 

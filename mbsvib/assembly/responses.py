@@ -132,8 +132,11 @@ def assembled_responses(
                                       zip(parts, remaining, strict=True) if stays), ())  # fmt: skip
         whole[f"{kind}_points"] = [None if (place := part.places.get((kind, name))) is None
                                    else (place.position, place.direction) for part, name in here]  # fmt: skip
+    measured = [part.linear for part in parts if part.is_measured]
+    averages = [data.averages for data in measured if data.averages is not None]
     return AssembledMeasurement(
-        sides.omega, values, common_errors=errors,
+        sides.omega, values, common_errors=errors, averages=min(averages, default=None),
+        line_correlation=max((data.line_correlation for data in measured), key=np.sum),
         quantity=tuple([QUANTITIES[k] if k >= 0 else "" for k in sides.orders[rows].tolist()]), **whole,
         directions=directions, condition=condition, kept=kept, connections=tuple(connections),
     )  # fmt: skip

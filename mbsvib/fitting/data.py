@@ -14,7 +14,7 @@ from mbsvib.common.arrays import Array, Bools, Complex, Index
 from mbsvib.errors import ResponseError
 from mbsvib.fitting.mode_data import ModeData, shape_deviations
 from mbsvib.fitting.record_data import RecordData
-from mbsvib.fitting.response_data import ResponseData, weights
+from mbsvib.fitting.response_data import ResponseData, lines_alike, weights
 from mbsvib.fitting.variables import FARTHEST, HELD, Channels
 from mbsvib.linalg.rank import EPS
 from mbsvib.measurement.common_errors import CommonErrors
@@ -54,13 +54,15 @@ def response_data(
     responses = np.moveaxis(measurement.responses, 2, 0)
     variance = None if measurement.variance is None else np.moveaxis(measurement.variance, 2, 0)
     sign = np.moveaxis(match.factor(measurement.omega), 2, 0)
+    alike = lines_alike(measurement.line_correlation)
     errors, whitening, dependent = measurement.common_errors, None, 0
     if errors is None and measurement.covariance is not None:
         whitening, weight = _whitening(measurement, np.isfinite(responses), name)
+        weight /= np.sqrt(alike)
         is_known = True
     else:
         variance = variance if errors is None else np.moveaxis(errors.power(), 2, 0)
-        weight, is_known = weights(responses, variance, measurement.averages)
+        weight, is_known = weights(responses, variance, measurement.averages, alike)
         if errors is not None:
             whitening, dependent = _whitening_of_pairs(errors, weight > 0.0, name)
     weight = np.where(np.isfinite(sign), weight, 0.0)
@@ -71,7 +73,7 @@ def response_data(
     return ResponseData(
         name, number, measurement.omega, np.where(weight > 0.0, responses, 0.0), weight,
         whitening, rows, columns, np.where(np.isfinite(sign), sign, 0.0), channels, is_known,
-        dependent,
+        dependent, measurement.line_correlation,
     ), added  # fmt: skip
 
 
@@ -208,7 +210,7 @@ def _estimated(records: Records, numbers: Index, data: RecordData, match: Matchi
     ports = tuple(records.outputs), tuple(records.inputs)
     smooth = Measurement(data.omega, found.responses, *ports, found.variance).smoothed()
     responses, variance = np.moveaxis(found.responses, 2, 0), np.moveaxis(np.asarray(smooth.variance), 2, 0)
-    weight, known = weights(responses, variance, None)
+    weight, known = weights(responses, variance, None, lines_alike(found.correlation))
     drive = uniform_filter1d((np.abs(data.driven) ** 2).mean(axis=2), SMOOTHED, axis=0)
     driven = (drive > QUIET * np.median(drive, axis=0)).all(axis=1)
     clear = np.abs(responses) > CLEAR * np.sqrt(variance)  # logarithms of noise tell nothing

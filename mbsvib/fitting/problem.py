@@ -94,8 +94,8 @@ class Problem:
         return all(data.known for data in self.data)
 
     @property
-    def numbers(self) -> int:
-        """How many real numbers were measured, prior knowledge among them."""
+    def numbers(self) -> float:
+        """How many independent real numbers were measured, prior knowledge among them."""
         return sum(data.numbers for data in self.data) + int(np.isfinite(self.variables.prior[:, 1]).sum())
 
     def reweighted(self, x: Array) -> Problem:

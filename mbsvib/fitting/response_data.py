@@ -17,7 +17,7 @@ a line needs, whatever the number of variables.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 from warnings import catch_warnings, simplefilter, warn
 
@@ -159,6 +159,8 @@ class ResponseData:
     """Responses ``measured`` (n, outputs, inputs) at ``omega``, 0 where ``weight`` (n, outputs, inputs) is: sqrt(2)
     over the standard deviation of the noise, up to one factor for each pair where it is not ``known``.
 
+    ``correlation`` of errors with those of the next line, the one after it, and so on: ``lines_alike`` count as one.
+
     ``whitening`` takes the correlation out of weighted outputs (n, outputs, outputs), or out of all weighted pairs (n,
     pairs, pairs). ``rows`` and ``columns`` are ports of the model; ``sign`` (outputs, inputs) has directions against
     its own. ``scene`` is the number of the condition in which it was measured. ``dependent`` is how many numbers others
@@ -177,6 +179,7 @@ class ResponseData:
     channels: Channels
     known: bool
     dependent: int = 0
+    correlation: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def solved_at(self) -> Array:
@@ -235,9 +238,9 @@ class ResponseData:
         return EXACT * float(np.linalg.norm(self.weight * self.measured))
 
     @property
-    def numbers(self) -> int:
-        """How many real numbers were measured."""
-        return 2 * (int((self.weight > 0.0).sum()) - self.dependent)
+    def numbers(self) -> float:
+        """How many independent real numbers were measured."""
+        return 2 * (int((self.weight > 0.0).sum()) - self.dependent) / lines_alike(self.correlation)
 
     def reweighted(self, residual: Complex, share: float) -> ResponseData:
         """Return the same with the noise of each pair that its residuals (n, outputs, inputs) tell: a constant s, or
@@ -257,7 +260,7 @@ class ResponseData:
             tried = shapes(h)
             scales = [_scales(p / v, known) for v in tried]
             k = likeliest([-(np.log(s * v) + p / (s * v))[known].sum() for s, v in zip(scales, tried, strict=True)])
-            variance = share * middle[o] * scales[k] * tried[k]
+            variance = share * middle[o] * scales[k] * tried[k] * lines_alike(self.correlation)
             weight[:, o] = np.where(known, np.sqrt(2.0 / np.where(known, variance, 1.0)), 0.0)
         return replace(self, weight=weight)
 
@@ -320,23 +323,33 @@ def _gain(size: Array, turn: Complex, counts: Bools) -> float:
     return mean if turn.real.sum() >= 0.0 else -mean
 
 
-def weights(responses: Complex, variance: Array | None, averages: float | None) -> tuple[Array, bool]:
+def weights(
+    responses: Complex, variance: Array | None, averages: float | None, alike: float = 1.0
+) -> tuple[Array, bool]:  # fmt: skip
     """Return the weights of responses (n, outputs, inputs), 0 where they are not measured, and whether they are known.
 
     A variance of some averages is noise itself: it counts beside those of neighbouring lines. Without a variance each
-    pair has the noise of its median response, up to a factor that the residuals tell.
+    pair has the noise of its median response, up to a factor that the residuals tell. As many lines as are ``alike``
+    count as one.
     """
     counts = np.isfinite(responses)
     if variance is None:
         size = _median(np.where(counts, np.abs(responses), np.nan))
-        return np.where(counts, np.sqrt(2.0) / size, 0.0), False
+        return np.where(counts, np.sqrt(2.0 / alike) / size, 0.0), False
     least = np.where(counts & (variance > 0.0), variance, np.inf).min(axis=0)
     variance = np.where(variance > 0.0, variance, least)  # a coherence of 1 is not known to so many digits
     counts &= np.isfinite(variance)
     if averages is not None and averages > 1.0:
         drawn, measured = (np.moveaxis(np.where(counts, one, np.nan), 0, 2) for one in (variance, responses))
-        variance = np.moveaxis(shrunk(drawn, measured, averages - 1.0), 2, 0)
-    return np.where(counts, np.sqrt(2.0 / np.where(counts, variance, 1.0)), 0.0), True
+        variance = np.moveaxis(shrunk(drawn, measured, averages - 1.0, alike), 2, 0)
+    return np.where(counts, np.sqrt(2.0 / alike / np.where(counts, variance, 1.0)), 0.0), True
+
+
+def lines_alike(correlation: Array) -> float:
+    """Return how many lines tell as much as one: the variance of a mean over many is so many times that of independent
+    ones, 1 + 2 sum_j rho_j with the correlation rho_j of the errors of lines that are j apart.
+    """
+    return float(1.0 + 2.0 * correlation.sum())
 
 
 def _median(size: Array) -> Array:

@@ -19,7 +19,7 @@ from mbsvib.measurement.common_errors import CommonErrors
 
 # Entries of a file of arrays that are channels and noise; the others of a measurement are not kept there.
 ARRAYS = ("omega", "responses", "outputs", "inputs", "variance", "coherence", "averages", "covariance", "quantity",
-          "output_units", "input_units", "noise_variance")  # fmt: skip
+          "output_units", "input_units", "noise_variance", "line_correlation")  # fmt: skip
 # Entries that say how errors of several channels belong together.
 COMMON = ("common_rows", "common_variance", "common_columns")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,16 +13,15 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex
 from mbsvib.common.columnar import Columnar, by_pair
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import ascending, limits, one_of, reals
+from mbsvib.common.expected import ascending, limits, reals
 from mbsvib.common.selection import key_ports, needed_ports, signal_names
-from mbsvib.elements.ports import QUANTITIES
-from mbsvib.errors import ResponseError, an, counted
+from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.bands import within
 from mbsvib.linalg.covariances import are_covariances
+from mbsvib.measurement.channels import channels_of
 from mbsvib.measurement.common_errors import CommonErrors
 from mbsvib.measurement.doors import Doors
-from mbsvib.measurement.matching import ORDERS, Matched, unit_of
-from mbsvib.measurement.points import nodes_of, points_of
+from mbsvib.measurement.matching import Matched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +69,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         Coherence c of H1 estimates with one input; with ``averages`` m > 1 it gives variance
         |G|^2 (1 - c) / (c (m - 1)), without bias.
     averages : float, optional
-        Number of independent averages.
+        Number of independent averages, one more than the variance has degrees of freedom.
     covariance : array-like, shape (outputs, outputs, n), optional
         E[n_i conj(n_j)] of the errors of the outputs, the same for each input. Its diagonal is the variance.
     quantity : str or sequence of str, optional
@@ -89,6 +88,9 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         Connected nodes, for pictures.
     noise_variance : array-like, shape (outputs, inputs, n), optional
         The part of the variance that changes from period to period; the rest of it is nonlinear distortion.
+    line_correlation : array-like, shape (m,), optional
+        Correlation of the errors of a line with those of the next one, the one after it, and so on, as windows and
+        polynomials over lines make it; default: none.
     left_out, notes : sequence of str, optional
         What a file holds beside these; how the responses were estimated.
     consistency : dict of str to float, optional
@@ -131,6 +133,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
     notes: tuple[str, ...] = ()
     consistency: Any = field(default_factory=dict)
     common_errors: CommonErrors | None = None
+    line_correlation: Any = ()
 
     def __post_init__(self) -> None:
         set_: Callable[[str, Any], None] = partial(object.__setattr__, self)
@@ -153,6 +156,11 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         set_("omega", omega)
         set_("responses", responses)
         self._check_noise(shape, set_)
+        near = np.array(reals(self.line_correlation, WHO, "line_correlation", "correlations of lines 1, 2, ... apart"))
+        if near.ndim != 1 or not (np.abs(near) <= 1.0).all() or not 1.0 + 2.0 * near.sum() > 0.0:
+            raise ResponseError(f"{WHO}: line_correlation = {shown(near.tolist())}; expected correlations of errors of "
+                                f"lines that are 1, 2, ... apart, from -1 to 1, with a sum above -1/2.")
+        set_("line_correlation", near)
         for name, value in channels_of(self, self.outputs, self.inputs, WHO).items():
             set_(name, value)
         for name in ("modes", "lines", "left_out", "notes"):
@@ -161,7 +169,7 @@ class Measurement(Matched, Columnar, Doors, Displayed):
         if not all(isinstance(mode, MeasuredMode) for mode in self.modes):
             raise ResponseError(f"{WHO}: modes = {shown(self.modes)}; expected MeasuredMode objects, as from_uff has "
                                 f"them. Modes alone are mv.MeasuredModes.")  # fmt: skip
-        for name in Measurement.by_line:
+        for name in (*Measurement.by_line, "line_correlation"):
             if getattr(self, name) is not None:
                 getattr(self, name).setflags(write=False)
 
@@ -362,37 +370,3 @@ def _array(value: Any, shape: tuple[int, ...], field: str, kind: type) -> Any:
         ends = "outputs, outputs and lines" if field == "covariance" else "outputs, inputs and lines"
         raise ResponseError(f"{WHO}: {field} has shape {result.shape}; expected {shape}, {ends}.")
     return result
-
-
-def channels_of(of: Any, outputs: Sequence[str], inputs: Sequence[str], who: str) -> dict[str, Any]:
-    """Return units, points and nodes of the channels of a measurement, and the quantities of outputs, by its fields."""
-    result: dict[str, Any] = {"nodes": nodes_of(of.nodes)}
-    for kind, names in (("output", outputs), ("input", inputs)):
-        units = getattr(of, f"{kind}_units") or ("",) * len(names)
-        if not all(isinstance(unit, str) for unit in units):
-            raise ResponseError(f"{who}: {kind}_units = {shown(list(units))}; expected texts such as 'm/s^2', '' where "
-                                f"a unit is not known.")  # fmt: skip
-        if len(units) != len(names):
-            raise ResponseError(f"{who}: {len(units)} {kind}_units for the {kind}s {', '.join(names)}; expected one of "
-                                f"each.")  # fmt: skip
-        points, nodes = points_of(getattr(of, f"{kind}_points"), names, result["nodes"], f"{who}: {kind}s")
-        result |= {f"{kind}_units": tuple(map(unit_of, units)), f"{kind}_points": tuple(points), "nodes": tuple(nodes)}
-    return result | {"quantity": quantities_of(of.quantity, outputs, result["output_units"])}
-
-
-def quantities_of(given: Any, names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
-    """Return the quantity of each output; "" where neither quantity nor unit says it."""
-    listed: tuple[Any, ...] = (given,) * len(names) if given is None or isinstance(given, str) else tuple(given)
-    if len(listed) != len(names):
-        raise ResponseError(f"{WHO}: quantity = {shown(list(listed))}; expected one, or one of each output "
-                            f"({', '.join(names)}).")  # fmt: skip
-    result: list[str] = []
-    for name, quantity, unit in zip(names, listed, units, strict=True):
-        by_unit = QUANTITIES[ORDERS[unit][1]] if unit in ORDERS else ""
-        if quantity:
-            one_of(quantity, tuple(QUANTITIES), WHO, f"quantity of '{name}'")
-        if quantity and by_unit and quantity != by_unit:
-            raise ResponseError(f"{WHO}: quantity of '{name}' = {quantity!r}, yet its unit is {unit}, of "
-                                f"{an(by_unit)}; expected the same.")  # fmt: skip
-        result.append(quantity or by_unit)
-    return tuple(result)

@@ -16,8 +16,9 @@ from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.bands import within
 from mbsvib.measurement.array_files import ArrayFiles
-from mbsvib.measurement.estimation import check_length, estimate, samples_of, si, stacked, step_of
+from mbsvib.measurement.estimation import estimate
 from mbsvib.measurement.points import point_of
+from mbsvib.measurement.time_records import check_length, samples_of, si, stacked, step_of
 
 METHODS = ("H1", "H2", "Hv", "local", "periodic")
 HERTZ, ENDS = "frequency [Hz]", ["output", "input"]  # names of rows and columns in tables of pandas
@@ -113,13 +114,13 @@ class Doors(ArrayFiles):
         result = estimate(records, sizes, method, (samples, numbers), noise_ratio)
         worst = np.argmax(result.condition)
         notes = [f"method {method}", f"resolution {resolution:g} Hz"]
-        notes += [] if result.averages is None else [f"{result.averages:.3g} independent averages"]
+        notes += [f"{result.averages:.3g} independent averages"] if windowed else []
         notes += [] if sizes[1] == 1 else [f"condition of the inputs up to {result.condition[worst]:.3g}, at "
                                            f"{numbers[worst] * resolution:g} Hz"]  # fmt: skip
         return cls(
             omega=2 * np.pi * resolution * numbers, responses=result.responses, outputs=tuple(outputs),  # type: ignore[call-arg]
             inputs=tuple(inputs), variance=result.variance, coherence=result.coherence, averages=result.averages,
-            noise_variance=result.noise, notes=tuple(notes), **channels,
+            noise_variance=result.noise, line_correlation=result.correlation, notes=tuple(notes), **channels,
         )  # fmt: skip
 
     @classmethod
@@ -261,8 +262,8 @@ class Doors(ArrayFiles):
         -------
         xarray.Dataset
             "response" and, as far as known, "variance", "coherence" and "noise_variance" (output, input, frequency),
-            "covariance" (output, other_output, frequency); coordinates "frequency" [Hz], "output", "input", and
-            "output_unit", "input_unit" of each.
+            "covariance" (output, other_output, frequency), "line_correlation" (distance); coordinates "frequency" [Hz],
+            "output", "input", and "output_unit", "input_unit" of each.
 
         Raises
         ------
@@ -273,6 +274,8 @@ class Doors(ArrayFiles):
         known: dict[str, Labelled] = {"response": (axes, data.responses, None)}
         known |= {name: (axes, array, None) for name in ("variance", "coherence", "noise_variance")
                   if (array := getattr(data, name)) is not None}  # fmt: skip
+        if len(data.line_correlation):
+            known["line_correlation"] = ("distance",), data.line_correlation, None
         if data.covariance is not None:
             known["covariance"] = ("output", "other_output", "frequency"), data.covariance, None
         return of_responses("to_xarray", data.frequencies, (data.outputs, data.inputs),

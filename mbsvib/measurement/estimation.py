@@ -1,43 +1,43 @@
-"""Time records and their checks; frequency responses and their variance from spectra of these: Welch's averages, local
-polynomials, periodic data.
+"""Frequency responses of time records and their variance: Welch's averages, local polynomials, periodic data.
 
 All spectra are (..., channels, n) over n lines. One formula serves H1, H2 and closed loops: with instruments r,
 
 G = Syr Srr^-1 Sru (Sur Srr^-1 Sru)^-1,  e = y - G u,  cov G_oi = See (Sur Srr^-1 Sru)^-1_ii / (m - inputs)
 
 r = u is H1, r = y is H2, and an outer reference is the unbiased choice in a closed loop.
+
+Errors of neighbouring lines k and k + j are alike: of averages of windows w by what windows and drive r share,
+rho_j = Re sum_t w_t^2 exp(-2 pi i j t / N) E[r_k conj(r_k+j)], of local polynomials by the lines that both have.
+
 Sources: Bendat, Piersol, Random Data (2010), 7.3, 9.2; Welch, IEEE Trans. Audio 15 (1967) 70; Pintelon, Schoukens,
 System Identification: A Frequency Domain Approach (2012), 2.7 (several inputs, periods), 7.2 (local polynomials).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from mbsvib.common.arguments import shown
 from mbsvib.common.arrays import Array, Complex, Index
-from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.bands import within
 from mbsvib.linalg.rank import INPUTS_APART, NO_PIVOT
-from mbsvib.measurement.matching import unit_of
 
 ORDER, LINES = 2, 6  # of local polynomials: degree, and lines at either side
 LEAST_FREEDOM = 7  # of the residuals of a local polynomial; with several inputs it takes more lines for it
 # Relative error of the response from reference to input from which the error of a quotient is far from normal.
 WEAK = 0.3
 CHUNK = 4096  # lines that are solved at once
+SHARED = 2  # neighbours on each side with which a line of a Hann window shares noise
+ALIKE = 0.01  # correlations of lines that are as good as none
 
 
 class Estimate(NamedTuple):
     """Responses (outputs, inputs, n), their variance, coherence with a single input, and condition of the inputs (n,).
 
-    ``averages``: effective number of independent ones. ``noise`` is the part of the variance that changes from period
-    to period, where this is known apart.
+    ``averages``: effective number of independent ones, one more than the variance has degrees of freedom. ``noise`` is
+    the part of the variance that changes from period to period, where this is known apart. ``correlation`` (lines,) of
+    errors with those of the next line, the one after it, and so on.
     """
 
     responses: Complex
@@ -46,10 +46,12 @@ class Estimate(NamedTuple):
     condition: Array
     averages: float | None
     noise: Array | None = None
+    correlation: Array = np.zeros(0)
 
 
-def welch(records: Array, length: int) -> tuple[Complex, float]:
-    """Return spectral matrices (n, channels, channels) by Hann windows that overlap by half, and their number m.
+def welch(records: Array, length: int) -> tuple[Complex, float, Complex]:
+    """Return spectral matrices (n, channels, channels) by Hann windows that overlap by half, their number m, and
+    E[z_k conj(z_k+j)] times the correlation of white noise at lines that are j = 1, 2 apart (j, n, channels).
 
     ``records`` (experiments, channels, N). m is the number of independent windows with the same variance,
     m = E K / (1 + 2 sum_j (1 - j / K) rho_j^2), with K windows a record whose correlation at distance j is rho_j.
@@ -58,16 +60,21 @@ def welch(records: Array, length: int) -> tuple[Complex, float]:
     window: Any = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     starts = range(0, records.shape[-1] - length + 1, step)
     total: Any = 0.0
+    beside: Complex = np.zeros((SHARED, length // 2 + 1, records.shape[1]), dtype=complex)
+    share = np.fft.fft(window**2)[1 : SHARED + 1] / (window @ window)
     for start in starts:
         piece = records[..., start : start + length]
         spectra = np.fft.rfft((piece - piece.mean(axis=-1, keepdims=True)) * window)
         total = total + np.einsum("ecn,edn->ncd", spectra, spectra.conj())
+        for j, part in enumerate(share, start=1):
+            beside[j - 1, :-j] += part * np.einsum("ecn,ecn->nc", spectra[..., :-j], spectra[..., j:].conj())
     count, shared = len(starts), 1.0
     for j in range(1, min(count, -(-length // step))):
         overlap = window[: length - j * step] @ window[j * step :] / (window @ window)
         shared += 2.0 * (1.0 - j / count) * overlap**2
     averages = len(records) * count / shared
-    return np.asarray(total / (len(records) * count)), averages
+    count *= len(records)
+    return np.asarray(total / count), averages, np.asarray(beside / count)
 
 
 def by_instruments(spectra: Complex, sizes: tuple[int, int], instruments: Index, averages: float) -> Estimate:
@@ -125,7 +132,7 @@ def _with_variance(
         powers = np.einsum("nii->ni", spectra).real
         coherence = np.abs(spectra[:, y, u[0]]) ** 2 / (powers[:, y] * powers[:, u])
     return Estimate(_last(g), _last(variance), None if coherence is None else _last(coherence[:, :, None]), condition,
-                    averages)  # fmt: skip
+                    averages - len(u) + 1)  # fmt: skip
 
 
 def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index) -> Estimate:
@@ -146,7 +153,7 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index
     if lines < width:
         raise ResponseError(f"from_records: {lines} lines; method='local' needs {width} or more, from longer records.")
     freedom = experiments * width - columns
-    pieces = []
+    pieces, alike = [], np.zeros((2, width - 1))
     for first in range(0, len(wanted), CHUNK):
         k = wanted[first : first + CHUNK]
         window = np.clip(k - int(half), 0, lines - width)[:, None] + np.arange(width)
@@ -169,6 +176,7 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index
         projected = q.conj().swapaxes(1, 2) @ target
         inverse = np.linalg.inv(upper)
         g = ((inverse @ projected)[:, :count] / size[:, :, None]).swapaxes(1, 2)  # (n, channels, references)
+        alike += _alike(inverse[:, :count] @ q.conj().swapaxes(1, 2), window)
         rest = target - q @ projected
         noise = rest.swapaxes(1, 2) @ rest.conj() / freedom
         own = local[..., outputs : outputs + inputs]
@@ -187,7 +195,21 @@ def local_polynomials(records: Array, sizes: tuple[int, int, int], wanted: Index
     scatter = np.einsum("noc,ncd,nod->no", errors, noise, errors.conj()).real
     share = np.einsum("nri,nrs,nsi->ni", back, spread.conj(), back.conj()).real
     variance = np.maximum(scatter, 0.0)[:, :, None] * share[:, None, :]
-    return Estimate(_last(response), _last(variance), None, _condition(power), None)
+    return Estimate(_last(response), _last(variance), None, _condition(power), float(freedom + 1),
+                    correlation=_trimmed(alike[0] / np.maximum(alike[1], 1.0)))  # fmt: skip
+
+
+def _alike(weights: Complex, window: Index) -> Array:
+    """Sums of the correlations of lines that are 1, 2, ... apart, and numbers of these, (2, lines), by the ``weights``
+    (n, references, experiments * lines) of the lines in each ``window`` (n, lines).
+    """
+    n, width = window.shape
+    unit = (weights / np.linalg.norm(weights, axis=(1, 2), keepdims=True)).reshape(n, -1, width)
+    result = np.zeros((2, width - 1))
+    for j in range(1, width):
+        moved = window[j:, 0] - window[:-j, 0] == j  # not at the ends of the spectrum
+        result[:, j - 1] = np.vdot(unit[:-j, :, j:][moved], unit[j:, :, :-j][moved]).real, moved.sum()
+    return result
 
 
 def periodic(records: Array, sizes: tuple[int, int], period: int, wanted: Index) -> Estimate:
@@ -219,12 +241,20 @@ def periodic(records: Array, sizes: tuple[int, int], period: int, wanted: Index)
     if groups > 1:
         total = _last((np.abs(g - best[:, None]) ** 2).sum(axis=1) / (groups * (groups - 1)))
     condition = np.where(excited, np.linalg.cond(drive).max(axis=1), 1.0)
-    return Estimate(_last(best), noise if total is None else total, None, condition, None, noise)
+    independent = groups if groups > 1 else count
+    return Estimate(_last(best), noise if total is None else total, None, condition,
+                    float(independent) if independent > 1 else None, noise)  # fmt: skip
 
 
 def _unexcited(line: int) -> ResponseError:
     return ResponseError(f"from_records: around line {line + 1} (times the resolution) too few lines are excited for "
                          f"method='local'. Leave them out by band=, or take method='periodic' for periodic excitation.")
+
+
+def _trimmed(correlation: Array) -> Array:
+    """Correlations up to the last one that is not as good as none."""
+    known = np.flatnonzero(np.abs(correlation) > ALIKE)
+    return correlation[: known[-1] + 1 if len(known) else 0]
 
 
 def _last(values: Array | Complex) -> Any:
@@ -244,104 +274,6 @@ def _condition(power: Complex) -> Array:
     return np.asarray(condition)
 
 
-# Times that differ from even ones by less than this share of a step are even: rounded time stamps.
-EVEN = 1e-2
-# Length over 1 / (damping ratio frequency) from which a peak is off by less than 20 %; segments and periods: 1.
-RESOLVED = {"local": 4}
-# Units of test laboratories in SI units.
-SI = {"g": (9.80665, "m/s^2"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "kN": (1e3, "N"),
-      "mm/s": (1e-3, "m/s"), "mm/s^2": (1e-3, "m/s^2")}  # fmt: skip
-
-
-def stacked(
-    groups: Mapping[str, Mapping[str, ArrayLike]], who: str = "from_records",
-    needed: Sequence[str] = ("output", "input"),
-) -> tuple[Array, tuple[int, int, int]]:  # fmt: skip
-    """Return records (experiments, channels, N) and the number of channels of each group; ``needed`` are not empty."""
-    stacked: list[Array] = []
-    counts: list[int] = []
-    for kind, group in groups.items():
-        records = dict(group.items()) if hasattr(group, "items") else {}
-        counts.append(len(records))
-        if not hasattr(group, "items") or (not records and kind in needed):
-            raise ResponseError(f"{who}: {kind}s = {shown(group)}; expected records by name, {{'F': array}}.")
-        for name, values in records.items():
-            record = np.atleast_2d(reals(values, who, f"'{name}'", "a record of numbers"))
-            if record.ndim != 2 or record.shape[1] < 2 or (stacked and record.shape != stacked[0].shape):
-                raise ResponseError(f"{who}: '{name}' has shape {record.shape}; expected experiments and "
-                                    f"samples{f', {stacked[0].shape} as the others' if stacked else ''}.")  # fmt: skip
-            if not np.isfinite(record).all():
-                at = np.argwhere(~np.isfinite(record))[0][-1]
-                raise ResponseError(f"{who}: '{name}' is not finite at sample {at}; cut or repair the record.")
-            if (np.ptp(record) if len(record) else 0.0) == 0.0:
-                raise ResponseError(f"{who}: '{name}' is constant; leave this {kind} out.")
-            stacked.append(record - record.mean(axis=1, keepdims=True))
-    outputs, inputs, references = counts
-    if references and references < inputs:
-        raise ResponseError(f"{who}: {references} references for {inputs} inputs; expected as many or more.")
-    return np.stack(stacked, axis=1), (outputs, inputs, references)
-
-
-def step_of(t: ArrayLike, count: int, who: str = "from_records") -> float:
-    """Return the time between samples [s]."""
-    times = reals(t, who, "t", "even times [s], or the time between samples [s]")
-    if times.ndim == 0:
-        if not 0.0 < times < np.inf:
-            raise ResponseError(f"{who}: t = {times:g}; expected a positive time between samples [s].")
-        return float(times)
-    if times.shape != (count,) or count < 2 or not np.isfinite(times).all():
-        raise ResponseError(f"{who}: t has shape {times.shape}, records have {count} samples; expected one time "
-                            f"[s] each, or the time between samples.")  # fmt: skip
-    step = float(times[-1] - times[0]) / (count - 1)
-    off = np.abs(times - times[0] - step * np.arange(count)).max()
-    if not step > 0.0 or off > EVEN * step:
-        raise ResponseError(f"{who}: times are uneven: off by {off:.3g} s from steps of {step:.6g} s; resample "
-                            f"the records.")  # fmt: skip
-    return step
-
-
-def samples_of(count: int, step: float, segments: int | None, period: float | None) -> int:
-    """Return the samples of a segment, of a period, or of the record."""
-    if period is not None:
-        samples = float(reals(period, "from_records", "period", "a time [s]")) / step
-        if not samples >= 2.0 or abs(samples - round(samples)) > EVEN:
-            raise ResponseError(f"from_records: period = {period!r} s is {samples:.6g} samples; expected a "
-                                f"whole number.")  # fmt: skip
-        return round(samples)
-    if segments is None:
-        return count
-    if isinstance(segments, bool) or not isinstance(segments, (int, np.integer)) or not 1 <= segments <= count // 4:
-        raise ResponseError(f"from_records: segments = {shown(segments)}; expected a whole number from 1 to "
-                            f"{count // 4}.")  # fmt: skip
-    return count // int(segments)
-
-
-def check_length(
-    seconds: float, band: tuple[float, float] | None, lowest: tuple[float, float] | None, method: str,
-    who: str = "from_records",
-) -> None:  # fmt: skip
-    """Refuse lines that stretches of that length do not resolve."""
-    windowed = method in ("H1", "H2", "Hv")
-    what = f"segments of {seconds:.4g} s" if windowed else f"{seconds:.4g} s"
-    hint = "Record longer" + (", take fewer segments, or method='local'." if windowed else ".")
-    if band is not None:
-        ends = reals(band, who, "band", "the first and the last frequency [Hz]")
-        if ends.shape != (2,) or not (0.0 < ends[0] < ends[1] and within(ends[:1] * seconds, 1.0, np.inf).all()):
-            raise ResponseError(f"{who}: band = {shown(band)} Hz with {what}, whose lowest line is {1 / seconds:.4g} "
-                                f"Hz; expected a band above it, (first, last). {hint}")
-    if lowest is not None:
-        mode = reals(lowest, who, "lowest", "a frequency [Hz] and a damping ratio")
-        frequency, ratio = mode if mode.shape == (2,) else (0.0, 0.0)
-        if not (frequency > 0.0 and ratio > 0.0):
-            raise ResponseError(f"{who}: lowest = {shown(lowest)}; expected a frequency [Hz] and a damping "
-                                f"ratio.")  # fmt: skip
-        times = RESOLVED.get(method, 1)
-        if seconds * frequency * ratio < times:
-            least = times / (ratio * frequency)
-            raise ResponseError(f"{who}: {what} for a mode at {frequency:g} Hz with damping ratio {ratio:g}; "
-                                f"expected {times} / (ratio f) = {least:.4g} s or more. {hint}")  # fmt: skip
-
-
 def estimate(
     records: Array, sizes: tuple[int, int, int], method: str, lines: tuple[int, Index], ratio: float | None
 ) -> Estimate:
@@ -355,27 +287,34 @@ def estimate(
         return local_polynomials(records, sizes, numbers - 1)
     if method == "periodic":
         return periodic(records, (outputs, inputs), samples, numbers)
-    spectra, averages = welch(records, samples)
+    spectra, averages, beside = welch(records, samples)
+    own = np.sqrt(np.einsum("nii->ni", spectra).real)
     spectra = spectra[numbers]
+    drive = np.arange(outputs) if method == "H2" else np.arange(outputs + bool(references) * inputs, spectra.shape[1])
+    correlation = []
+    for j, shared in enumerate(beside, start=1):
+        size = own * np.concatenate((own[j:], np.zeros((j, own.shape[1]))))
+        share = np.divide(shared.real, size, out=np.zeros_like(size), where=size > 0.0)
+        correlation.append(share[numbers][:, drive].mean())
+    found = _averaged(spectra, (outputs, inputs), drive, method, ratio, averages)
+    return found._replace(correlation=_trimmed(np.array(correlation)))
+
+
+def _averaged(
+    spectra: Complex, sizes: tuple[int, int], drive: Index, method: str, ratio: float | None, averages: float
+) -> Estimate:
+    outputs, inputs = sizes
     if method == "Hv":
-        return total_least_squares(spectra, (outputs, inputs), ratio, averages)
+        return total_least_squares(spectra, sizes, ratio, averages)
     if method == "H1":
-        first = outputs + inputs if references else outputs
-        return by_instruments(spectra, (outputs, inputs), np.arange(first, spectra.shape[1]), averages)
+        return by_instruments(spectra, sizes, drive, averages)
     if inputs == 1:  # each output alone: outputs without noise depend on each other
         each = [by_instruments(spectra[:, pair][:, :, pair], (1, 1), np.array([0]), averages)
                 for pair in ([o, outputs] for o in range(outputs))]  # fmt: skip
         responses, variance, coherence = (np.concatenate([getattr(one, field) for one in each])
                                           for field in ("responses", "variance", "coherence"))  # fmt: skip
-        return Estimate(responses, variance, coherence, each[0].condition, averages)
+        return each[0]._replace(responses=responses, variance=variance, coherence=coherence)
     if outputs != inputs:
         raise ResponseError(f"from_records: H2 of {outputs} outputs and {inputs} inputs; expected as many of both, or "
                             f"one input. Take 'H1' or 'Hv'.")  # fmt: skip
-    return by_instruments(spectra, (outputs, inputs), np.arange(outputs), averages)
-
-
-def si(channel: Mapping[str, Any]) -> tuple[Array, str]:
-    """Return values in SI units and their unit; units that are not known stay."""
-    unit = unit_of(str(channel.get("unit_str", "")))
-    factor, known = SI.get(unit, (1.0, unit))
-    return factor * np.asarray(channel["data"], dtype=float), known
+    return by_instruments(spectra, sizes, drive, averages)

@@ -67,16 +67,18 @@ def smoothed(variance: Array, responses: Complex, lines: int) -> Array:
     return np.asarray(v * local_mean(variance / v, lines))
 
 
-def shrunk(variance: Array, responses: Complex, freedom: float) -> Array:
+def shrunk(variance: Array, responses: Complex, freedom: float, alike: float = 1.0) -> Array:
     """Return the variances (outputs, inputs, n) that count in a fit, of sample variances with some degrees of freedom.
 
+    ``alike``: how many neighbouring lines tell as much as one.
     They are larger than the best estimates by as much as what is left of their noise makes values of the fit noisier.
     """
     from scipy.special import polygamma, psi
 
-    v = shape(variance, np.nan_to_num(np.abs(responses) ** 2), LINES, freedom)
+    lines = round(LINES * alike)
+    v = shape(variance, np.nan_to_num(np.abs(responses) ** 2), lines, freedom / alike)
     logarithm = np.log(variance / v)
-    level = local_mean(logarithm, LINES)  # of logarithms, so that a few lines of much noise do not count for all
+    level = local_mean(logarithm, lines)  # of logarithms, so that a few lines of much noise do not count for all
     result = variance.copy()
     for o, off in enumerate(logarithm - level):
         known = np.isfinite(off)

@@ -16,9 +16,9 @@ from mbsvib.common.selection import signal_names
 from mbsvib.errors import ResponseError, counted
 from mbsvib.linalg.bands import BAND_END, within
 from mbsvib.linalg.covariances import are_covariances
-from mbsvib.measurement.data import channels_of
-from mbsvib.measurement.estimation import check_length, stacked, step_of
+from mbsvib.measurement.channels import channels_of
 from mbsvib.measurement.matching import Matched
+from mbsvib.measurement.time_records import check_length, stacked, step_of
 from mbsvib.responses.densities import density
 
 WHO = "Records"

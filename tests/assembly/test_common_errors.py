@@ -71,6 +71,22 @@ def test_a_part_taken_away_and_then_another_joined_as_both_at_once():
     assert (np.abs(apart.variance / once.variance - 1.0) > 0.1).any()  # without knowing what errors share
 
 
+def test_fewest_averages_and_most_alike_lines_of_parts_count():
+    """What a fit of the whole may know of its variances is not more than what one part tells."""
+    shown = []
+    for name, averages, correlation in (("a", 3, ()), ("b", 5, [0.6, 0.1]), ("c", None, [0.4, 0.1])):
+        part = rail(name, 3.0, 5.0, 2e3)
+        g = part.frequency_response(W)
+        shown.append(mv.Measurement(W, g, part.outputs, part.inputs, variance=1e-8 * np.abs(g) ** 2, averages=averages,
+                                    quantity="displacement", line_correlation=correlation))  # fmt: skip
+    parts = dict(zip("abc", shown, strict=True))
+    whole = mv.assemble(parts, [("a.p", "b.p", "rigid"), ("b.p", "c.p", "rigid")])
+    assert whole.averages == 3
+    assert whole.line_correlation.tolist() == [0.6, 0.1]
+    two = mv.assemble({"c": parts["c"], "d": rail("d", 3.0, 5.0, 2e3)}, [("c.p", "d.p", "rigid")])
+    assert (two.averages, two.line_correlation.tolist()) == (None, [0.4, 0.1])
+
+
 def test_errors_that_outputs_share_by_their_covariance():
     """Both outputs have the same error: the variance of a joined one is that of the sum of both slopes."""
     a, b = rail("a", 3.0, 5.0, 2e3), rail("b", 2.0, 3.0, 4e2)

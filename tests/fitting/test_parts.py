@@ -188,19 +188,20 @@ def test_what_data_tell_does_not_depend_on_the_size_of_other_values(size):
 
 
 def test_covariance_of_residuals_is_not_below_that_of_the_noise():
-    """C S^T S C n / (n - v), of each value at least the ratio times C."""
+    """C P C with P = S^T S n / (n - v), of each value at least the ratio times C."""
     rng = np.random.default_rng(3)
     factor = rng.standard_normal((3, 3))
     covariance = factor @ factor.T
     scores = 3.0 * rng.standard_normal((12, 3))
-    sandwich = covariance @ scores.T @ scores @ covariance * 12 / 9
-    np.testing.assert_allclose(knowledge._from_residuals(covariance, scores, 1e-6), sandwich)
-    large = knowledge._from_residuals(covariance, scores, 1e6)
+    power = scores.T @ scores * 12 / 9
+    sandwich = covariance @ power @ covariance
+    np.testing.assert_allclose(knowledge._sandwich(covariance, power, 1e-6 * covariance), sandwich)
+    large = knowledge._sandwich(covariance, power, 1e6 * covariance)
     np.testing.assert_allclose(large.diagonal(), 1e6 * covariance.diagonal())
     deviation = np.sqrt(sandwich.diagonal())
     np.testing.assert_allclose(large / np.sqrt(np.outer(large.diagonal(), large.diagonal())),
                                sandwich / np.outer(deviation, deviation))  # fmt: skip
-    np.testing.assert_allclose(knowledge._from_residuals(covariance, 0.0 * scores, 2.0), 2.0 * covariance)
+    np.testing.assert_allclose(knowledge._sandwich(covariance, 0.0 * power, 2.0 * covariance), 2.0 * covariance)
 
 
 def test_scores_of_blocks_add_up_to_the_gradient():

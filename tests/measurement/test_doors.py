@@ -111,9 +111,10 @@ def test_all_arrays_of_a_numpy_file(tmp_path):
     data = noisy()
     covariance = np.einsum("ijn,kjn->ikn", data.responses, data.responses.conj())
     full = mv.Measurement(data.omega, data.responses, data.outputs, data.inputs, covariance=covariance,
-                          noise_variance=0.5 * np.abs(data.responses), averages=3)  # fmt: skip
+                          noise_variance=0.5 * np.abs(data.responses), averages=3,
+                          line_correlation=[0.6, -0.1])  # fmt: skip
     back = mv.Measurement.from_npz(full.to_npz(tmp_path / "full.npz"))
-    for name in ("covariance", "noise_variance", "variance"):
+    for name in ("covariance", "noise_variance", "variance", "line_correlation"):
         np.testing.assert_array_equal(getattr(back, name), getattr(full, name))
     assert (back.averages, back.coherence) == (3, None)
     np.savez(tmp_path / "other.npz", f=data.frequencies, G=data.responses, outputs=np.array("p"), inputs=["F", "M"],

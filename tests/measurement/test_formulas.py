@@ -6,7 +6,7 @@ from scipy import signal
 
 import mbsvib as mv
 from mbsvib.errors import ResponseError
-from mbsvib.measurement import estimation
+from mbsvib.measurement import estimation, time_records
 
 
 def normal(rng, *shape):
@@ -32,7 +32,7 @@ def test_averages_are_those_of_scipy(length, experiments):
     """All cross spectra with their order and conjugate; the number of independent averages from overlaps."""
     rng = np.random.default_rng(length)
     records = rng.standard_normal((experiments, 3, 500)) + 3.0
-    found, averages = estimation.welch(records, length)
+    found, averages, _ = estimation.welch(records, length)
     window = signal.get_window("hann", length)
     step = length - length // 2
     for c in range(3):
@@ -44,6 +44,55 @@ def test_averages_are_those_of_scipy(length, experiments):
     rho = window[:-step] @ window[step:] / (window @ window)
     assert averages == pytest.approx(experiments * count / (1.0 + 2.0 * (1.0 - 1.0 / count) * rho**2), rel=1e-12)
     assert estimation.welch(records[..., :length], length)[1] == experiments
+
+
+@pytest.mark.parametrize(("method", "options", "first"), [
+    ("H1", {"segments": 20}, 4.0 / 9.0), ("H2", {"segments": 20}, None), ("local", {}, None),
+    ("Hv", {"segments": 20, "noise_ratio": 1e3}, 4.0 / 9.0),
+])  # fmt: skip
+@pytest.mark.parametrize("inputs", [1, 2])
+def test_correlation_of_neighbouring_lines(method, options, first, inputs):
+    """Against errors that are drawn: responses of 0, so that estimates are errors, or of 1 for H2.
+
+    White inputs and Hann windows have the square of 2 / 3 between neighbours: windows have it, and so has the input.
+    """
+    found, stated, records = np.zeros(4), np.zeros(4), 1 if method == "local" else 4
+    for seed in range(records):
+        rng = np.random.default_rng(seed)
+        u, noise = (0.1 ** (method == "H2") * rng.standard_normal((kind, 12000)) for kind in (inputs, 2))
+        y = (rng.standard_normal((2, 12000)) if method == "H2" else noise)[:inputs]
+        driven = {f"u{i}": one + (y[i] if method == "H2" else 0.0) for i, one in enumerate(u)}
+        data = mv.Measurement.from_records(1e-3, driven, {f"y{i}": one for i, one in enumerate(y)}, method=method,
+                                           **options)  # fmt: skip
+        errors = data.responses - (np.eye(inputs)[..., None] if method == "H2" else 0.0)
+        for j in range(1, 5):
+            both = (errors[..., j:] * errors[..., :-j].conj()).real.sum()
+            found[j - 1] += both / (np.abs(errors) ** 2).sum() / records
+            stated[j - 1] += (data.line_correlation[j - 1] if j <= len(data.line_correlation) else 0.0) / records
+    np.testing.assert_allclose(stated, found, atol=0.06)
+    assert found[0] > 0.3
+    if first is not None:
+        assert stated[0] == pytest.approx(first, abs=0.03)
+
+
+def test_impacts_at_one_time_have_the_correlation_of_the_window():
+    """2 / 3 and 1 / 6 of Hann windows, where all inputs turn alike from line to line."""
+    rng = np.random.default_rng(0)
+    u = np.zeros((5, 1000))
+    u[:, 500] = rng.uniform(0.5, 1.5, 5)
+    data = mv.Measurement.from_records(1e-3, {"u": u}, {"y": u + 0.01 * rng.standard_normal(u.shape)}, segments=1)
+    np.testing.assert_allclose(data.line_correlation, [2.0 / 3.0, 1.0 / 6.0], atol=0.01)
+
+
+@pytest.mark.parametrize(("experiments", "periods", "averages"), [(1, 1, None), (1, 3, 3), (3, 2, 3), (4, 1, 4)])
+def test_averages_of_periods_and_experiments(experiments, periods, averages):
+    """One more than the variance has degrees of freedom: of experiments, else of periods."""
+    rng = np.random.default_rng(1)
+    u = np.tile(rng.standard_normal((experiments, 50)), periods)
+    data = mv.Measurement.from_records(1e-3, {"u": u}, {"y": u + 0.1 * rng.standard_normal(u.shape)},
+                                       method="periodic", period=0.05)  # fmt: skip
+    assert data.averages == averages
+    assert data.line_correlation.size == 0
 
 
 @pytest.mark.parametrize(("sizes", "instruments"), [
@@ -191,25 +240,25 @@ def test_records_come_as_outputs_inputs_and_references():
     given = {name: rng.standard_normal((2, 20)) + 5.0 for name in ("a", "b", "u", "r", "q")}
     groups = {"output": {"a": given["a"], "b": given["b"]}, "input": {"u": given["u"]},
               "reference": {"r": given["r"], "q": given["q"]}}  # fmt: skip
-    records, sizes = estimation.stacked(groups)
+    records, sizes = time_records.stacked(groups)
     assert sizes == (2, 1, 2)
     for k, one in enumerate(given.values()):
         np.testing.assert_allclose(records[:, k], one - one.mean(axis=1, keepdims=True))
     groups = {"output": {"a": given["a"][0]}, "input": {"u": given["u"][0]}, "reference": {}}
-    assert estimation.stacked(groups)[0].shape == (1, 2, 20)
+    assert time_records.stacked(groups)[0].shape == (1, 2, 20)
 
 
 @pytest.mark.parametrize(("t", "count", "step"), [(0.25, 7, 0.25), (np.arange(5) * 0.5 + 3.0, 5, 0.5),
                                                   (np.round(np.arange(300) / 300.0, 5), 300, 1 / 300)])  # fmt: skip
 def test_steps_of_times(t, count, step):
-    assert estimation.step_of(t, count) == pytest.approx(step, rel=1e-4)
+    assert time_records.step_of(t, count) == pytest.approx(step, rel=1e-4)
 
 
 @pytest.mark.parametrize("t", [0.0, -1.0, [0.0], [1.0, 0.5, 0.0], [0.0, 1.0, np.nan], [0.0, 1.0, 2.1], [0.0, 0.9, 2.0],
                                [1.0, 1.0, 1.0]])  # fmt: skip
 def test_times_that_are_none(t):
     with pytest.raises(ResponseError, match=r"t has shape|times are uneven|a positive time between samples"):
-        estimation.step_of(t, 3)
+        time_records.step_of(t, 3)
 
 
 @pytest.mark.parametrize(("given", "samples"), [
@@ -217,7 +266,7 @@ def test_times_that_are_none(t):
     ((100, 0.1, None, 2.0), 20), ((100, 0.1, None, 2.0005), 20), ((100, 0.1, None, 0.2), 2),
 ])  # fmt: skip
 def test_samples_of_a_stretch(given, samples):
-    assert estimation.samples_of(*given) == samples
+    assert time_records.samples_of(*given) == samples
 
 
 @pytest.mark.parametrize("given", [(100, 0.1, 26, None), (100, 0.1, 0, None), (100, 0.1, True, None),
@@ -225,7 +274,7 @@ def test_samples_of_a_stretch(given, samples):
                                    (100, 0.1, None, 0.1), (100, 0.1, None, 2.004), (100, 0.1, None, -2.0)])  # fmt: skip
 def test_stretches_that_are_none(given):
     with pytest.raises(ResponseError, match="whole number"):
-        estimation.samples_of(*given)
+        time_records.samples_of(*given)
 
 
 @pytest.mark.parametrize(("band", "lowest", "method", "words"), [
@@ -239,10 +288,10 @@ def test_stretches_that_are_none(given):
 ])  # fmt: skip
 def test_lengths_that_resolve_the_lines(band, lowest, method, words):
     if not words:
-        estimation.check_length(2.0, band, lowest, method)
+        time_records.check_length(2.0, band, lowest, method)
         return
     with pytest.raises(ResponseError, match=words):
-        estimation.check_length(2.0, band, lowest, method)
+        time_records.check_length(2.0, band, lowest, method)
 
 
 def test_h2_of_one_input_takes_each_output_alone():
